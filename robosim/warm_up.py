@@ -88,7 +88,7 @@ def call_loops(part: int = 0) -> None:
 
 def _interpret(loop: Loop, *args: Any) -> Any:
     """Run a loop as plain Python, except the one that traces links."""
-    function = loop.dispatcher if loop.__name__ == "trace_links" else loop.py_func
+    function = loop.dispatcher if loop.py_func.__name__ == "trace_links" else loop.py_func
     return function(*args)
 
 

@@ -42,7 +42,7 @@ PACKAGES = frozenset({"robosim", "slam", "wireless"})
 #: Cached versions of a module that remain on disk.
 MAX_VERSIONS = 8
 
-_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_CACHE_DIR = "NUMBA_CACHE_DIR"
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE
 )
@@ -94,15 +94,18 @@ class Loop:
 
         typeof_impl.register(Loop, lambda loop, context: typeof_impl(loop.dispatcher, context))
         config: Any = numba.config
-        self._folder = _folder_of(self.py_func)
-        before = config.CACHE_DIR
-        try:
-            config.CACHE_DIR = str(self._folder or "")
-            dispatcher = numba.njit(cache=self._folder is not None, **_OPTIONS)(self.py_func)
-        finally:
-            config.CACHE_DIR = before
-        if not config.DISABLE_JIT:
-            self._compile, dispatcher.compile = dispatcher.compile, self._compile_or_load
+        if config.DISABLE_JIT:
+            return self.py_func
+        if folder := _folder_of(self.py_func):
+            config.CACHE_DIR = str(folder)
+            dispatcher: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(self.py_func)
+            config.CACHE_DIR = os.environ.get(_CACHE_DIR, "")
+            # Unless the folder has become unwritable, or another thread has set its own.
+            if Path(dispatcher.stats.cache_path).parent == folder:
+                self._folder = folder
+        if self._folder is None:
+            dispatcher = numba.njit(nogil=True, error_model="numpy")(self.py_func)
+        self._compile, dispatcher.compile = dispatcher.compile, self._compile_or_load
         return dispatcher
 
     def _compile_or_load(self, signature: Any) -> Any:
@@ -145,10 +148,8 @@ def _notify(text: str, *values: object) -> None:
 
 def cache_folders() -> tuple[Path, ...]:
     """Folders for cached files, best first."""
-    import numba
-
-    config: Any = numba.config
-    folders = [Path(config.CACHE_DIR).absolute() / "robosim"] if config.CACHE_DIR else []
+    named = os.environ.get(_CACHE_DIR)
+    folders = [Path(named).absolute() / "robosim"] if named else []
     with suppress(RuntimeError):  # a user without a home directory
         own = Path(os.environ.get("XDG_CACHE_HOME", ""))
         folders.append((own if own.is_absolute() else Path.home() / ".cache") / "robosim")

@@ -21,6 +21,7 @@ def mini(tmp_path, monkeypatch):
     shutil.copy(inspect.getfile(wireless.support.compiled), folder)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     # Python does not detect a second edit within a second.
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     yield folder

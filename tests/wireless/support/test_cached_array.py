@@ -1,6 +1,5 @@
 """Arrays cached on disk: computed once for all that they depend on, and again when damaged."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -10,7 +9,7 @@ from wireless.support.cached_array import cached_array
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     return tmp_path / "robosim"
 
 

@@ -6,7 +6,6 @@ import pickle
 import sys
 import threading
 
-import numba
 import pytest
 
 import slam.learning.restoring
@@ -29,7 +28,7 @@ def block_folder(path):
 def cache_folder(request, mini, tmp_path, monkeypatch):
     """Where loops are cached; folders before it are not writable."""
     if request.param != "the user's":
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "named"))
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "named"))
     if request.param == "none":
         block_folder(tmp_path / "user")
         block_folder(tmp_path / "named")
