@@ -24,6 +24,7 @@ import re
 import shutil
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
@@ -43,6 +44,7 @@ PACKAGES = frozenset({"robosim", "slam", "wireless"})
 MAX_VERSIONS = 8
 
 _CACHE_DIR = "NUMBA_CACHE_DIR"
+_IMPORT_TIME_S = time.time()
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE
 )
@@ -179,18 +181,18 @@ def writable_folder(folders: tuple[Path, ...]) -> Path | None:
 
 
 def _folder_of(function: Callable[..., object]) -> Path | None:
-    """Where the machine code of a function is cached; nowhere if it has no source file."""
+    """Where the machine code of a function is cached; nowhere if its source is missing or has changed since import."""
     module, name = function.__module__, function.__qualname__.replace("<locals>.", "")
-    if not Path(inspect.getfile(function)).is_file():
+    root, digest = writable_folder(cache_folders()), source_digest(module)
+    if root is None or not digest or not Path(inspect.getfile(function)).is_file():
         return None
-    root = writable_folder(cache_folders())
-    return root and _module_folder(root, module) / name
+    return _module_folder(root, module, digest) / name
 
 
 @cache
-def _module_folder(root: Path, module: str) -> Path:
+def _module_folder(root: Path, module: str, digest: str) -> Path:
     """The folder of the current version of a module; old versions are deleted."""
-    folder = root / f"{module}-{source_digest(module)}"
+    folder = root / f"{module}-{digest}"
     with suppress(OSError):
         folder.mkdir(exist_ok=True)
         os.utime(folder)
@@ -202,7 +204,10 @@ def _module_folder(root: Path, module: str) -> Path:
 
 @cache
 def source_digest(module: str) -> str:
-    """Digest of the source of a module and of all modules of this project that it imports, directly or not."""
+    """Digest of the source of a module and of all modules of this project that it imports, directly or not.
+
+    It is empty if a source may differ from the code in memory.
+    """
     import numba
     import numpy as np
 
@@ -216,6 +221,10 @@ def source_digest(module: str) -> str:
         found |= new
         pending += new
     for name in sorted(found):
+        file = getattr(sys.modules[name], "__file__", None)
+        # A later time is of a machine whose clock differs.
+        if file and _IMPORT_TIME_S < Path(file).stat().st_mtime <= time.time():
+            return ""
         digest.update(name.encode() + hashlib.sha256(_source(name).encode()).digest())
     return digest.hexdigest()[:16]
 
@@ -266,11 +275,9 @@ def _checksum(folder: Path) -> str:
 
 def _is_intact(folder: Path) -> bool:
     """Whether a function has undamaged cached files; damaged ones are deleted."""
-    try:
+    with suppress(OSError, UnicodeDecodeError):
         if (folder / "checksum").read_text() == _checksum(folder):
             return True
-    except (OSError, UnicodeDecodeError):
-        pass
     for path in folder.glob("*"):
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)

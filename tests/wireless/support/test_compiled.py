@@ -5,6 +5,7 @@ import inspect
 import pickle
 import sys
 import threading
+import time
 
 import pytest
 
@@ -78,6 +79,16 @@ def test_modules_that_are_not_imported_do_not_count(mini):
     (mini / "other.py").write_text("SCALE = 5.0\n")
     importlib.import_module("mini.other")
     assert run() == (1025.0, False)
+
+
+def test_a_change_after_the_import_is_not_cached(mini):
+    """Old code must not be cached as that of the new source."""
+    forget()
+    outer = importlib.import_module("mini.loops").outer
+    time.sleep(0.02)
+    edit(mini / "parts" / "inner.py", "return factor", "return -factor")
+    assert outer(1.0) == 1025.0
+    assert run() == (1021.0, True)
 
 
 def test_records_are_matched_by_field_names(mini):
