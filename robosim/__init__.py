@@ -88,18 +88,18 @@ Data sets:
     FrameDataset     frames of a data set for PyTorch
 """
 
-import _signal  # without what `signal` adds: as early as can be
 import logging
 import os
+import signal
 import sys
 
 # As a program (its name is "-m" as long as this is loaded by `python -m robosim`) it takes a second to load, in which
 # there is nothing to tidy up: Ctrl-C ends it without a word. `robosim.__main__` gives the signal back.
 if (
     os.path.basename(sys.argv[0]) in ("-m", "robosim")
-    and _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 ):
-    _signal.signal(_signal.SIGINT, lambda number, frame: os._exit(128 + number))
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))
 
 from importlib import import_module
 from importlib.metadata import version

@@ -29,7 +29,6 @@ from robosim.commands.command_table import (
 )
 from robosim.commands.option_help import HELP, HELP_ALL, option_registry
 from robosim.commands.output import output_mode
-from robosim.support.garbage import look_for_garbage
 from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.parts import code_allowed, place_in_part
@@ -101,7 +100,6 @@ def _run(words: list[str]) -> None:
 
             command = with_start_values(command, rest)
         brief = HELP_ALL not in rest and not HELP.isdisjoint(rest)
-        look_for_garbage()
         tyro.cli(
             with_common(command, brief=brief),
             prog=f"robosim {name}",
@@ -122,7 +120,6 @@ def _run(words: list[str]) -> None:
             **{name: with_common(load_command(name)) for name in COMMANDS if " " not in name},
         }
         commands |= {name: _union(name) for name in GROUPS}
-    look_for_garbage()
     prog = f"robosim {group}".strip()
     tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=rest)
 

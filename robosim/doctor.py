@@ -212,13 +212,11 @@ def _version(name: str) -> str:
 
 
 def _compiled_loops() -> Finding:
-    import numba
+    import_module("numba")
+    from wireless.support.compiled import cache_folders, writable_folder
 
-    from slam.planning import marching
-
-    function = marching._march
-    folder = function.stats.cache_path if isinstance(function, numba.core.dispatcher.Dispatcher) else None
-    if folder:
+    folder = writable_folder(cache_folders())
+    if folder is not None:
         return Finding("compiled loops", True, f"{_version('numba')}, cached in {folder}", needed=False)
     found = f"{_version('numba')}, compiled by each process (about a minute)"
     return Finding("compiled loops", False, found, CACHE_REMEDY, needed=False)

@@ -4,25 +4,22 @@ They are told what a builder would know of a robot: the optics and height of its
 hull, and the mean error of its odometry for each action, which a calibration run gives.
 """
 
+import json
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import shapely
-from jaxtyping import Float
 
-import slam
-import wireless
 from robosim.parts import CONTROLLER, EXPLORER, MAPPER
 from robosim.robot.calibration import open_floor, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
-from robosim.support.assets import shipped_network
+from robosim.support.assets import assets_dir, shipped_network
+from robosim.support.from_dict import from_dict
 from robosim.support.parts import Part
-from slam.actions import Action
 from slam.control.controller import ControlConfig, LocalPolicy
 from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
@@ -32,7 +29,6 @@ from slam.mapping.odometry import OdometryConfig, calibrated
 from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
-from wireless.support.cached_array import cached_array
 
 #: How often each action is run to calibrate the odometry of a robot that nobody has calibrated.
 CALIBRATION_RUNS = 1000
@@ -131,25 +127,20 @@ def learned_pose_mapper(config: MapperConfig) -> Mapper:
 
 @cache
 def odometry_of(noise: NoiseModel) -> OdometryConfig:
-    """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions.
+    """Result of a calibration of the simulated robot's odometry on an open floor, with true motions as reference.
 
-    The runs are cached on disk, by all that they depend on.
+    Results for common noise models are shipped. Others are computed in each process, which takes 0.2 s.
     """
-
-    def run() -> Float[np.ndarray, "2 actions runs 3"]:
-        world, rng = KinematicWorld(open_floor()), np.random.default_rng(0)
-        runs = run_actions(world, noise, range(CALIBRATION_RUNS), rng)
-        return np.array([[part[action] for action in Action] for part in runs])
-
-    made_of = [repr((noise, CALIBRATION_RUNS, shapely.__version__, shapely.geos_version)).encode()]
-    errors, motions = (
-        dict(zip(Action, part, strict=True))
-        for part in cached_array("odometry", made_of, _code_of_runs(), run)
-    )
-    return calibrated(errors, motions)
+    return _shipped_odometry().get(noise) or calibrate_odometry(noise)
 
 
-def _code_of_runs() -> list[Path]:
-    """Files of Python that may say how the robot moves on the open floor, and how that is measured: all of ours."""
-    folders = [Path(str(file)).parent for file in (__file__, slam.__file__, wireless.__file__)]
-    return [file for folder in folders for file in sorted(folder.rglob("*.py"))]
+def calibrate_odometry(noise: NoiseModel) -> OdometryConfig:
+    """Run each action `CALIBRATION_RUNS` times and estimate the errors."""
+    runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
+    return calibrated(*runs)
+
+
+@cache
+def _shipped_odometry() -> dict[NoiseModel, OdometryConfig]:
+    rows = json.loads((assets_dir() / "weights" / "odometry.json").read_bytes())
+    return {from_dict(NoiseModel, row["noise"]): from_dict(OdometryConfig, row["odometry"]) for row in rows}

@@ -10,7 +10,7 @@ import re
 from robosim.camera.rendering.gl_systems import OpenGLError
 from robosim.support.installation import DISTRIBUTION, EXTRAS, install_command
 
-#: Where numba finds no folder for compiled code: neither the package's own nor one in the home directory.
+#: No cache folder is writable.
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is cached"
 
 # Packages that are not called like their modules, or come with another one.
@@ -32,8 +32,6 @@ def remedy(error: BaseException, module: str) -> str:
         module: Python module that was being tried.
     """
     text = str(error)
-    if "cannot cache function" in text:
-        return CACHE_REMEDY
     if isinstance(error, PermissionError) and error.filename:
         return f"get permission to use {error.filename}"
     if isinstance(error, OpenGLError):

@@ -12,7 +12,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress
 
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
-from robosim.compiling import compiled_beside
 from robosim.drawing.picture import Picture, status_line
 from robosim.drawing.plan_view import building_rings
 from robosim.episode import EpisodeConfig, check_weights, run_episode
@@ -91,10 +90,9 @@ def record_episode(
         # Files of an earlier episode, or version, must not be taken for this one's.
         for name in (*FILES, "replay.mp4", "sheet.png", "decisions.npz", RECORDING):
             (folder / name).unlink(missing_ok=True)
-        with compiled_beside(config):
-            return _record(
-                plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
-            )
+        return _record(
+            plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
+        )
 
 
 def _record(

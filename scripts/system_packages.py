@@ -14,14 +14,18 @@ import ctypes
 import functools
 import importlib.util
 import os
+import runpy
 import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "camera" / "rendering"))
-from gl_systems import PACKAGES, SYSTEM_NAMES, missing  # the same check as the camera's
+# The same check as the camera's, from a module that imports only the standard library.
+_SYSTEMS = Path(__file__).resolve().parents[1] / "robosim" / "camera" / "rendering" / "gl_systems.py"
+PACKAGES, SYSTEM_NAMES, missing = map(
+    runpy.run_path(str(_SYSTEMS)).get, ("PACKAGES", "SYSTEM_NAMES", "missing")
+)
 
 #: Browser for tests of the page of `robosim live`: Debian's package, and suitable programs.
 BROWSER_PACKAGE = "chromium"

@@ -30,6 +30,7 @@ COMMANDS = {
     "calibrate-materials": "calibrate_materials:calibrate_materials",
     "slam": "slam:slam",
     "doctor": "machine:doctor",
+    "warm-up": "machine:warm_up",
     "train link-state": "train:link_state",
     "train mapper": "train:mapper",
     "train pose": "train:pose",

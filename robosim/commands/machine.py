@@ -1,7 +1,8 @@
-"""`robosim doctor`."""
+"""`robosim doctor` and `robosim warm-up`."""
 
 import sys
 from dataclasses import asdict
+from time import perf_counter
 
 from rich.table import Table
 
@@ -25,6 +26,20 @@ def doctor(*, speed: bool = False) -> None:
     emit_result({"robosim": package_version(), "works": works, "findings": rows, "rates": rates})
     if not works:
         sys.exit(1)
+
+
+def warm_up() -> None:
+    """Compile all loops of an episode, once for each version and machine."""
+    from robosim.warm_up import warm_up
+
+    begin = perf_counter()
+    with console.status("compiling loops ...") as status:
+        count = warm_up(
+            lambda done: status.update(f"compiling loops: {done}, {perf_counter() - begin:.0f} s")
+        )
+    seconds = round(perf_counter() - begin, 1)
+    console.print(f"Compiled {count} loops in {seconds} s." if count else "All loops were compiled before.")
+    emit_result({"compiled": count, "seconds": seconds})
 
 
 def _rates() -> list[dict[str, object]]:

@@ -21,7 +21,7 @@ import re
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
@@ -251,8 +251,9 @@ def imported(field: str, name: str) -> Any:
     module, _, path = name.partition(":")
     ours = module.partition(".")[0] in PACKAGES
     try:
-        with nullcontext() if ours else _here_first(module):
-            found = importlib.import_module(module)
+        if not ours:
+            _add_current_folder(module)
+        found = importlib.import_module(module)
     except ModuleNotFoundError as error:
         raise ValueError(
             f"{field} is {shown(name)}, but there is no module {error.name!r} in {os.getcwd()}, nor where Python "
@@ -271,21 +272,15 @@ def imported(field: str, name: str) -> Any:
     return found
 
 
-@contextmanager
-def _here_first(module: str) -> Iterator[None]:
-    """The current folder comes first while a person's module is imported, and last from then on."""
+def _add_current_folder(module: str) -> None:
+    """Search for modules in the current folder too, and note where the files of a user's part are."""
     here = os.getcwd()
-    sys.path.insert(0, here)
-    try:
-        with suppress(ValueError):  # modules without a file, such as __main__
-            spec = importlib.util.find_spec(module.partition(".")[0])
-            places = () if spec is None else (spec.origin, *(spec.submodule_search_locations or ()))
-            _persons.update(Path(place) for place in places if place)
-        yield
-    finally:
-        sys.path.remove(here)
-        if here not in sys.path and "" not in sys.path:
-            sys.path.append(here)
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)
+    with suppress(ValueError):  # modules without a file, such as __main__
+        spec = importlib.util.find_spec(module.partition(".")[0])
+        places = () if spec is None else (spec.origin, *(spec.submodule_search_locations or ()))
+        _persons.update(Path(place) for place in places if place)
 
 
 def place_in_part(error: BaseException) -> str:

@@ -4,7 +4,6 @@ Python's own pools share one pipe for all results: where a process is killed whi
 for the rest for ever, since the others hold that pipe open too. Here the end of a process is the end of its pipe.
 """
 
-import gc
 import multiprocessing
 import os
 import pickle
@@ -23,7 +22,6 @@ from multiprocessing.process import BaseProcess
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
-from robosim.support.garbage import look_for_garbage
 from robosim.support.parts import place_in_part
 
 #: Libraries that would start threads of their own in each process.
@@ -158,13 +156,11 @@ def _serve(pipe: Connection, parent: int) -> None:
     """What a process does: answer calls until its pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # left to the parent
     end_with_parent(parent)
-    gc.disable()  # what the first call loads stays, and is not looked through for garbage
     with suppress(EOFError, OSError):
         while True:
             call = pipe.recv_bytes()
             try:
                 function, args, kwargs = pickle.loads(call)
-                look_for_garbage()
                 answer = pickle.dumps((True, function(*args, **kwargs)))
             except Exception as error:
                 answer = _told(error)

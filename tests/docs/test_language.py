@@ -67,7 +67,6 @@ _WORD = re.compile(rf"(?:{'|'.join(WORDS)})", re.IGNORECASE)
 NOT_YET = (
     "robosim/__init__.py",
     "robosim/camera",
-    "robosim/compiling.py",
     "robosim/drawing/video.py",
     "robosim/live",
     "robosim/navigation.py",

@@ -10,7 +10,7 @@ from rich.console import Console
 from robosim import doctor
 from robosim.camera.rendering.gl_systems import INSTALL, OpenGLError
 from robosim.doctor import Finding, _camera, _check, _system, report
-from robosim.remedies import CACHE_REMEDY, remedy
+from robosim.remedies import remedy
 from robosim.support.installation import EXTRAS, install_command
 
 
@@ -90,7 +90,6 @@ def test_what_it_says_does_not_depend_on_markup():
     ("error", "expected"),
     [
         # Any probe meets this first, and no package helps.
-        (RuntimeError("cannot cache function 'march': no locator available for file 'x.py'"), [CACHE_REMEDY]),
         (ModuleNotFoundError("No module named 'nosuch'", name="nosuch.part"), ["pip install 'nosuch'"]),
         # Installed but broken: to install it changes nothing.
         (ImportError("cannot import name 'nn'", name="torch"), ["--force-reinstall", "'torch"]),

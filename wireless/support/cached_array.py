@@ -1,21 +1,24 @@
 """Arrays that take long to compute and depend on little, cached on disk under a digest of all that they depend on.
 
-Files lie next to compiled loops (`wireless.support.compiled_files`) and hold a checksum; damaged ones are made again.
-If no folder can be written, each process computes the array. The digest covers the processor and the versions of the
+Files are in the folder of compiled loops (`wireless.support.compiled`). A checksum detects damaged ones.
+If no folder is writable, each process computes the array. The digest covers the processor and the versions of the
 libraries too, since last bits depend on them.
 """
 
 import hashlib
 import io
 import logging
+import os
+import uuid
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import llvmlite.binding
 import numba
 import numpy as np
 
-from wireless.support.compiled_files import first_writable, folders_of, read_checked, write_checked
+from wireless.support.compiled import cache_folders, writable_folder
 
 logger = logging.getLogger(__name__)
 
@@ -38,24 +41,29 @@ def cached_array(
     machine = (np.__version__, numba.__version__, llvmlite.binding.get_host_cpu_name())
     for part in (*made_of, *(file.read_bytes() for file in code), repr(machine).encode()):
         looks.update(hashlib.sha256(part).digest())
-    folders = folders_of(Path(__file__))
-    file = f"{name}-{looks.hexdigest()[:32]}.cached"
-    for folder in folders:
-        content = read_checked(folder / file)
-        if content is not None:
-            found: np.ndarray = np.load(io.BytesIO(content), allow_pickle=False)
+    folder = writable_folder(cache_folders())
+    if folder is None:
+        return make()
+    file = folder / f"{name}-{looks.hexdigest()[:32]}.cached"
+    with suppress(OSError):
+        content = file.read_bytes()
+        if hashlib.sha256(content[32:]).digest() == content[:32]:
+            os.utime(file)
+            found: np.ndarray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
             return found
     made = make()
-    writable, _ = first_writable(folders)
-    if writable is not None:
-        packed = io.BytesIO()
-        np.save(packed, made)
-        try:
-            write_checked(writable / file, packed.getvalue())
-            for old in sorted(writable.glob(f"{name}-*.cached"), key=lambda path: path.stat().st_mtime)[
-                :-MAX_FILES
-            ]:
-                old.unlink(missing_ok=True)
-        except OSError as error:  # a full disk costs the next process a second
-            logger.info("%s cannot be cached: %s", writable / file, error)
+    packed = io.BytesIO()
+    np.save(packed, made)
+    data = packed.getvalue()
+    partial = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}.partial")
+    try:
+        partial.write_bytes(hashlib.sha256(data).digest() + data)
+        partial.replace(file)
+        for old in sorted(folder.glob(f"{name}-*.cached"), key=lambda path: path.stat().st_mtime)[
+            :-MAX_FILES
+        ]:
+            old.unlink(missing_ok=True)
+    except OSError as error:  # a full disk costs the next process a second
+        partial.unlink(missing_ok=True)
+        logger.info("%s cannot be cached: %s", file, error)
     return made

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
-from robosim.navigation import CALIBRATION_RUNS, odometry_of
+from robosim.navigation import CALIBRATION_RUNS, _shipped_odometry, calibrate_odometry, odometry_of
 from robosim.robot.calibration import COLUMNS, open_floor, read_runs, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
@@ -15,7 +15,6 @@ from robosim.support.reading import FileError
 from slam.actions import Action
 from slam.mapping.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR
-from wireless.support import cached_array
 
 
 def test_a_simulated_robot_finds_the_published_errors():
@@ -28,16 +27,21 @@ def test_a_simulated_robot_finds_the_published_errors():
         np.testing.assert_allclose(np.sqrt(np.diag(error.covariance)), deviation, rtol=0.1)
 
 
-def test_runs_from_disk_are_the_runs(tmp_path, monkeypatch):
-    """Computed, cached, read: the same errors to the bit, and others for another noise."""
-    monkeypatch.setattr(cached_array, "folders_of", lambda source: (tmp_path,))
-    noise = NoiseModel()
-    runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
-    for _ in range(2):
-        odometry_of.cache_clear()
-        assert odometry_of(noise) == calibrated(*runs)
-        assert len(list(tmp_path.glob("odometry-*.cached"))) == 1
-    assert odometry_of(NoiseModel(level=2.0)) != calibrated(*runs)
+@pytest.mark.parametrize("noise", _shipped_odometry())
+def test_shipped_odometry_is_what_a_calibration_finds(noise, monkeypatch):
+    """For each shipped noise model, to rounding errors of the machine; another model is calibrated at its first use."""
+    computed = calibrate_odometry(noise)
+    for ours, theirs in zip(odometry_of(noise).of_actions, computed.of_actions, strict=True):
+        np.testing.assert_allclose(ours.mean, theirs.mean, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=1e-9, atol=1e-18)
+        np.testing.assert_allclose(ours.motion, theirs.motion, rtol=1e-9, atol=1e-15)
+    assert odometry_of(noise).runs == computed.runs == CALIBRATION_RUNS
+
+
+def test_odometry_of_another_noise_model_is_computed():
+    noise = NoiseModel(level=2.0)
+    assert noise not in _shipped_odometry()
+    assert odometry_of(noise) == calibrate_odometry(noise)
 
 
 def written(path, rows):

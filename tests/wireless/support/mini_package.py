@@ -1,6 +1,7 @@
 """A package of a few files with compiled functions, as large as it takes to see how they are compiled and kept."""
 
 import importlib
+import logging
 import os
 import subprocess
 import sys
@@ -54,6 +55,7 @@ SOURCES = {
 
 def forget():
     """As a new process: nothing of the package is imported."""
+    logging.getLogger("robosim.compiled_loops").disabled = False
     for name in [name for name in sys.modules if name.partition(".")[0] == "mini"]:
         del sys.modules[name]
     importlib.invalidate_caches()
@@ -64,7 +66,7 @@ def run(name="outer", *arguments):
     forget()
     function = getattr(importlib.import_module("mini.loops"), name)
     value = function(*(arguments or (1.0,)))
-    return value, sum(function.stats.cache_misses.values()) > 0
+    return value, sum(function.dispatcher.stats.cache_misses.values()) > 0
 
 
 def edit(file, old, new):

@@ -202,7 +202,7 @@ def test_a_building_without_a_ceiling_is_shaded():
 
 def test_light_from_disk_is_the_light(tmp_path, monkeypatch):
     """Computed, cached, read: the same colours to the bit, and others where a wall stands elsewhere."""
-    monkeypatch.setattr(cached_array, "folders_of", lambda source: (tmp_path,))
+    monkeypatch.setattr(cached_array, "writable_folder", lambda folders: tmp_path)
     building, elsewhere = make_building(plan()), replace(plan(), occupancy=plan().occupancy[::-1].copy())
     found = []
     for one in (building, building, make_building(elsewhere)):
