@@ -121,7 +121,7 @@ def grip(page: Page, tab: Tab) -> None:
         if not np.array_equal(radio.places["transmitter"], before):
             return
         tab.mouse.up()
-        tab.get_by_role("button", name="See it from above", exact=True).click()
+        tab.get_by_role("button", name="View from above", exact=True).click()
         drawn(tab)
     raise TimeoutError("the page does not react to the pointer")
 
@@ -149,9 +149,9 @@ def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
     tab, searches = film.tab, page.search(config, BuildingConfig())
     tab.get_by_role("button", name="Search", exact=True).first.click()
     tab.get_by_role("button", name="Start", exact=True).first.click()
-    wait(lambda: bool(searches.searches) and not any(one.alive for one in searches.searches), "the search")
+    wait(lambda: bool(searches.searches) and not any(one.is_alive for one in searches.searches), "the search")
     recording = searches.searches[0].recording
-    assert recording is not None and recording.ended.startswith("arrived"), searches.searches[0].trouble
+    assert recording is not None and recording.ended.startswith("arrived"), searches.searches[0].error
     number = tab.locator(
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first

@@ -58,7 +58,7 @@ def live(
     from robosim.episode import EpisodeConfig
     from robosim.live.link_model import LinkSettings
     from robosim.live.page import Page
-    from robosim.live.recorded import check_results
+    from robosim.live.recordings import check_results
     from robosim.plans.storey_plans import StoreysPlan
 
     if folder is not None:
@@ -66,7 +66,7 @@ def live(
     name = folder.resolve().name if folder else floor_plan.name if floor_plan else ""
     with Page(host, port, f"robosim live: {name}") as page:
         if folder is not None:
-            page.look_back(folder)
+            page.replay(folder)
         elif floor_plan is not None:
             page.explore(floor_plan, config.building, LinkSettings.of(config))
             if not isinstance(floor_plan, StoreysPlan):
@@ -83,7 +83,7 @@ def live(
 def _export(folder: Path, file: Path) -> None:
     """Write the episode of a folder as a page."""
     from robosim.live.page_export import export
-    from robosim.live.recorded import check_results, is_episode, read_recording
+    from robosim.live.recordings import check_results, is_episode, read_recording
 
     check_results(folder)
     if not is_episode(folder):

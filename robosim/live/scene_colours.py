@@ -1,7 +1,7 @@
-"""Colours of the page: power, kinds of rays, link states; safe for the colour-blind.
+"""Colours of the page, which colour-blind readers can distinguish.
 
-As in the pictures of `robosim trace`: power over the floor in cividis, of rays in plasma, the brighter the stronger;
-angles in twilight; states from `robosim.support.colours`.
+As in the pictures of `robosim trace`: power over the floor in cividis, power of rays in plasma, the brighter the
+stronger; angles in twilight; states from `robosim.support.colours`.
 """
 
 from functools import cache
@@ -23,9 +23,9 @@ WALL: Colour = (205, 212, 220)
 WALL_EDGE: Colour = (70, 80, 95)
 FLOOR: Colour = (246, 246, 244)
 
-#: Received power that the scale of colours begins and ends at [dBm].
+#: Ends of the colour scale of received power [dBm].
 POWER_DBM = (-110.0, -40.0)
-#: Tables of colours, each with the part of it that is used.
+#: Colour maps, and the part of each that is used.
 _PARTS = {"cividis": (0.0, 1.0), "twilight": (0.0, 1.0), RAY_MAP: RAY_SHARE}
 TableName = Literal["cividis", "twilight", "plasma"]
 
@@ -40,7 +40,7 @@ def _table(name: TableName) -> UInt8[np.ndarray, "256 3"]:
 def power_colours(
     power_dbm: Float[np.ndarray, " n"], table: TableName = "cividis"
 ) -> UInt8[np.ndarray, "n 3"]:
-    """Colours of received powers [dBm] between the ends of `POWER_DBM`; what is beyond looks like the end."""
+    """Colours of received powers [dBm], clipped to `POWER_DBM`."""
     low, high = POWER_DBM
     level = np.clip((np.asarray(power_dbm) - low) / (high - low), 0, 1)
     return _table(table)[np.round(255 * level).astype(np.int64)]
@@ -63,13 +63,13 @@ def kind_colours(kinds: list[str]) -> UInt8[np.ndarray, "n 3"]:
 
 
 def linear(colours: UInt8[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:
-    """Colours as the page takes them for each end of a line: it draws those as light, not as sRGB (IEC 61966-2-1)."""
+    """Linear colours for the ends of lines, which viser does not draw as sRGB (IEC 61966-2-1)."""
     value = np.asarray(colours) / 255
     light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8)
 
 
 def gradient(name: TableName) -> str:
-    """A table of colours as the background of a bar in a style sheet."""
+    """A colour map as a CSS background."""
     stops = ", ".join(css(tuple(_table(name)[i].tolist())) for i in range(0, 256, 51))
     return f"linear-gradient(to right, {stops})"

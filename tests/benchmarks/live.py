@@ -23,7 +23,7 @@ from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.live.link_model import LinkSettings
 from robosim.live.page import Page
-from robosim.live.search_process import GO, SearchJob, SearchProcess
+from robosim.live.search_process import RUN, SearchJob, SearchProcess
 from robosim.plans.floorplan import FloorPlan
 from tests.benchmarks.harness import DEFAULT, Options, plans_of
 from tests.benchmarks.results import Results
@@ -136,7 +136,7 @@ def _drag(page: Page, moves: int) -> Float[np.ndarray, " n"]:
 
 
 def _decisions_per_s(plan: FloorPlan, config: EpisodeConfig) -> float:
-    search = SearchProcess("alone", SearchJob(plan=plan, config=config), lambda one: None, GO)
+    search = SearchProcess("alone", SearchJob(plan=plan, config=config), lambda one: None, RUN)
     try:
         return _rate(search)
     finally:
@@ -145,11 +145,11 @@ def _decisions_per_s(plan: FloorPlan, config: EpisodeConfig) -> float:
 
 def _rate(search: SearchProcess) -> float:
     """Decisions a second, from the first to the last."""
-    _wait(lambda: not search.alive or (search.recording is not None and len(search.recording) > 0))
+    _wait(lambda: not search.is_alive or (search.recording is not None and len(search.recording) > 0))
     begin, first = time.perf_counter(), len(search.recording or ())
-    _wait(lambda: not search.alive)
-    if search.trouble or search.recording is None:
-        raise ValueError(f"the search did not end: {search.trouble}")
+    _wait(lambda: not search.is_alive)
+    if search.error or search.recording is None:
+        raise ValueError(f"the search did not end: {search.error}")
     return (len(search.recording) - first) / (time.perf_counter() - begin)
 
 

@@ -71,7 +71,6 @@ NOT_YET = (
     "robosim/camera",
     "robosim/compiling.py",
     "robosim/drawing/video.py",
-    "robosim/live",
     "robosim/navigation.py",
     "robosim/policies",
     "robosim/radio",

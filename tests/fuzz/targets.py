@@ -24,7 +24,7 @@ from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.own_plan import MOST_BYTES, plan_of
-from robosim.live.recorded import read_recording, read_searches
+from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
@@ -125,7 +125,7 @@ def _looked_back(folder: Path, file: Path) -> None:
 
 
 def _looked_back_on_many(folder: Path, file: Path) -> None:
-    for searched in read_searches(folder):
+    for searched in read_evaluation(folder):
         searched.read()
 
 
