@@ -113,7 +113,7 @@ def path_table(paths: Paths, tx_power_dbm: float) -> str:
         ))  # fmt: skip
     more = f", of which {ROWS} are listed" if len(paths) > ROWS else ""
     angle_heads = ("AoA [°]", "AoD [°]") if is_level else ("AoA az [°]", "el [°]", "AoD az [°]", "el [°]")
-    heads = ("interactions", "power [dBm]", "delay [ns]", *angle_heads)
+    heads = ("path", "power [dBm]", "delay [ns]", *angle_heads)
     listed = _wide(table(heads, rows))
     return block(f"<b>{counted(len(paths), 'path')}</b>, the strongest first{more}{listed}")
 

@@ -89,7 +89,7 @@ def _table(episodes: list[EvaluatedEpisode]) -> str:
         ]  # fmt: skip
         opening = f'<tr {LIST}="{EPISODE}" {OPTION}="{escape(_label(one))}">'
         rows.append([opening, *(escape(str(cell)) for cell in cells)])
-    heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "driven [m]", "shortest [m]")
+    heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "path [m]", "min. [m]")
     style = "max-height:14em;overflow-y:auto"
     more = f"<br>{len(episodes) - _ROWS} more in the list below" if len(episodes) > _ROWS else ""
     return block(

@@ -25,7 +25,7 @@ from rich.console import Console
 from safetensors.numpy import save
 from torch import Tensor
 
-from robosim.policies.search_network import HIDDEN, SearchNetwork, initial_weights, no_memory
+from robosim.policies.search_network import HIDDEN, SearchNetwork, empty_memory, initial_weights
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json, write_whole
@@ -113,7 +113,7 @@ class Training:
         rng = np.random.default_rng([recipe.seed, epoch, 1])
         first = recipe.seed + epoch * recipe.at_once % recipe.homes
         robots = Robots(self._walks(first, recipe.at_once, int(rng.integers(2**31))))
-        memory, means, ends = no_memory(recipe.robots), [], np.zeros(2)
+        memory, means, ends = empty_memory(recipe.robots), [], np.zeros(2)
         for _ in range(recipe.segments):
             segment, memory = walk(robots, self.network, memory, recipe.segment, guided, rng)
             ends += segment.arrived.sum(), segment.late.sum()

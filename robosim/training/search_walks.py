@@ -14,8 +14,14 @@ from robosim.camera.model import CameraConfig
 from robosim.environments.route_guide import route_action
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
-from robosim.policies.search_network import SearchNetwork, drawn_actions, likelihood, no_memory
-from robosim.policies.search_senses import INPUTS, SearchSenses
+from robosim.policies.search_network import (
+    INPUTS,
+    SearchNetwork,
+    SearchSenses,
+    action_probabilities,
+    draw_actions,
+    empty_memory,
+)
 from robosim.radio.link import RadioLinkConfig
 from robosim.simulator import SimulatorConfig
 from robosim.training.search_learning import Segment
@@ -129,7 +135,7 @@ class Robots:
 
     def _tell(self, i: int, seen: dict[str, np.ndarray]) -> None:
         n = int(seen["path_found"].sum())
-        self.told[i] = self._senses[i].told(
+        self.told[i] = self._senses[i].encode(
             seen["depth"][..., 0],
             seen["odometry"],
             seen["path_direction"][:n],
@@ -171,9 +177,9 @@ def walk(
             robots.advised(),
         )
         scores, value, memory = network(told, memory)
-        own = drawn_actions(scores, rng)
+        own = draw_actions(scores, rng)
         taken = np.where(rng.random(robots.count) < guided, advised, own)
-        odds = np.log(likelihood(scores)[np.arange(robots.count), taken])
+        odds = np.log(action_probabilities(scores)[np.arange(robots.count), taken])
         reward, arrived, late = robots.step(taken)
         rows.append(
             {
@@ -209,14 +215,14 @@ def judge(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = Fals
         agents, arXiv:1807.06757). `steps`: of those that arrived, their mean; `bumps`: a search.
     """
     robots, rng = Robots(walks), np.random.default_rng([walks.seed, 2])
-    n, memory = robots.count, no_memory(robots.count)
+    n, memory = robots.count, empty_memory(robots.count)
     shortest = np.array([info["distance_m"] for info in robots.infos])
     driven, bumps, steps, arrived = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, bool)
     while not robots.over.all():
         going_on = ~robots.over
         if isinstance(driver, SearchNetwork):
             scores, _, memory = driver(robots.told, memory)
-            actions = scores.argmax(axis=-1) if most_likely else drawn_actions(scores, rng)
+            actions = scores.argmax(axis=-1) if most_likely else draw_actions(scores, rng)
         elif driver == "guide":
             actions = robots.advised()
         else:

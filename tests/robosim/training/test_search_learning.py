@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from robosim.policies.search_network import HIDDEN, SearchNetwork, initial_weights, likelihood, no_memory
-from robosim.policies.search_senses import INPUTS
+from robosim.policies.search_network import (
+    HIDDEN,
+    INPUTS,
+    SearchNetwork,
+    action_probabilities,
+    empty_memory,
+    initial_weights,
+)
 from robosim.training.search_learning import Segment, advantages, as_tensors, forward, learn
 from slam.learning.ppo import PpoConfig
 
@@ -29,7 +35,7 @@ def segment_of(steps=6, robots=4, **changes):
         "arrived": np.zeros(shape, bool),
         "late": np.zeros(shape, bool),
         "value": np.zeros((steps + 1, robots)),
-        "memory": no_memory(robots),
+        "memory": empty_memory(robots),
     }
     columns["begins"][0] = True
     return Segment(**columns | changes)
@@ -59,7 +65,7 @@ def test_learning_and_driving_use_one_network():
     weights["action.weight"] = np.random.default_rng(2).standard_normal((HIDDEN, 3)).astype(np.float32)
     arrays = (torch.from_numpy(array) for array in (segment.told, segment.begins, segment.memory))
     scores, values = forward(as_tensors(weights), *arrays)
-    network, memory = SearchNetwork(weights), no_memory(4)
+    network, memory = SearchNetwork(weights), empty_memory(4)
     for t in range(6):
         answer = network(segment.told[t], np.where(segment.begins[t][:, None], np.float32(0), memory))
         memory = answer.memory
@@ -74,8 +80,8 @@ def improved(segment, times=15, config=None, **options):
     shares = []
     for step in range(times + 1):
         network = SearchNetwork({name: value.detach().numpy() for name, value in weights.items()})
-        scores = network(segment.told[0], no_memory(4)).scores
-        shares.append(likelihood(scores).mean(axis=0))
+        scores = network(segment.told[0], empty_memory(4)).scores
+        shares.append(action_probabilities(scores).mean(axis=0))
         if step < times:
             rng = np.random.default_rng(step)
             learn(weights, optimiser, segment, config or LEARNING, rng=rng, **options)
