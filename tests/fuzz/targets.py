@@ -41,9 +41,8 @@ from robosim.support.checkpoint import Checkpoint
 from robosim.support.run_folder import read_settings, run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume
-from robosim.training.made_links import read_homes
-from robosim.training.mapper import read_frames
-from robosim.training.pose import read_pairs
+from robosim.training.generated_links import read_homes
+from robosim.training.mapper import read_frames, read_pairs
 from robosim.training.search import Training as SearchTraining
 from robosim.training.steering import read_round
 from slam.control.controller import ControlConfig
@@ -251,7 +250,7 @@ def _train_mapper(folder: Path, file: Path) -> None:
 
 def _train_link_state(folder: Path, file: Path) -> None:
     with (
-        _only_reading("robosim.training.link_state.make_homes"),
+        _only_reading("robosim.training.link_state.generate_homes"),
         patch("robosim.training.link_state.links_of", read_links),
     ):
         main(
