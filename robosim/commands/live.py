@@ -56,7 +56,6 @@ def live(
     folder = Path(plan) if Path(plan).is_dir() else None
     floor_plan = None if folder else read_place(plan, reading)
     from robosim.episode import EpisodeConfig
-    from robosim.live.link_model import LinkSettings
     from robosim.live.page import Page
     from robosim.live.recordings import check_results
     from robosim.plans.storey_plans import StoreysPlan
@@ -68,9 +67,9 @@ def live(
         if folder is not None:
             page.replay(folder)
         elif floor_plan is not None:
-            page.explore(floor_plan, config.building, LinkSettings.of(config))
+            page.explore(floor_plan, config)
             if not isinstance(floor_plan, StoreysPlan):
-                page.search(EpisodeConfig(), config.building)
+                page.search(EpisodeConfig())
         emit_result({"url": page.url, "shown": name})
         console.print(
             Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True

@@ -5,26 +5,23 @@ first measurement. Only a building of one storey has a receiver and a grid of pl
 """
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from threading import Lock
-from typing import Annotated
 
 import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.building.building import Building, make_building
 from robosim.building.multi_storey import Storey, Storeys, StoreysConfig, make_storeys
-from robosim.parts import MaterialPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import StoreysPlan
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpreter, Measurement
 from robosim.radio.receivers import ReceiverGrid, receiver_grid
 from robosim.radio.scene import RadioConfig
-from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from wireless.paths import LinkState, Paths
-from wireless.tracing.tracer import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer
 
 #: Distance from walls at which a handle stops [m].
 CLEARANCE_M = 0.05
@@ -34,50 +31,18 @@ FIRST_STEP_M = 1.0
 WALL_MATERIALS = ("partition", "concrete_wall", "glazing", "door", "metal")
 
 
-@dataclass(frozen=True, kw_only=True)
-@checked
-class LinkSettings:
-    """Settings of the page's sliders."""
-
-    frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
-    """Carrier frequency."""
-    height_m: Annotated[float, Range(0, 100, "m")] = 1.5
-    """Height of both antennas above the floor."""
-    tx_power_dbm: Annotated[float, Range(-200, 200, "dBm", "Try 23.")] = 23.0
-    """Transmit power."""
-    wall_material: MaterialPart = "partition"
-    """Radio material of walls."""
-    tracer: TracerConfig = field(default_factory=TracerConfig)
-    """Which paths are traced."""
-
-    @classmethod
-    def of(cls, config: RadioConfig) -> "LinkSettings":
-        """The settings of `robosim trace`."""
-        return cls(
-            frequency_hz=config.frequency_hz,
-            height_m=config.height_m,
-            tx_power_dbm=config.tx_power_dbm,
-            wall_material=config.building.wall_material,
-            tracer=config.tracer,
-        )
-
-
 class LinkModel:
     """A building with one or several storeys, ready for tracing."""
 
-    def __init__(
-        self, plan: FloorPlan | StoreysPlan, building: BuildingConfig, settings: LinkSettings
-    ) -> None:
-        """Build the walls and the tracer.
+    def __init__(self, plan: FloorPlan | StoreysPlan, config: RadioConfig) -> None:
+        """Build walls and furniture of the wall material, and the tracer.
 
         Raises:
             MapError: If a plan has no free area.
             ValueError: If antennas do not fit under a ceiling, or a material is unknown at this frequency.
         """
-        self.plan, self._config = plan, building
-        walls = replace(
-            building, wall_material=settings.wall_material, furniture_material=settings.wall_material
-        )
+        self.plan = plan
+        walls = replace(config.building, furniture_material=config.building.wall_material)
         if isinstance(plan, StoreysPlan):
             self._walls: Building | Storeys = make_storeys(plan, config=StoreysConfig(building=walls))
             self.storeys = self._walls.storeys
@@ -86,21 +51,21 @@ class LinkModel:
             self.storeys = (Storey(building=single, floor_m=0.0, opening=shapely.MultiPolygon()),)
         #: The lowest storey.
         self.building: Building = self.storeys[0].building
-        self._prepare(settings)
+        self._prepare(config)
 
-    def _prepare(self, settings: LinkSettings) -> None:
-        self.settings = settings
+    def _prepare(self, config: RadioConfig) -> None:
+        self.config = config
         lowest = min(one.building.height_m for one in self.storeys)
-        if not 0 < settings.height_m < lowest:
+        if not 0 < config.height_m < lowest:
             where = " of each storey" if len(self) > 1 else ""
             raise ValueError(
-                f"height is {settings.height_m:g} m, expected antennas between floor and ceiling{where}, 0 to "
+                f"height is {config.height_m:g} m, expected antennas between floor and ceiling{where}, 0 to "
                 f"{lowest:g} m."
             )
-        self.tracer = Tracer(self._walls, frequency_hz=settings.frequency_hz, config=settings.tracer)
+        self.tracer = Tracer(self._walls, frequency_hz=config.frequency_hz, config=config.tracer)
         self._free = []
         for storey in self.storeys:
-            free = storey.building.free_at(settings.height_m)
+            free = storey.building.free_at(config.height_m)
             inside = free.buffer(-CLEARANCE_M)
             self._free.append(free if inside.is_empty else inside)
             shapely.prepare(self._free[-1])
@@ -112,17 +77,17 @@ class LinkModel:
         """Number of storeys."""
         return len(self.storeys)
 
-    def with_settings(self, settings: LinkSettings) -> "LinkModel":
-        """The same plan with other settings; only another wall material builds the walls again."""
-        if settings.wall_material != self.settings.wall_material:
-            return LinkModel(self.plan, self._config, settings)
+    def with_config(self, config: RadioConfig) -> "LinkModel":
+        """The same plan with other settings; only other settings of the building build the walls again."""
+        if config.building != self.config.building:
+            return LinkModel(self.plan, config)
         other = copy(self)
-        other._prepare(settings)
+        other._prepare(config)
         return other
 
     def level_m(self, storey: int) -> float:
         """Height of antennas on a storey above the lowest floor [m]."""
-        return self.storeys[storey].floor_m + self.settings.height_m
+        return self.storeys[storey].floor_m + self.config.height_m
 
     def antenna(self, place: Float[np.ndarray, "2"], storey: int = 0) -> Float[np.ndarray, "3"]:
         """Position of an antenna on a storey, height above the lowest floor [m]."""
@@ -169,9 +134,11 @@ class LinkModel:
         """Estimated paths and link state at a pose (x, y, yaw) [m, rad], and the true paths; slow at the first call."""
         with self._lock:
             if self._receiver is None:
-                s = self.settings
-                config = RadioLinkConfig(frequency_hz=s.frequency_hz, height_m=s.height_m, tracer=s.tracer)
-                link = RadioLink(self.building, config)
+                c = self.config
+                link_config = RadioLinkConfig(
+                    frequency_hz=c.frequency_hz, height_m=c.height_m, tracer=c.tracer
+                )
+                link = RadioLink(self.building, link_config)
                 self._receiver = link, Interpreter(link, "generated")
             link, interpreter = self._receiver
             link.place(tx)
@@ -186,5 +153,5 @@ class LinkModel:
             ValueError: If none fits.
         """
         if step_m not in self._grids:
-            self._grids[step_m] = receiver_grid(self.building, step_m, self.settings.height_m)
+            self._grids[step_m] = receiver_grid(self.building, step_m, self.config.height_m)
         return self._grids[step_m]

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.live.building_scene import FIELD_DEG, BuildingScene, light, view_of_all
 from robosim.live.client import COVERED
-from robosim.live.link_model import LinkModel, LinkSettings
+from robosim.live.link_model import LinkModel
 from robosim.live.page_html import page_head
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.results_panel import ResultsPanel
@@ -21,6 +20,7 @@ from robosim.live.search_panel import SearchPanel
 from robosim.live.server import close_server, open_server
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import StoreysPlan
+from robosim.radio.scene import RadioConfig
 
 if TYPE_CHECKING:
     import viser
@@ -90,19 +90,17 @@ class Page:
         self.server.gui.set_panel_label(title)
         self._head.content = page_head(title, about) + message
 
-    def explore(
-        self, plan: FloorPlan | StoreysPlan, building: BuildingConfig, settings: LinkSettings
-    ) -> RadioPanel:
+    def explore(self, plan: FloorPlan | StoreysPlan, config: RadioConfig | None = None) -> RadioPanel:
         """Add the tab `Radio` for a building of one or several storeys.
 
         Raises:
             MapError: If a plan has no free area.
             ValueError: If a setting does not fit.
         """
-        model = LinkModel(plan, building, settings)
+        model = LinkModel(plan, config or RadioConfig())
         with self.server.gui.add_folder("Radio") as folder:
             radio = self.radio = RadioPanel(
-                self.server, model, building, on_plan=lambda: self.show("Radio"), on_title=self.set_title
+                self.server, model, on_plan=lambda: self.show("Radio"), on_title=self.set_title
             )
             above = self.server.gui.add_button("View from above")
             above.on_click(lambda event: self._view_all(event.client))
@@ -114,13 +112,11 @@ class Page:
         self.show("Radio")
         return radio
 
-    def search(self, config: EpisodeConfig, building: BuildingConfig) -> SearchPanel:
-        """Add the tab `Search` in the building of `Radio`; `config` holds what the tab does not set."""
+    def search(self, config: EpisodeConfig) -> SearchPanel:
+        """Add the tab `Search` in the building of `Radio`, with settings that the tabs do not have."""
         assert self.radio is not None, "explore a building first"
         with self.server.gui.add_folder("Search") as folder:
-            searches = SearchPanel(
-                self.server, self.radio, config, building, on_view=lambda: self.show("Search")
-            )
+            searches = SearchPanel(self.server, self.radio, config, on_view=lambda: self.show("Search"))
         self._closers.append(searches.close)
         player = searches.player
         self._tabs["Search"] = Tab(folder, player.show, lambda: player.buildings, searches.picker.show)

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from jaxtyping import Float
 
-from robosim.building.building import BuildingConfig
 from robosim.drawing.plan_view import building_rings
 from robosim.live.building_scene import BuildingScene
 from robosim.live.latest_worker import LatestWorker, close_all
-from robosim.live.link_model import WALL_MATERIALS, LinkModel, LinkSettings
+from robosim.live.link_model import WALL_MATERIALS, LinkModel
 from robosim.live.own_plan import ENDINGS, SCALED, plan_of
 from robosim.live.page_html import arrival_table, map_legend, path_table, radio_legend, sentence
 from robosim.live.radio_view import MapKind, RadioView, Terminal, radio_maps
+from robosim.radio.scene import RadioConfig
 from wireless.paths import Paths
 
 if TYPE_CHECKING:
@@ -46,7 +46,6 @@ class RadioPanel:
         self,
         server: "viser.ViserServer",
         model: LinkModel,
-        building: BuildingConfig,
         *,
         on_plan: Callable[[], None],
         on_title: Callable[[str, str, str], None],
@@ -56,12 +55,12 @@ class RadioPanel:
         Args:
             server: The page.
             model: The building.
-            building: How opened plans become buildings.
             on_plan: Called when another building has been drawn.
             on_title: Called with the page's title, the assumptions, and a message (HTML).
         """
         self._server, self.model, self._on_plan, self._on_title = server, model, on_plan, on_title
-        self._config, self._settings, self._scale = building, model.settings, ""
+        #: Settings of the controls, which the model follows.
+        self._config, self._scale = model.config, ""
         self.delays_s: deque[float] = deque(maxlen=_DELAYS)
         self._yaw_rad = 0.0
         self._map_kind: MapKind = "off"
@@ -72,7 +71,7 @@ class RadioPanel:
         self._opener: LatestWorker[tuple[str, bytes, float]] = LatestWorker(
             "plan", self._open, self._show_file_error
         )
-        self._builder: LatestWorker[LinkSettings] = LatestWorker("building", self._rebuild, self._show_error)
+        self._builder: LatestWorker[RadioConfig] = LatestWorker("building", self._rebuild, self._show_error)
         self._workers = (self._opener, self._builder, self._links, self._receptions, self._maps)
         self._fill(server.gui)
         self._say("")
@@ -123,7 +122,7 @@ class RadioPanel:
     def show_plan(self, model: LinkModel, scale: str = "") -> None:
         """Replace the building; `scale` names the assumed scale of the plan."""
         self._frame.remove()
-        self.model, self._settings, self._scale = model, model.settings, scale
+        self.model, self._config, self._scale = model, model.config, scale
         self._draw_building()
         self._say("")
         self.refresh()
@@ -150,7 +149,7 @@ class RadioPanel:
         self._draw_handles()
 
     def _draw_handles(self) -> None:
-        self._view = RadioView(self._server, f"{ROOT}/link", self.model.settings.height_m)
+        self._view = RadioView(self._server, f"{ROOT}/link", self.model.config.height_m)
         self._view.on_drag(self.move)
         if self._has_one_storey:
             self._view.show_heading(self._yaw_rad)
@@ -230,37 +229,40 @@ class RadioPanel:
             self._opener.put((file.name, file.content, float(resolution.value)))
 
     def _add_settings(self, gui: "viser.GuiApi") -> None:
-        s, t = self._settings, self._settings.tracer
+        c, t = self._config, self._config.tracer
         frequency = gui.add_slider(
-            "frequency [GHz]", 2.0, 95.0, 0.5, float(np.clip(s.frequency_hz / 1e9, 2, 95))
+            "frequency [GHz]", 2.0, 95.0, 0.5, float(np.clip(c.frequency_hz / 1e9, 2, 95))
         )
         order = gui.add_slider("reflections", 0, 6, 1, t.max_reflections)
-        through = gui.add_slider("walls passed", 0, 6, 1, t.walls_passed(s.frequency_hz))
+        through = gui.add_slider("walls passed", 0, 6, 1, t.walls_passed(c.frequency_hz))
         bent = gui.add_checkbox("diffraction", t.diffraction)
         controls: list[Any] = [frequency, order, through, bent]
         if self._has_one_storey:
             top = round(self.model.building.height_m - 0.1, 1)
-            height = gui.add_slider("antennas at [m]", 0.1, top, 0.1, float(np.clip(s.height_m, 0.1, top)))
-            names = tuple(dict.fromkeys((str(s.wall_material), *WALL_MATERIALS)))
-            walls = gui.add_dropdown("walls", names, initial_value=str(s.wall_material))
+            height = gui.add_slider("antennas at [m]", 0.1, top, 0.1, float(np.clip(c.height_m, 0.1, top)))
+            names = tuple(dict.fromkeys((str(c.building.wall_material), *WALL_MATERIALS)))
+            walls = gui.add_dropdown("walls", names, initial_value=str(c.building.wall_material))
             floor = gui.add_checkbox("floor and ceiling reflect", t.floor_ceiling)
             controls += [height, walls, floor]
 
         def changed(event: Any) -> None:
             tracer = replace(
-                self._settings.tracer,
+                self._config.tracer,
                 max_reflections=order.value,
                 max_transmissions=through.value,
                 diffraction=bent.value,
             )
-            settings = replace(self._settings, frequency_hz=frequency.value * 1e9, tracer=tracer)
+            config = replace(self._config, frequency_hz=frequency.value * 1e9, tracer=tracer)
             if self._has_one_storey:
                 # A material that is an object is not replaced by its name.
-                material = walls.value if walls.value != str(s.wall_material) else s.wall_material
+                material = (
+                    walls.value if walls.value != str(c.building.wall_material) else c.building.wall_material
+                )
                 tracer = replace(tracer, floor_ceiling=floor.value)
-                settings = replace(settings, height_m=height.value, wall_material=material, tracer=tracer)
-            self._settings = settings
-            self._builder.put(settings)
+                building = replace(config.building, wall_material=material)
+                config = replace(config, height_m=height.value, building=building, tracer=tracer)
+            self._config = config
+            self._builder.put(config)
 
         for control in controls:
             control.on_update(changed)
@@ -272,7 +274,7 @@ class RadioPanel:
         self._say("reading the plan ...", bad=False)
         plan, warning = plan_of(*file)
         scale = f"{resolution_m:g} m per pixel (set it under 'Open a plan', and open {name} again), "
-        model = LinkModel(plan, self._config, self._settings)
+        model = LinkModel(plan, self._config)
         self.show_plan(model, scale if name.lower().endswith(SCALED) else "")
         self._say(warning)
         self._file_message.content = self._message
@@ -281,8 +283,8 @@ class RadioPanel:
         model, places = self.model, self._places
         storeys = self.storey["transmitter"], self.storey["robot"]
         paths = model.paths(places["transmitter"], places["robot"], storeys)
-        self._view.show_paths(paths, self._colours.value, model.settings.tx_power_dbm)
-        self._paths.content = path_table(paths, model.settings.tx_power_dbm)
+        self._view.show_paths(paths, self._colours.value, model.config.tx_power_dbm)
+        self._paths.content = path_table(paths, model.config.tx_power_dbm)
         self.delays_s.append(perf_counter() - requested)
         if self._has_one_storey:
             self._receptions.put(paths)
@@ -302,10 +304,10 @@ class RadioPanel:
         for radio_map in radio_maps(model, tx, kind, lambda: self._maps.is_stale):
             self._view.show_map(radio_map)
 
-    def _rebuild(self, settings: LinkSettings) -> None:
+    def _rebuild(self, config: RadioConfig) -> None:
         height_m = self._view.height_m
-        self.model = self.model.with_settings(settings)
-        if settings.height_m != height_m:
+        self.model = self.model.with_config(config)
+        if config.height_m != height_m:
             self._draw_handles()
         for terminal in TERMINALS:
             self._put(terminal, self._places[terminal])
@@ -324,12 +326,12 @@ class RadioPanel:
     def _say(self, text: str, *, bad: bool = True) -> None:
         """Show title, assumptions and a message at the head of the panel."""
         self._message = sentence(text, bad=bad) if text else ""
-        plan, settings, building = self.model.plan, self.model.settings, self.model.building
+        plan, config, building = self.model.plan, self.model.config, self.model.building
         about = ""
         if self._has_one_storey:
             about = (
                 f"{plan.name}: {building.free.area:.1f} m² of floor, cells of {building.plan.resolution_m:g} m. "
-                f"Assumed: {self._scale}ceiling at {building.height_m:g} m, walls of {settings.wall_material}, "
-                f"{settings.frequency_hz / 1e9:g} GHz, antennas {settings.height_m:g} m high."
+                f"Assumed: {self._scale}ceiling at {building.height_m:g} m, walls of {config.building.wall_material}, "
+                f"{config.frequency_hz / 1e9:g} GHz, antennas {config.height_m:g} m high."
             )
         self._on_title(f"robosim live: {plan.name}", about, self._message)

@@ -219,5 +219,5 @@ def _map_colours(
     elif kind == "direction of arrival":
         rgba[first.rx, :3] = angle_colours(first.aoa_az)
     else:
-        rgba[first.rx, :3] = power_colours(model.settings.tx_power_dbm + first.power_db)
+        rgba[first.rx, :3] = power_colours(model.config.tx_power_dbm + first.power_db)
     return rgba

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import POLICY, configured
 from robosim.live.building_scene import BuildingScene
@@ -59,7 +58,6 @@ class SearchPanel:
         server: "viser.ViserServer",
         radio: RadioPanel,
         config: EpisodeConfig,
-        building: BuildingConfig,
         *,
         on_view: Callable[[], None],
     ) -> None:
@@ -69,10 +67,9 @@ class SearchPanel:
             server: The page.
             radio: The tab with the building, its settings and handles.
             config: Defaults of the controls, and everything that they do not set.
-            building: How plans become buildings.
             on_view: Called when other searches are drawn.
         """
-        self._radio, self._config, self._building, self._on_view = radio, config, building, on_view
+        self._radio, self._config, self._on_view = radio, config, on_view
         self.searches: list[SearchProcess] = []
         self._is_loaded = False
         self._fill(server)
@@ -137,20 +134,19 @@ class SearchPanel:
 
     def _jobs(self) -> list[tuple[str, SearchJob, int]]:
         """Title, job and mode of each search."""
-        settings, simulator = self._radio.model.settings, self._config.simulator
-        material = settings.wall_material
+        radio, simulator = self._radio.model.config, self._config.simulator
         config = replace(
             self._config,
             seed=int(self._seed.value),
-            building=replace(self._building, wall_material=material, furniture_material=material),
+            building=replace(radio.building, furniture_material=radio.building.wall_material),
             simulator=replace(
                 simulator,
                 noise=replace(simulator.noise, level=float(self._noise.value)),
                 radio=replace(
                     simulator.radio,
-                    frequency_hz=settings.frequency_hz,
-                    height_m=settings.height_m,
-                    tracer=settings.tracer,
+                    frequency_hz=radio.frequency_hz,
+                    height_m=radio.height_m,
+                    tracer=radio.tracer,
                 ),
             ),
         )

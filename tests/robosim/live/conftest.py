@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.building.building import BuildingConfig
 from robosim.camera.model import CameraConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.suite import Suite, SuiteTask
-from robosim.live.link_model import LinkSettings
 from robosim.plans.files import write_ros
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
@@ -84,7 +82,7 @@ def page() -> Iterator:
 @pytest.fixture
 def explored(page):
     """A page with the tab `Radio` of two rooms."""
-    page.explore(two_rooms(0.8), BuildingConfig(), LinkSettings())
+    page.explore(two_rooms(0.8))
     assert page.radio.settle(120)
     return page
 

@@ -9,9 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from robosim.building.building import BuildingConfig
 from robosim.live.client import COVERED, SOFTWARE_NOTICE
-from robosim.live.link_model import LinkSettings
 from robosim.live.recordings import read_evaluation
 from robosim.live.search_panel import BY_HAND
 from tests.benchmarks.live import pixel_of
@@ -56,7 +54,7 @@ def drag(page, tab, by: tuple[float, float]) -> None:
     rest_s = 0.3
     while np.array_equal(page.radio.places["transmitter"], before):
         assert rest_s < LONG_S, "the page does not react to the pointer"
-        x, y = pixel_of(camera_of(page, tab), np.array([*before, page.radio.model.settings.height_m]))
+        x, y = pixel_of(camera_of(page, tab), np.array([*before, page.radio.model.config.height_m]))
         tab.mouse.move(x, y)
         # The page checks at intervals what is under the pointer.
         time.sleep(rest_s)
@@ -82,7 +80,7 @@ def test_the_transmitter_is_dragged_and_the_paths_follow(explored, window):
     assert np.hypot(*(explored.radio.places["transmitter"] - place)) > 0.3
     assert explored.radio.settle(LONG_S)
     model, places = explored.radio.model, explored.radio.places
-    expected = model.paths(places["transmitter"], places["robot"]).power_db[0] + model.settings.tx_power_dbm
+    expected = model.paths(places["transmitter"], places["robot"]).power_db[0] + model.config.tx_power_dbm
     wait_for(lambda: f"{expected:.1f}" in table.inner_text(), "the power at the new place")
 
 
@@ -140,7 +138,7 @@ def test_warnings_of_a_reader_are_shown(explored, window, tmp_path):
 
 def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, window):
     """It continues to its end when the window is closed."""
-    searches = explored.search(quick, BuildingConfig())
+    searches = explored.search(quick)
     tab = window(explored.url)
     press(tab, "Search")
     press(tab, "Start")
@@ -158,7 +156,7 @@ def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, wi
 
 def test_a_stopped_search_shows_it(explored, quick, window):
     """No step comes with its end: it waits for a key."""
-    searches = explored.search(quick, BuildingConfig())
+    searches = explored.search(quick)
     tab = window(explored.url)
     press(tab, "Search")
     choose(tab, "policy", BY_HAND)
@@ -173,7 +171,7 @@ def test_a_stopped_search_shows_it(explored, quick, window):
 
 def test_start_and_target_are_set_by_clicks(explored, quick, window):
     """The search begins, and its target stands, within 5 cm of the clicks."""
-    searches = explored.search(quick, BuildingConfig())
+    searches = explored.search(quick)
     tab = window(explored.url)
     press(tab, "Search")
     camera = camera_of(explored, tab)
@@ -296,7 +294,7 @@ def test_a_turned_view_stays_when_the_window_changes_its_size(explored, window):
 @pytest.mark.parametrize("deep_m", [3.0, 9.0])
 def test_it_can_be_used_on_a_phone(page, window, deep_m):
     """Wide and deep plans are above the panel, which is as wide as the window, so that no table is cut off."""
-    page.explore(room(6.2, deep_m), BuildingConfig(), LinkSettings())
+    page.explore(room(6.2, deep_m))
     tab = window(page.url, 390, 844)
     tab.get_by_text("the strongest first").wait_for()
     tab.get_by_text("of the strongest estimated path").wait_for()
@@ -335,7 +333,7 @@ def test_a_dropped_file_is_opened(explored, window):
 
 def test_the_head_shows_plan_and_assumptions(explored, quick, window):
     """Before and after a drop, also in later windows; errors are shown in each tab."""
-    explored.search(quick, BuildingConfig())
+    explored.search(quick)
     tab = window(explored.url)
     tab.get_by_text("two rooms: 18.2 m² of floor, cells of 0.05 m. Assumed: ceiling at 2.5 m").wait_for()
     wait_for(lambda: tab.title() == "robosim live: two rooms", "the title")

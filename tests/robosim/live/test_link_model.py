@@ -7,9 +7,10 @@ import pytest
 import shapely
 
 from robosim.building.building import BuildingConfig
-from robosim.live.link_model import CLEARANCE_M, LinkModel, LinkSettings
+from robosim.live.link_model import CLEARANCE_M, LinkModel
 from robosim.live.radio_view import radio_maps
 from robosim.live.scene_colours import linear, power_colours
+from robosim.radio.scene import RadioConfig
 from slam.poses import wrap
 from tests.plans import two_rooms
 from wireless.tracing.tracer import Tracer
@@ -17,7 +18,7 @@ from wireless.tracing.tracer import Tracer
 
 @pytest.fixture(scope="module")
 def model() -> LinkModel:
-    return LinkModel(two_rooms(0.8), BuildingConfig(), LinkSettings())
+    return LinkModel(two_rooms(0.8), RadioConfig())
 
 
 def test_a_handle_in_a_wall_stops_next_to_it(model):
@@ -38,15 +39,15 @@ def test_the_first_link_has_several_paths(model):
 def test_settings_change_the_paths_as_the_tracer_does(model):
     """Behind a wall nothing arrives but by reflection and diffraction; ten times the frequency costs 20 dB (Friis)."""
     tx, rx = np.array([1.0, 1.5]), np.array([5.0, 1.5])  # through the door
-    bare = replace(model.settings.tracer, max_reflections=0, diffraction=False)
-    one = model.with_settings(replace(model.settings, tracer=bare))
+    bare = replace(model.config.tracer, max_reflections=0, diffraction=False)
+    one = model.with_config(replace(model.config, tracer=bare))
     assert one.building is model.building, "only the wall material changes the building"
     assert len(one.paths(tx, rx)) == 1
     assert len(one.paths(tx, np.array([5.0, 0.3]))) == 0
-    low = one.with_settings(replace(one.settings, frequency_hz=2.8e9))
+    low = one.with_config(replace(one.config, frequency_hz=2.8e9))
     gain = low.paths(tx, rx).power_db[0] - one.paths(tx, rx).power_db[0]
     assert gain == pytest.approx(20.0, abs=1e-6)
-    glass = model.with_settings(replace(model.settings, wall_material="glazing"))
+    glass = model.with_config(replace(model.config, building=BuildingConfig(wall_material="glazing")))
     assert glass.building is not model.building
     assert "glazing" in glass.building.materials
 
@@ -55,7 +56,7 @@ def test_antennas_above_the_ceiling_are_rejected(model):
     with pytest.raises(
         ValueError, match=r"height is 3 m, expected antennas between floor and ceiling, 0 to 2\.5 m"
     ):
-        model.with_settings(replace(model.settings, height_m=3.0))
+        model.with_config(replace(model.config, height_m=3.0))
 
 
 def test_radio_maps_become_finer_and_match_the_tracer(model):
@@ -68,7 +69,7 @@ def test_radio_maps_become_finer_and_match_the_tracer(model):
     paths = Tracer(model.building).trace(np.array([[*tx, 1.5]]), last.grid.position)
     first = paths.select(paths.rank == 0)
     row, column = last.grid.cell[first.rx].T
-    expected = power_colours(model.settings.tx_power_dbm + first.power_db)
+    expected = power_colours(model.config.tx_power_dbm + first.power_db)
     assert np.array_equal(last.rgba[row, column, :3], expected)
     assert (last.rgba[..., 3] > 0).sum() == len(first)
 

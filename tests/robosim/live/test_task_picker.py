@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from shapely import Point
 
-from robosim.building.building import BuildingConfig
-from robosim.live.link_model import LinkModel, LinkSettings
+from robosim.live.link_model import LinkModel
 from robosim.live.search_panel import FROM_CLICKS, FROM_SEED
+from robosim.radio.scene import RadioConfig
 from tests.plans import two_rooms
 
 pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
@@ -24,7 +24,7 @@ def click(picker, place, eye=(3.0, -2.0, 6.0)):
 
 @pytest.fixture
 def searches(explored, quick):
-    return explored.search(quick, BuildingConfig())
+    return explored.search(quick)
 
 
 def test_a_click_sets_start_or_target(searches):
@@ -66,6 +66,6 @@ def test_a_click_on_the_second_of_two_buildings_is_relative_to_it(searches, monk
 
 def test_a_place_on_another_plan_is_moved_to_free_floor(searches):
     searches.picker.set_place("start", np.array([5.9, 2.9]))
-    searches._radio.show_plan(LinkModel(two_rooms(0.8), BuildingConfig(), LinkSettings()))
+    searches._radio.show_plan(LinkModel(two_rooms(0.8), RadioConfig()))
     start, _ = searches._ends()
     assert searches._radio.model.nearest_free(start[:2]) == pytest.approx(start[:2])
