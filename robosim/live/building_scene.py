@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
-from robosim.drawing.scale import bar_m
+from robosim.drawing.marks import bar_m
 from robosim.live.scene_colours import FLOOR, WALL, WALL_EDGE
 from robosim.live.scene_nodes import NO_SHADOW, add_lines
 

@@ -71,7 +71,6 @@ NOT_YET = (
     "robosim/__init__.py",
     "robosim/camera",
     "robosim/compiling.py",
-    "robosim/drawing/video.py",
     "robosim/navigation.py",
     "robosim/radio",
     "robosim/robot",

@@ -310,14 +310,14 @@ def _scans(folder: Path, file: Path) -> None:
 def _slam(folder: Path, file: Path) -> None:
     """All of it: what is read goes on to be mapped."""
     with (
-        patch("robosim.drawing.log_maps.draw_maps", lambda *a: None),
-        patch("robosim.drawing.log_maps.draw_trajectories", lambda *a: None),
+        patch("robosim.drawing.plots.draw_maps", lambda *a: None),
+        patch("robosim.drawing.plots.draw_trajectories", lambda *a: None),
     ):
         main(["slam", str(file), "--out", str(folder / "out")])
 
 
 def _calibrate(folder: Path, file: Path) -> None:
-    with patch("robosim.drawing.odometry_errors.draw_errors", lambda *a: None):
+    with patch("robosim.drawing.plots.draw_errors", lambda *a: None):
         main(["calibrate", str(file), "--out", str(folder / "out")])
 
 
