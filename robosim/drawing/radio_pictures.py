@@ -160,11 +160,7 @@ def draw_state(
 
 
 def draw_arrival(
-    axes: Axes,
-    building: Building,
-    grid: ReceiverGrid,
-    first: Paths,
-    tx_position: Float[np.ndarray, "3"],
+    axes: Axes, building: Building, grid: ReceiverGrid, first: Paths, tx_position: Float[np.ndarray, "3"]
 ) -> None:
     """Azimuth of the strongest arrival, as colour, and as arrows that point there."""
     values = np.full(len(grid.position), np.nan)

@@ -40,12 +40,7 @@ def knowledge(estimate: MapEstimate, next_to_m: float) -> Knowledge:
 
 
 def in_sight(
-    known: Knowledge,
-    place: Float[np.ndarray, "2"],
-    onto: GridFrame,
-    reach_m: float,
-    *,
-    through_unknown: bool,
+    known: Knowledge, place: Float[np.ndarray, "2"], onto: GridFrame, reach_m: float, *, through_unknown: bool
 ) -> Bool[np.ndarray, "ny nx"]:
     """Cells of a coarser grid within reach [m] in sight of a place [m]: surely, or possibly, through unknown cells."""
     seen = np.zeros(onto.shape, bool)

@@ -168,10 +168,7 @@ def train_explorer(
         WorkerLost: If a process was killed; finished rounds are stored.
     """
     start = time.perf_counter()
-    with (
-        run_folder(out, "train explorer", asdict(recipe)),
-        Workers(workers, cluster, what="walks") as pool,
-    ):
+    with run_folder(out, "train explorer", asdict(recipe)), Workers(workers, cluster, what="walks") as pool:
         best, curve = _learn(Checkpoint(out / "checkpoint.pt"), recipe, pool, console)
         homes = range(_TEST, _TEST + recipe.held_out)
         ratings: tuple[ExplorerName, ...] = ("nearest", "cheapest", "gain", "learned")

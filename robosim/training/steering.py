@@ -196,10 +196,7 @@ def train_steering(
         WorkerLost: If a process was killed; finished rounds are stored.
     """
     start = time.perf_counter()
-    with (
-        run_folder(out, "train steering", asdict(recipe)),
-        Workers(workers, cluster, what="drives") as pool,
-    ):
+    with run_folder(out, "train steering", asdict(recipe)), Workers(workers, cluster, what="drives") as pool:
         weights: Weights = initial_weights(np.random.default_rng(recipe.seed))
         senses, advised, curve = np.zeros((0, INPUTS), np.float32), np.zeros(0, np.int64), []
         with tracked(range(recipe.rounds), "rounds", console) as rounds:

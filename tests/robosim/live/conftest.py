@@ -53,12 +53,7 @@ def evaluated(quick, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("evaluated")
     write_ros(two_rooms(0.8), folder / "pair.yaml")
     tasks = tuple(
-        SuiteTask(
-            plan="pair",
-            number=k,
-            start=(0.7, 0.7, 0.0),
-            target=target,
-        )
+        SuiteTask(plan="pair", number=k, start=(0.7, 0.7, 0.0), target=target)
         for k, target in enumerate([(2.2, 0.7), (2.2, 1.5)])
     )
     suite = Suite(plans={"pair": folder / "pair.yaml"}, tasks=tasks, seed=0)
