@@ -61,13 +61,9 @@ class Picture:
         title: str = "",
         anticipates: bool = False,
     ) -> None:
-        """Fix the scale so that the whole building fits.
+        """Fix the scale so that the whole building fits, by its outlines from `plan_view.building_rings` [m].
 
-        Args:
-            rings: Outlines of its free space, of `robosim.drawing.plan_view.building_rings` [m].
-            target: Position of the target [m]; None if it is not searched for.
-            title: First words of the text below, such as plan and policy.
-            anticipates: Whether to draw a second map with anticipated cells.
+        The title begins the text below; `anticipates` adds a second map with anticipated cells.
         """
         self._palettes = {"observed": PALETTE, "anticipated": _GUESSES} if anticipates else {"": PALETTE}
         self._view, self._title = PlanView(rings), title

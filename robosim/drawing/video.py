@@ -21,12 +21,7 @@ class VideoWriter:
     """
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int = 20) -> None:
-        """Open the file.
-
-        Args:
-            path: Where the video will be.
-            size: Width and height of the frames [pixels], both even.
-            fps: Frames per second of play.
+        """Open the file for frames of an even width and height [pixels].
 
         Raises:
             ValueError: If a side is odd, which the pixel format cannot hold.

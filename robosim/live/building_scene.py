@@ -53,18 +53,10 @@ class BuildingScene:
         has_scale: bool = True,
         floor_opacity: float | None = None,
     ) -> None:
-        """Draw them.
+        """Draw outlines of free space [m] with walls of a height, below a frame at a position [m].
 
-        Args:
-            scene: Scene of the page.
-            root: Name of the frame.
-            rings: Outlines of free space [m].
-            height_m: Height of the walls.
-            offset: Position of the frame [m].
-            target: A place that must be in view as well [m].
-            floor_m: Height of the floor [m].
-            has_scale: Whether to draw a scale bar and north.
-            floor_opacity: Opacity of the floor, 0 to 1; None for opaque.
+        `target` is a place that must be in view as well, `floor_m` the height of the floor; a floor is opaque without
+        `floor_opacity`.
         """
         self.root, self.height_m, self.offset = root, height_m, np.array(offset)
         rings = facing_free(rings)
@@ -224,12 +216,7 @@ def view_from_above(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position of the eye, and the point it looks at, to see a box from above and a little from the south [m].
 
-    Args:
-        low: South-west corner [m].
-        high: North-east corner [m].
-        aspect: Width of the window over its height.
-        height_m: Height of the box.
-        covered: Share of the window's height, from below, that is covered, 0 to 0.9.
+    `aspect` is the width of the window over its height, of which a share from below may be covered.
     """
     gap = 0.12 * float(max(*(high - low), 1.0))  # for the scale bar
     corners = np.array([

@@ -16,10 +16,8 @@ class LatestWorker(Generic[T]):
     def __init__(self, name: str, work: Callable[[T], None], on_error: Callable[[Exception], None]) -> None:
         """Start the thread.
 
-        Args:
-            name: Of the thread.
-            work: Processes a request; it may return early if `is_stale`.
-            on_error: Called with an exception of `work`; the thread continues with the next request.
+        `work` processes a request, and may return early if `is_stale`. After an exception, which `on_error` receives,
+        the thread continues with the next request.
         """
         self._work, self._on_error = work, on_error
         self._changed = threading.Condition()

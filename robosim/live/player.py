@@ -52,14 +52,10 @@ class Player:
         on_step: Callable[[], None] = lambda: None,
         on_speed: Callable[[float], None] = lambda per_s: None,
     ) -> None:
-        """Fill the current part of the panel.
+        """Fill the current part of the panel; searches are drawn below the frame `root`.
 
-        Args:
-            server: The page.
-            root: Name of the frame above all searches.
-            on_play: Called with whether running searches continue.
-            on_step: Called when they are to make one step.
-            on_speed: Called with the highest number of decisions per second, perhaps infinite.
+        `on_play` receives whether running searches continue, and `on_speed` their highest number of decisions per
+        second; `on_step` requests one step.
         """
         self._server, self._root = server, root
         self._on_play, self._on_step, self._on_speed = on_play, on_step, on_speed

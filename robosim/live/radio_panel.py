@@ -52,11 +52,8 @@ class RadioPanel:
     ) -> None:
         """Draw the building, and fill the current part of the panel.
 
-        Args:
-            server: The page.
-            model: The building.
-            on_plan: Called when another building has been drawn.
-            on_title: Called with the page's title, the assumptions, and a message (HTML).
+        `on_plan` is called when another building has been drawn, `on_title` with the page's title, the assumptions and
+        a message (HTML).
         """
         self._server, self.model, self._on_plan, self._on_title = server, model, on_plan, on_title
         #: Settings of the controls, which the model follows.

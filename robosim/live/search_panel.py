@@ -61,13 +61,9 @@ class SearchPanel:
         *,
         on_view: Callable[[], None],
     ) -> None:
-        """Fill the current part of the panel.
+        """Fill the current part of the panel; `config` holds defaults of the controls and all other settings.
 
-        Args:
-            server: The page.
-            radio: The tab with the building, its settings and handles.
-            config: Defaults of the controls, and everything that they do not set.
-            on_view: Called when other searches are drawn.
+        `on_view` is called when other searches are drawn.
         """
         self._radio, self._config, self._on_view = radio, config, on_view
         self.searches: list[SearchProcess] = []

@@ -55,13 +55,9 @@ class SearchProcess:
     def __init__(
         self, title: str, job: SearchJob, on_change: Callable[["SearchProcess"], None], mode: int = RUN
     ) -> None:
-        """Start it.
+        """Start it in a mode.
 
-        Args:
-            title: Title of its recording.
-            job: The search.
-            on_change: Called from another thread when the search has begun, has made a step, or has ended.
-            mode: WAIT, RUN or MANUAL.
+        `on_change` is called from another thread when the search has begun, has made a step, or has ended.
         """
         context = multiprocessing.get_context("spawn")
         self.title, self._on_change = title, on_change

@@ -58,15 +58,7 @@ class SearchView:
     def __init__(
         self, server: "viser.ViserServer", root: str, recording: Recording, offset_m: float, *, brief: bool
     ) -> None:
-        """Draw what does not change.
-
-        Args:
-            server: The page.
-            root: Name of the frame.
-            recording: What is shown.
-            offset_m: Position of the frame in x.
-            brief: Whether its title shows only the number of the step.
-        """
+        """Draw what does not change, below a frame; the title of a brief view shows only the number of the step."""
         self._brief = brief
         self._server, self._root, self.recording = server, root, recording
         self.building = BuildingScene(

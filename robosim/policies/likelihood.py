@@ -56,14 +56,8 @@ class Likelihood:
     ) -> None:
         """Prepare values that several states need.
 
-        Args:
-            measurement: The measurement.
-            survey: The map at its time, over the grid.
-            offset: From the receiver to the centres of the grid's cells (x, y) [m].
-            distance: Length of the offsets [m].
-            frequency_hz: Carrier frequency.
-            departures: Whether directions of departure are known.
-            routes: Whether arrivals around corners are compared with routes.
+        The survey is over the grid of the offsets from the receiver to its cells (x, y) and their lengths [m].
+        `departures` says whether directions of departure are known, `routes` whether arrivals are compared with routes.
         """
         self._m, self._survey, self._known = measurement, survey, survey.known
         self._frame, self._departures, self._use_routes = survey.frame, departures, routes
@@ -83,15 +77,9 @@ class Likelihood:
         power_db: float,
         reach_m: float,
     ) -> Float32[np.ndarray, "ny nx"]:
-        """Density of the target's position.
+        """Density of the target's position by the prior, and that without line of sight (`hidden`).
 
-        Args:
-            prior: Prior of each cell.
-            hidden: Prior of each cell without line of sight.
-            arrival_rad: Standard deviation of directions of arrival.
-            departure_rad: Standard deviation of directions of departure.
-            power_db: Standard deviation of powers in line of sight.
-            reach_m: Largest length of lines of sight.
+        Directions and powers (in line of sight) have these standard deviations; `reach_m` limits lines of sight.
         """
         probability = self._m.probability.astype(np.float32)
         if not len(self._m.aoa_rad):

@@ -56,16 +56,9 @@ def find_prospects(
     head_start: float,
     most: int,
 ) -> list[Prospect]:
-    """Places to go to, with the belief behind them.
+    """Places to go to from the robot's pose, with the belief (of a grid) behind them.
 
-    Args:
-        frontiers: Frontiers of the map.
-        routes: Routes from the robot.
-        probability: Belief of each cell of a grid.
-        frame: The grid.
-        pose: Pose of the robot.
-        head_start: Decisions added to each route.
-        most: Largest number of frontiers, the nearest ones.
+    `head_start` is added to the decisions of each route; only the nearest `most` frontiers are used.
     """
     here = pose[:2]
     beyond = [one for one in frontiers if math.hypot(*(one.near_xy - here)) > AT_ROBOT_M]

@@ -59,19 +59,11 @@ def bent_origins(
     friis_m: float,
     onto: GridFrame,
 ) -> Float32[np.ndarray, "ny nx"]:
-    """Weights of cells from which a wave with one interaction may have departed.
+    """Weights of cells from which a wave with one interaction may have departed to a place [m].
 
     The interaction is at a point along the arrival, next to an obstacle or in an unknown cell. It loses up to 45 dB, so
-    the path is at most as long as that of a free wave of the same power.
-
-    Args:
-        known: The map.
-        place: Position of the receiver [m].
-        aoa_rad: Azimuth of arrival.
-        aod_rad: Azimuth of departure; None if unknown.
-        spread_rad: Standard deviation of the departure.
-        friis_m: Length of a free wave of the same power [m].
-        onto: Grid of the weights.
+    the path is at most as long as that of a free wave of the same power (`friis_m`). The departure has a standard
+    deviation `spread_rad`, or is unknown (None).
     """
     weight = np.zeros(onto.shape, np.float32)
     spread = np.arange(-4, 5) / 2  # in standard deviations

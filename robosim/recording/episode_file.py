@@ -73,11 +73,9 @@ class EpisodeWriter:
     """Collects the steps of an episode."""
 
     def __init__(self, rings: Sequence[Float[np.ndarray, "_ 2"]], *, pictures: bool = True) -> None:
-        """Begin without steps.
+        """Begin without steps; outlines of the building are from `robosim.drawing.plan_view.building_rings` [m].
 
-        Args:
-            rings: Outlines of the building's free space, of `robosim.drawing.picture.building_rings` [m].
-            pictures: Whether camera, map and belief of each step are recorded.
+        Without pictures, camera, map and belief of the steps are not recorded.
         """
         self._rings, self._pictures = rings, pictures
         self._rows: list[dict[str, Any]] = []
@@ -97,14 +95,7 @@ class EpisodeWriter:
         self._rows.append(row)
 
     def content(self, head: Head, pose: Float[np.ndarray, "3"], coverage: float, end: MapEstimate) -> bytes:
-        """Content of the file.
-
-        Args:
-            head: Result of the episode.
-            pose: True pose in the end.
-            coverage: Part of the floor seen in the end.
-            end: Map and estimated pose in the end.
-        """
+        """Content of the file, with the final true pose, coverage and map."""
         last = {"pose": pose, "estimate": end.pose, "coverage": coverage}
         last |= encode_map(layer_of_map(end), self._map)
         rows = {name: [row[name] for row in self._rows] for name in (*FIXED, *TEXTS, *RAGGED)}
@@ -251,11 +242,7 @@ def _expected() -> dict[str, Array]:
 
 
 def read_head(path: Path, check: Callable[[Head], None] = lambda head: None) -> Head:
-    """Read the result of an episode.
-
-    Args:
-        path: The file.
-        check: Raises a ValueError of a few words if something is wrong with it.
+    """Read the result of an episode; `check` may raise a ValueError of a few words.
 
     Raises:
         FileError: If the file is no episode, damaged, or of an earlier version.
@@ -265,11 +252,7 @@ def read_head(path: Path, check: Callable[[Head], None] = lambda head: None) -> 
 
 
 def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) -> RecordedEpisode:
-    """Read an episode; pictures are unpacked later, one by one.
-
-    Args:
-        path: The file, or the folder of `robosim episode`.
-        check: As for `read_head`.
+    """Read an episode from its file or folder; pictures are unpacked later, one by one.
 
     Raises:
         FileError: As `read_head` does.

@@ -16,15 +16,7 @@ _WIDEST, _COLUMNS = 2400, 3
 
 
 def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
-    """Draw `replay.mp4`, the same video as of the episode, and `sheet.png`.
-
-    Args:
-        folder: An episode's.
-        out: Where the files will be.
-        frames: How many frames the sheet shows, evenly over the episode from the first to the last.
-
-    Returns:
-        The files.
+    """Draw `replay.mp4`, the video of the episode, and `sheet.png` with evenly distributed frames; returns the files.
 
     Raises:
         ValueError: If the folder holds no episode, or one without decisions.

@@ -64,13 +64,6 @@ class RerunRecording:
     ) -> None:
         """Open the file and record what does not change.
 
-        Args:
-            path: Where the recording will be.
-            building: Where the robot is.
-            task: What it does.
-            camera: Its camera.
-            radio_height_m: Height of the antennas [m].
-
         Raises:
             ValueError: If the Rerun SDK is not installed.
         """

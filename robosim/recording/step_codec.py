@@ -44,12 +44,7 @@ Row = Mapping[str, Any]
 
 
 def encode_step(step: Step, previous: Layer | None = None) -> dict[str, Any]:
-    """All columns of a step.
-
-    Args:
-        step: The step.
-        previous: Map of the step before, relative to which the map is encoded; None to encode it whole.
-    """
+    """All columns of a step, with the map relative to the previous one, or whole without one."""
     belief, sensed = step.belief_layer, step.sensed
     return encode_without_pictures(step) | {
         **encode_map(step.map_layer, previous),
@@ -100,13 +95,7 @@ def _arrivals(step: Step) -> Float[np.ndarray, "n 5"]:
 
 
 def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Step:
-    """The step of a row.
-
-    Args:
-        number: Actions done before it.
-        row: Its columns.
-        map_: Its map, of `decode_map`.
-        belief: Its belief, of `decode_belief`.
+    """The step of a row, with its map and belief by `decode_map` and `decode_belief`.
 
     Raises:
         ValueError: If a picture is damaged.

@@ -150,18 +150,10 @@ def train_explorer(
     console: Console,
     about: str = "",
 ) -> dict[str, Any]:
-    """Train, compare and write explorer.safetensors with its card, result.json and the curve.
+    """Train, compare and write explorer.safetensors with its card, result.json and the curve; returns the card.
 
-    Args:
-        out: Folder of the run, which continues there.
-        recipe: The recipe.
-        workers: Number of processes; the result does not depend on it.
-        cluster: Address of a dask scheduler that replaces them.
-        console: Console for progress.
-        about: Command that repeats the run, for the card.
-
-    Returns:
-        The card.
+    `out` may hold an unfinished run. The result does not depend on the number of workers; `cluster` is the address of
+    a dask scheduler, `about` the command for the card.
 
     Raises:
         FolderError: If the folder holds a run of another recipe.

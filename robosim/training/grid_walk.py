@@ -34,14 +34,7 @@ class GridWalk:
     """One robot in one building."""
 
     def __init__(self, building: Building, places: Reach, rng: np.random.Generator, hfov_rad: float) -> None:
-        """Put the robot at a random pose on the largest part of the floor.
-
-        Args:
-            building: The building.
-            places: Where the robot's hull fits.
-            rng: Draws the pose.
-            hfov_rad: The camera's horizontal field of view.
-        """
+        """Put the robot at a random pose on the largest part of the floor where its hull fits."""
         plan = building.plan
         cell = plan.resolution_m
         centres = plan.to_map(np.indices(plan.shape)[::-1].reshape(2, -1).T + 0.5)

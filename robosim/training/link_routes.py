@@ -79,18 +79,10 @@ def add_route_network(
     parts: Sequence[Sequence[int]],
     seed: int,
 ) -> dict[str, Any]:
-    """Train a fusing network on all folds, and add it to a classifier if it is better fold by fold.
+    """Train a fusing network on all folds, and add it to a classifier if it is better fold by fold; returns scores.
 
-    Args:
-        classifier: The classifier.
-        links: All links.
-        probability: Calibrated probabilities of each link by a network trained without its building; those of links
-            outside the folds are not used.
-        parts: Buildings of each fold.
-        seed: Seed of the networks.
-
-    Returns:
-        Scores of single places and of routes.
+    `probability` holds calibrated probabilities of each link by a network trained without its building; those of links
+    outside the folds (`parts`) are not used.
     """
     routes, inputs = routes_of(links), classifier.inputs
 

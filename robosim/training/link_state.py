@@ -49,25 +49,11 @@ def train_link_state(
     command: str,
     console: Console,
 ) -> dict[str, Any]:
-    """Train, score and write a classifier.
+    """Train, score and write a classifier on public measurements; returns its card.
 
-    Args:
-        data: Folder of public measurements.
-        out: Folder of the run, which continues there.
-        recipe: Recipe of each network; the seed of member i is larger by i. Inputs that were not measured are left
-            out.
-        test: Folder of measurements for the final scores.
-        folds: Number of folds that are held out, one after the other.
-        of: Number of folds into which the buildings are divided.
-        members: Number of networks of a classifier.
-        homes: Number of generated homes in each training (`robosim.training.generated_links`).
-        workers: Number of processes.
-        cluster: Address of a dask scheduler that replaces them; its processes must see the folders.
-        command: Command of the run, for the card.
-        console: Console for progress and scores.
-
-    Returns:
-        The card.
+    Inputs of the recipe that were not measured are left out. Its seed is increased by the number of the member. `folds`
+    of `of` folds are held out one after the other; a run in `out` can continue with more folds, members or tests. Each
+    training also has `homes` generated homes. Processes of the dask scheduler `cluster` must see the folders.
 
     Raises:
         ValueError: If there are too few buildings, or neither held-out nor test buildings.

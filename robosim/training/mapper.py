@@ -40,18 +40,9 @@ T = TypeVar("T")
 def train_mapper(
     data: Path, out: Path, recipe: Recipe, *, threads: int, console: Console, about: str = ""
 ) -> dict[str, Any]:
-    """Train, score and write a mapper.
+    """Train, score and write a mapper from a folder of shards (`robosim.datasets.collect`); returns its card.
 
-    Args:
-        data: Folder of shards (`robosim.datasets.collect`).
-        out: Folder of the run, which continues there.
-        recipe: The recipe.
-        threads: Threads of PyTorch.
-        console: Console for progress.
-        about: Command that repeats the run, for the card.
-
-    Returns:
-        The card.
+    `out` may hold an unfinished run; `about` is the command for the card.
 
     Raises:
         ValueError: If there are too few homes.

@@ -217,16 +217,9 @@ def held_out(recipe: SearchRecipe, first: int, searches: int, tables: Path) -> W
 
 
 def train_search(out: Path, recipe: SearchRecipe, *, console: Console, about: str = "") -> dict[str, Any]:
-    """Train, compare and write search.safetensors with its card.
+    """Train, compare and write search.safetensors with its card; returns the card.
 
-    Args:
-        out: Folder of the run; a finished run continues if the recipe has more epochs.
-        recipe: The recipe.
-        console: Console for progress.
-        about: Command that repeats the run, for the card.
-
-    Returns:
-        The card.
+    `out` may hold an unfinished run, or a finished one of fewer epochs; `about` is the command for the card.
 
     Raises:
         FolderError: If the folder holds a run of another recipe.

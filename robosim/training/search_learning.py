@@ -102,16 +102,10 @@ def learn(
     own: bool,
     rng: np.random.Generator,
 ) -> dict[str, float]:
-    """Improve the weights by one segment.
+    """Improve the weights by one segment; a batch of the configuration counts robots.
 
-    Args:
-        weights: Weights of the policy.
-        optimiser: Optimiser of these weights.
-        segment: The steps.
-        config: Its batch counts robots.
-        advice: Weight of the cross entropy with the guide's actions.
-        own: Whether the policy itself drove all the time, so that the surrogate is used.
-        rng: Divides the robots into groups.
+    `advice` is the weight of the cross entropy with the guide's actions; `own` adds the surrogate, for which the policy
+    must have driven all the time.
 
     Returns:
         Means over the segment: `advice` (cross entropy), `value` (squared error), `entropy`, `agreed` (share of the

@@ -147,18 +147,9 @@ def walk(
     guided: float,
     rng: np.random.Generator,
 ) -> tuple[Segment, np.ndarray]:
-    """A segment of steps, continued from the state of the robots.
+    """A segment of steps from the present state of the robots, and their memories (robots, hidden) after it.
 
-    Args:
-        robots: The robots.
-        network: The policy.
-        memory: Memory of each robot, (robots, hidden).
-        steps: Number of steps.
-        guided: Share of the steps in which the guide drives.
-        rng: Draws actions, and whether the guide drives.
-
-    Returns:
-        The segment, and the memories after it.
+    The guide drives in a share `guided` of the steps.
     """
     rows: list[dict[str, Any]] = []
     first = memory
@@ -184,12 +175,7 @@ def walk(
 def evaluate_driver(
     driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False
 ) -> dict[str, float]:
-    """Scores of one search of each robot.
-
-    Args:
-        driver: A network; "guide", which knows the route; or "random", three of five actions forward.
-        walks: The searches.
-        most_likely: Whether the network's most likely actions are taken, instead of drawn ones.
+    """Scores of one search of each robot by a network, "guide" or "random" (three of five actions forward).
 
     Returns:
         `arrived`: share of the searches. `spl`: success weighted by path length, the mean of the shortest drive over

@@ -178,18 +178,7 @@ def train_steering(
     console: Console,
     about: str = "",
 ) -> dict[str, Any]:
-    """Train, compare and write steering.safetensors with its card.
-
-    Args:
-        out: Folder of the run, which continues there.
-        recipe: The recipe.
-        workers: Number of processes; the result does not depend on it.
-        cluster: Address of a dask scheduler that replaces them.
-        console: Console for progress.
-        about: Command that repeats the run, for the card.
-
-    Returns:
-        The card.
+    """Train, compare and write steering.safetensors with its card; arguments as of `train_explorer`.
 
     Raises:
         FolderError: If the folder holds a run of another recipe.
