@@ -74,8 +74,9 @@ def draw_directions(
     aoa, aod = np.rad2deg(found.aoa_rad[0, :n]), np.rad2deg(found.aod_rad[0, :n])
     axes.plot(aoa, aod, "x", color="#D55E00", ms=9, mew=2.2, label="estimated path, by rank")
     for i in range(n):
-        offset = {"xytext": (6, 5), "textcoords": "offset points"}
-        axes.annotate(f"{i + 1}", (aoa[i], aod[i]), color="#D55E00", weight="bold", **offset)
+        axes.annotate(
+            f"{i + 1}", (aoa[i], aod[i]), (6, 5), textcoords="offset points", color="#D55E00", weight="bold"
+        )
     axes.set(xlim=(-180, 180), ylim=(-180, 180))
     axes.set(xticks=range(-180, 181, 60), yticks=range(-180, 181, 60))
     axes.set_xlabel("azimuth of arrival at the receiver [degrees from +x]")

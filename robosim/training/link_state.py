@@ -1,12 +1,14 @@
 """Train classifiers of link states on public measurements: on folds with held-out buildings, then on all buildings.
 
-Each network of each fold is a job, and so is each network of the final classifier, which is trained on all buildings
-(`robosim.training.link_jobs`). Held-out buildings give the scores and the temperature; the temperature for the scores
-of a building comes from other buildings.
+Each network of each fold is a job, and so is each network of the final classifier, which is trained on all buildings.
+Jobs run in processes of one thread. The same jobs in the same folder continue after their last finished epoch, and give
+the same weights for any number of processes. Held-out buildings give the scores and the temperature; the temperature
+for the scores of a building comes from other buildings.
 """
 
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +17,42 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.text import Text
 
+from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
+from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
-from robosim.training.generated_links import generate_homes
-from robosim.training.link_jobs import Job, links_of, run_jobs
+from robosim.support.workers import Workers
+from robosim.training.generated_links import generate_homes, read_homes
 from robosim.training.link_routes import add_route_network, score_routes
 from robosim.training.training_plots import plot_epochs, plot_scores
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, read_links
+from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.learning.networks import weights_of
-from wireless.linkstate.learning.training import Recipe
+from wireless.linkstate.learning.training import Recipe, train
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
 from wireless.support.counting import counted
 
 _NAMES = ("outage", "LOS", "first-order", "higher-order")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One network."""
+
+    name: str
+    data: Path
+    """Folder of measurements."""
+    held_out: tuple[int, ...]
+    """Numbers of buildings outside its training."""
+    homes: int
+    """Number of generated homes in its training, from OUT/homes."""
+    recipe: Recipe
+    out: Path
+    """Folder of the run, in which processes of a cluster store checkpoints."""
 
 
 def train_link_state(
@@ -157,6 +178,49 @@ def train_link_state(
         write_files(out, final.files("link-state"))
         write_json(out / "result.json", card)
     return card
+
+
+def run_jobs(
+    jobs: list[Job], *, workers: int, cluster: str | None = None, console: Console
+) -> dict[str, tuple[Any, list[Epoch]]]:
+    """Networks and epochs of all jobs, by name, from worker processes or from those of a dask scheduler.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C, at once: finished epochs are stored.
+        WorkerLost: If a process was killed, after the other networks are trained.
+    """
+    trained = {}
+    with (
+        Workers(min(workers, len(jobs)), cluster, what="networks", resumable=True) as pool,
+        unit_progress(console, "networks", len(jobs)) as advance,
+    ):
+        for number, found in pool.run(run_job, [(job,) for job in jobs]):
+            trained[jobs[number].name] = found
+            advance(jobs[number].name)
+    return trained
+
+
+def run_job(job: Job) -> tuple[Any, list[Epoch]]:
+    """Train one network, and score it on its held-out buildings after each epoch."""
+    links = links_of(job.data)
+    held_out = links.within(job.held_out)
+    tokens, state = links.tokens[~held_out], links.state[~held_out]
+    if job.homes:
+        home_tokens, home_state = read_homes(job.homes, job.out / "homes")
+        tokens, state = np.concatenate([tokens, home_tokens]), np.concatenate([state, home_state])
+    return train(
+        tokens,
+        state,
+        job.recipe,
+        watch=(links.tokens[held_out], links.state[held_out]),
+        checkpoint=Checkpoint(job.out / "jobs" / f"{job.name}.pt"),
+    )
+
+
+@cache
+def links_of(data: Path) -> Links:
+    """Links of a folder, read once per process."""
+    return read_links(data)
 
 
 def deal(buildings: int, of: int) -> list[tuple[int, ...]]:
