@@ -40,8 +40,8 @@ _LETTERS, _LINES, _LINE_PX = 54, 7, 18
 ARRIVAL_M = 1.5
 #: Colours of what is anticipated, from likely floor (yellowish) over unknown to a likely obstacle (slate).
 ANTICIPATED = ((255, 243, 176), UNKNOWN_GREY, (110, 115, 140))
-_GUESSES = PALETTE.copy()
-_GUESSES[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
+ANTICIPATING_PALETTE = PALETTE.copy()
+ANTICIPATING_PALETTE[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
     [
         np.interp(np.arange(GUESS_LEVELS), [0, (GUESS_LEVELS - 1) / 2, GUESS_LEVELS - 1], channel)
         for channel in zip(*ANTICIPATED, strict=True)
@@ -65,7 +65,9 @@ class Picture:
 
         The title begins the text below; `anticipates` adds a second map with anticipated cells.
         """
-        self._palettes = {"observed": PALETTE, "anticipated": _GUESSES} if anticipates else {"": PALETTE}
+        self._palettes = (
+            {"observed": PALETTE, "anticipated": ANTICIPATING_PALETTE} if anticipates else {"": PALETTE}
+        )
         self._view, self._title = PlanView(rings), title
         self.target = target
         self._true, self._estimated = np.zeros((0, 2)), np.zeros((0, 2))

@@ -7,7 +7,6 @@ import logging
 import math
 import re
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -63,18 +62,12 @@ class Player:
         self._views: list[SearchView] = []
         self._position, self._shown, self._stamp = 0.0, -1, -1
         self._playing, self._following, self._closed = False, False, False
-        self._visible, self._times = True, deque[float](maxlen=50)
+        self._visible = True
         self._charts: list[Any] = []
         self.per_s = math.inf
         self._fill(server.gui)
         self._thread = threading.Thread(target=self._run, name=f"player {root}", daemon=True)
         self._thread.start()
-
-    @property
-    def fps(self) -> float:
-        """Mean number of pictures per second of the last 50."""
-        times = list(self._times)
-        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
 
     @property
     def shown(self) -> int:
@@ -258,7 +251,6 @@ class Player:
             steps = [view.show(number, rays=self._rays.value) for view in self._views]
             self._shown, self._stamp = number, stamp
             recordings = [view.recording for view in self._views]
-        self._times.append(perf_counter())
         self._describe(number, last, recordings, steps)
 
     def _describe(

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import ANTICIPATED, status_line
+from robosim.drawing.picture import ANTICIPATING_PALETTE, status_line
 from robosim.drawing.plan_view import (
     ESTIMATE_ORANGE,
-    FREE_WHITE,
     OBSTACLE_BLACK,
     PATH_PURPLE,
     TARGET_RED,
@@ -38,12 +37,9 @@ _RADIO_M, _OBSTACLE_M = 0.6, 0.25
 def _map_palette() -> UInt8[np.ndarray, "256 4"]:
     """Colour of each kind of cell; transparent where it is unknown."""
     palette = np.zeros((256, 4), np.uint8)
-    for kind, colour in ((FREE, FREE_WHITE), (OBSTACLE, OBSTACLE_BLACK), (BLOCKED, TARGET_RED)):
-        palette[kind] = *colour, 255
+    palette[:, :3] = ANTICIPATING_PALETTE[:, 0]
+    palette[[FREE, OBSTACLE, BLOCKED], 3] = 255
     level = np.arange(GUESS_LEVELS) / (GUESS_LEVELS - 1)
-    for channel in range(3):
-        ends = [colour[channel] for colour in ANTICIPATED]
-        palette[GUESS : GUESS + GUESS_LEVELS, channel] = np.interp(level, [0, 0.5, 1], ends)
     palette[GUESS : GUESS + GUESS_LEVELS, 3] = 255 * np.abs(2 * level - 1) ** 0.5
     return palette
 

@@ -25,6 +25,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.training.generated_links import generate_homes, read_homes
 from robosim.training.link_routes import add_route_network, score_routes
+from robosim.training.policy_weights import median_call_ms
 from robosim.training.training_plots import plot_epochs, plot_scores
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
@@ -149,6 +150,7 @@ def train_link_state(
             validation["ways"] = routes  # stored name
             for name in ("alone", "fused"):
                 _print(routes[name], f"places along routes through held-out buildings, {name}", console)
+        one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
         card: dict[str, Any] = {
             "command": command,
             "data": f"{data.name}: {', '.join(links.names)}",
@@ -158,7 +160,7 @@ def train_link_state(
             "members": members,
             "parameters": final.parameters,
             "validation": validation,
-            "single_call_ms": _call_ms(final, links),
+            "single_call_ms": median_call_ms(lambda: final.predict_tokens(one), 200),
             # The duration of a continued run is unknown.
             "seconds": round(time.perf_counter() - start, 1) if is_new else None,
             "versions": {name: package_version(name) for name in ("robosim", "torch", "numpy")},
@@ -281,14 +283,3 @@ def _print(score: dict[str, Any], title: str, console: Console) -> None:
         f"{score['calibration_error_with_paths']:.4f}",
         highlight=False,
     )
-
-
-def _call_ms(classifier: LinkStateClassifier, links: Links) -> float:
-    """Median time of a call for one link [ms]."""
-    one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
-    taken = []
-    for _ in range(300):
-        before = time.perf_counter()
-        classifier.predict_tokens(one)
-        taken.append(time.perf_counter() - before)
-    return round(1e3 * float(np.median(taken[100:])), 3)

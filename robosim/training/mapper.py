@@ -23,13 +23,14 @@ from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.run_folder import run_folder
+from robosim.training.policy_weights import median_call_ms
 from robosim.training.training_plots import plot_mapper
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
 from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose
 from slam.learning.threads import torch_threads
 from slam.networks.features import Features
 from slam.networks.files import mapper_files, pose_files
-from slam.networks.pose_network import INPUTS, SIDE, PoseNetwork
+from slam.networks.pose_network import INPUTS, SIDE
 from slam.poses import between
 
 #: One of so many homes is held out.
@@ -103,14 +104,15 @@ def train_pose_network(
                     pairs, recipe, lambda step: progress.update(learning, completed=step)
                 )
             scores, network = pose_scores(module, held_out), module.network()
-            call_ms = _call_ms(network)
+            patches = np.zeros((1, INPUTS, SIDE, SIDE), np.float32)
+            call_ms = median_call_ms(lambda: network(patches), 30)
         card: dict[str, Any] = {
             "data": _describe(homes, pairs, held_out, "pairs"),
             "command": about,
             "recipe": asdict(recipe),
             "parameters": network.parameters,
             "validation": scores,
-            "single_call_ms": round(call_ms, 3),
+            "single_call_ms": call_ms,
             "seconds": round(time.perf_counter() - start, 1),
         }
         write_files(out, pose_files(network, card, "pose"))
@@ -202,14 +204,3 @@ def smoke_frames(folder: Path, console: Console) -> Path:
     """A folder of few frames, collected unless it exists, to check that training works."""
     collect(CollectConfig(homes=4, steps=30), folder, workers=1, console=console)
     return folder
-
-
-def _call_ms(network: PoseNetwork, rounds: int = 30) -> float:
-    """Median time of one call."""
-    patches = np.zeros((1, INPUTS, SIDE, SIDE), np.float32)
-    seconds = []
-    for _ in range(rounds):
-        begin = time.perf_counter()
-        network(patches)
-        seconds.append(time.perf_counter() - begin)
-    return 1000 * float(np.median(seconds))

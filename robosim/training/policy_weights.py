@@ -1,7 +1,8 @@
-"""Weights of small policies: as tensors for training, restored from checkpoints, and written with their card."""
+"""Weights of small policies as tensors, from checkpoints, and as files; durations of calls for cards."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -47,3 +48,13 @@ def write_policy(out: Path, name: str, weights: Weights, card: dict[str, Any]) -
     """Write NAME.safetensors, and the card as NAME.json."""
     write_whole(out / f"{name}.safetensors", save(dict(weights)))
     write_json(out / f"{name}.json", card)
+
+
+def median_call_ms(call: Callable[[], object], n_calls: int) -> float:
+    """Median duration of calls, after as many to warm up."""
+    seconds = []
+    for _ in range(2 * n_calls):
+        begin = perf_counter()
+        call()
+        seconds.append(perf_counter() - begin)
+    return round(1e3 * float(np.median(seconds[n_calls:])), 3)
