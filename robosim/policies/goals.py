@@ -73,11 +73,9 @@ class Driver(Protocol):
         ...
 
 
-class Oracle:
+class Oracle(GoalPolicy):
     """Knows the target."""
 
-    seeks_target, uses_radio, uses_camera = True, False, False
-    belief: TargetBelief | None = None
     reason: Reason | None = KNOWN
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
@@ -88,11 +86,10 @@ class Oracle:
         return self._target
 
 
-class Explore:
+class Explore(GoalPolicy):
     """Explores until there are no frontiers."""
 
-    seeks_target, uses_radio, uses_camera = False, False, False
-    belief: TargetBelief | None = None
+    seeks_target = False
     reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
@@ -103,11 +100,10 @@ class Explore:
         return self._explorer.goal(estimated.map)
 
 
-class Visual:
+class Visual(GoalPolicy):
     """Explores until the target is seen, then goes to its last seen position."""
 
-    seeks_target, uses_radio, uses_camera = True, False, True
-    belief: TargetBelief | None = None
+    uses_camera = True
     reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
@@ -122,11 +118,10 @@ class Visual:
         return self._explorer.goal(estimated.map) if self._seen is None else self._seen
 
 
-class Wireless:
+class Wireless(GoalPolicy):
     """Follows the strongest path in trusted link states, and explores in others."""
 
-    seeks_target, uses_radio, uses_camera = True, True, False
-    belief: TargetBelief | None = None
+    uses_radio = True
     reason: Reason | None = None
 
     def __init__(self, explorer: Explorer, trusted: tuple[LinkState, ...]) -> None:
