@@ -23,7 +23,7 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
     """
     episode = read_episode(folder)
     if not len(episode):
-        raise ValueError(f"{folder}: the episode ended where it began, without a decision to draw.")
+        raise ValueError(f"{folder}: the episode ended at its start, without a step to draw.")
     picture = picture_of(episode)
     chosen = set(np.linspace(0, len(episode) - 1, min(frames, len(episode))).round().astype(int).tolist())
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"
@@ -47,7 +47,7 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
 
 
 def picture_of(episode: RecordedEpisode) -> Picture:
-    """What draws the steps of a recorded episode; all of it is unpacked first, so that damage is found before.
+    """A picture for the steps of a recorded episode, all of which are unpacked first, so that damage is found early.
 
     Raises:
         FileError: If a step is damaged.
