@@ -119,7 +119,7 @@ class Page:
             searches = SearchPanel(self.server, self.radio, config, on_view=lambda: self.show("Search"))
         self._closers.append(searches.close)
         player = searches.player
-        self._tabs["Search"] = Tab(folder, player.show, lambda: player.buildings, searches.picker.show)
+        self._tabs["Search"] = Tab(folder, player.show, lambda: player.buildings, searches.show_marks)
         choice = self.server.gui.add_button_group("show", tuple(self._tabs), order=-1.0)
         choice.on_click(lambda event: self.show(choice.value))
         self.show("Radio")

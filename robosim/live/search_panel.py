@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import POLICY, configured
-from robosim.live.building_scene import BuildingScene
 from robosim.live.player import Player
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.radio_view import intersect_level
@@ -65,10 +64,15 @@ class SearchPanel:
 
         `on_view` is called when other searches are drawn.
         """
-        self._radio, self._config, self._on_view = radio, config, on_view
+        self._server, self._radio, self._config, self._on_view = server, radio, config, on_view
         self.searches: list[SearchProcess] = []
         self._is_loaded = False
-        self._fill(server)
+        self.places: dict[End, Float[np.ndarray, 2]] = {}
+        """Start and target that are set by clicks on the floor [m]."""
+        self._pending: End | None = None
+        self._marks: dict[End, Any] = {}
+        self._shows_marks = True
+        self._fill(server.gui)
         self.player = Player(
             server, ROOT, on_play=self._set_running, on_step=self._step, on_speed=self._set_speed
         )
@@ -97,32 +101,76 @@ class SearchPanel:
         self._end()
         self.player.update()
 
-    def _fill(self, server: "viser.ViserServer") -> None:
-        gui = server.gui
+    def await_click(self, end: End) -> None:
+        """Use the next click on the floor for a place."""
+        if self._pending is None:
+            self._server.scene.on_click()(self._click)
+        self._pending = end
+        self.player.say(f"Click on the floor at the {'start of the robot' if end == 'start' else 'target'}.")
+
+    def set_place(self, end: End, place: Float[np.ndarray, "2"]) -> None:
+        """Set and mark the free place nearest to a point [m]."""
+        x, y = self.places[end] = self._radio.model.nearest_free(place)
+        position, scene = (float(x), float(y), _MARK_HEIGHT_M), self._server.scene
+        if end in self._marks:
+            self._marks[end].position = position
+        else:
+            colour, name = ROBOT_COLOUR if end == "start" else TX_COLOUR, f"/task/{end}"
+            self._marks[end] = scene.add_icosphere(
+                name, radius=_MARK_M, color=colour, position=position, visible=self._shows_marks, **NO_SHADOW
+            )
+            scene.add_label(f"{name}/name", f"{end}, as set", position=(0, 0, 0.2), anchor="bottom-center")
+        self.player.say("")
+        self._task.value = FROM_CLICKS
+
+    def clear_places(self) -> None:
+        """Remove start and target."""
+        for mark in self._marks.values():
+            mark.remove()
+        self.places.clear()
+        self._marks.clear()
+        self.player.say("")
+        self._task.value = FROM_SEED
+
+    def show_marks(self, visible: bool) -> None:
+        """Show or hide the marks of start and target."""
+        self._shows_marks = visible
+        for mark in self._marks.values():
+            mark.visible = visible
+
+    def _click(self, event: Any) -> None:
+        end, self._pending = self._pending, None
+        self._server.scene.remove_click_callback(self._click)
+        origin = np.array(event.ray_origin)
+        place = intersect_level(origin, origin + np.array(event.ray_direction), 0.0)
+        if end is not None and place is not None:
+            # Of buildings side by side, the nearest one was clicked.
+            buildings = self.player.buildings or [self._radio.building]
+            nearest = min(buildings, key=lambda one: float(np.hypot(*(one.middle - place))))
+            self.set_place(end, place - nearest.offset)
+
+    def _fill(self, gui: "viser.GuiApi") -> None:
         with gui.add_folder("Task"):
             names = tuple(dict.fromkeys((str(self._config.goal), *POLICY.names)))
             self._policy = gui.add_dropdown("policy", (*names, BY_HAND), initial_value=names[0])
             self._other = gui.add_dropdown("compared with", (NONE, *names, BY_HAND), initial_value=NONE)
             tasks = (FROM_SEED, FROM_HANDLES, FROM_CLICKS)
             self._task: Any = gui.add_dropdown("start and target", tasks, initial_value=FROM_SEED)
-            self.picker = TaskPicker(
-                server,
-                nearest_free=lambda place: self._radio.model.nearest_free(place),
-                buildings=lambda: self.player.buildings or [self._radio.building],
-                say=lambda text: self.player.say(text),
-                on_change=self._select_task,
-            )
+            clicks = gui.add_button_group("by clicks on the floor", (SET_START, SET_TARGET, CLEAR))
             self._seed = gui.add_number("seed", self._config.seed, min=0, max=2**31 - 1, step=1)
             noise = self._config.simulator.noise.level
             self._noise = gui.add_slider("noise [times published]", 0.0, max(3.0, noise), 0.25, noise)
+        actions = {
+            SET_START: lambda: self.await_click("start"),
+            SET_TARGET: lambda: self.await_click("target"),
+            CLEAR: self.clear_places,
+        }
+        clicks.on_click(lambda event: actions[clicks.value]())
         buttons = gui.add_button_group("search", (START, STOP))
         buttons.on_click(lambda event: self.start() if buttons.value == START else self.stop())
         for key, action, label in _KEYS:
             command = gui.add_command(f"Drive {label}", description=BY_HAND, hotkey=key, modifier=None)
             command.on_trigger(partial(self._press, action))
-
-    def _select_task(self) -> None:
-        self._task.value = FROM_CLICKS if self.picker.places else FROM_SEED
 
     def _press(self, action: Action, _: Any) -> None:
         for search in self.searches:
@@ -165,7 +213,7 @@ class SearchPanel:
             place, target = self._radio.places["robot"], self._radio.places["transmitter"]
         elif self._task.value == FROM_CLICKS:
             # Another plan may have been opened since the click.
-            free = {end: self._radio.model.nearest_free(at) for end, at in self.picker.places.items()}
+            free = {end: self._radio.model.nearest_free(at) for end, at in self.places.items()}
             place, target = free.get("start"), free.get("target")
         if place is None:
             return None, target
@@ -207,87 +255,3 @@ class SearchPanel:
             if search.recording is not None and not search.recording.ended:
                 search.recording.ended = "stopped by you"
             search.close()
-
-
-class TaskPicker:
-    """Sets start and target by clicks on the floor, and marks them."""
-
-    def __init__(
-        self,
-        server: "viser.ViserServer",
-        *,
-        nearest_free: Callable[[Float[np.ndarray, "2"]], Float[np.ndarray, "2"]],
-        buildings: Callable[[], list[BuildingScene]],
-        say: Callable[[str], None],
-        on_change: Callable[[], None],
-    ) -> None:
-        """Add buttons to the current part of the panel."""
-        self._server, self._nearest_free, self._buildings = server, nearest_free, buildings
-        self._say, self._on_change = say, on_change
-        self._pending: End | None = None
-        self.places: dict[End, Float[np.ndarray, 2]] = {}
-        self._marks: dict[End, Any] = {}
-        self._visible = True
-        buttons = server.gui.add_button_group("by clicks on the floor", (SET_START, SET_TARGET, CLEAR))
-
-        @buttons.on_click
-        def _(event: Any) -> None:
-            if buttons.value == CLEAR:
-                self.clear()
-            else:
-                self.await_click("start" if buttons.value == SET_START else "target")
-
-    def await_click(self, end: End) -> None:
-        """Use the next click for a place."""
-        if self._pending is None:
-            self._server.scene.on_click()(self._click)
-        self._pending = end
-        self._say(f"Click on the floor at the {'start of the robot' if end == 'start' else 'target'}.")
-
-    def clear(self) -> None:
-        """Remove start and target."""
-        for mark in self._marks.values():
-            mark.remove()
-        self.places.clear()
-        self._marks.clear()
-        self._say("")
-        self._on_change()
-
-    def show(self, visible: bool) -> None:
-        """Show or hide the marks."""
-        self._visible = visible
-        for mark in self._marks.values():
-            mark.visible = visible
-
-    def set_place(self, end: End, place: Float[np.ndarray, "2"]) -> None:
-        """Set the free place nearest to a point [m]."""
-        self.places[end] = self._nearest_free(place)
-        self._mark(end)
-        self._say("")
-        self._on_change()
-
-    def _click(self, event: Any) -> None:
-        end, self._pending = self._pending, None
-        self._server.scene.remove_click_callback(self._click)
-        origin = np.array(event.ray_origin)
-        place = intersect_level(origin, origin + np.array(event.ray_direction), 0.0)
-        if end is not None and place is not None:
-            # Of buildings side by side, the nearest one was clicked.
-            nearest = min(self._buildings(), key=lambda one: float(np.hypot(*(one.middle - place))))
-            self.set_place(end, place - nearest.offset)
-
-    def _mark(self, end: End) -> None:
-        position = (float(self.places[end][0]), float(self.places[end][1]), _MARK_HEIGHT_M)
-        if end in self._marks:
-            self._marks[end].position = position
-            return
-        scene, colour = self._server.scene, ROBOT_COLOUR if end == "start" else TX_COLOUR
-        self._marks[end] = scene.add_icosphere(
-            f"/task/{end}",
-            radius=_MARK_M,
-            color=colour,
-            position=position,
-            visible=self._visible,
-            **NO_SHADOW,
-        )
-        scene.add_label(f"/task/{end}/name", f"{end}, as set", position=(0, 0, 0.2), anchor="bottom-center")

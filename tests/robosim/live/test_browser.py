@@ -180,8 +180,8 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
         press(tab, f"set {what}")
         tab.get_by_text("Click on the floor at").wait_for()
         tab.mouse.click(*pixel_of(camera, np.array([*place, 0.0])))
-        wait_for(lambda what=what: what in searches.picker.places, f"the {what}")
-        assert searches.picker.places[what] == pytest.approx(place, abs=0.05)
+        wait_for(lambda what=what: what in searches.places, f"the {what}")
+        assert searches.places[what] == pytest.approx(place, abs=0.05)
     press(tab, "Start")
     wait_for(
         lambda: searches.searches and not any(one.is_alive for one in searches.searches),
@@ -189,9 +189,9 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
     )
     recording = searches.searches[0].recording
     assert searches.searches[0].error == ""
-    assert recording.target == pytest.approx(searches.picker.places["target"])
+    assert recording.target == pytest.approx(searches.places["target"])
     pose = recording[0].true.pose
-    assert pose[:2] == pytest.approx(searches.picker.places["start"])
+    assert pose[:2] == pytest.approx(searches.places["start"])
     assert pose[2] == pytest.approx(np.arctan2(1.0, 4.0), abs=0.03), "it looks to the target"
 
 
