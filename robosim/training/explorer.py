@@ -72,11 +72,11 @@ def walk_home(
     recipe: ExplorerRecipe,
     rating: ExplorerName,
     choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
-    on_decision: Callable[[int], None] = lambda decisions: None,
+    coverage: list[float] | None = None,
 ) -> tuple[Float[np.ndarray, " m"], bool]:
     """Explore a generated home; returns the coverage before each decision and after the last, and whether it ended.
 
-    A walk ends before its last decision if no frontier is left.
+    A walk ends early if no frontier is left. A given list of `coverage` grows during the walk.
     """
     building = home_building(CollectConfig(seed=recipe.seed), home)
     robot = SimulatorConfig().robot
@@ -88,9 +88,9 @@ def walk_home(
     )
     config = ExplorerConfig(rating=rating, cost=CostConfig(radius_m=robot.radius_m))
     explorer = FrontierExplorer(config, choose)
-    coverage = [walk.coverage]
+    coverage = [] if coverage is None else coverage
+    coverage.append(walk.coverage)
     while len(coverage) <= recipe.decisions:
-        on_decision(len(coverage) - 1)
         if not walk.decide(explorer):
             return np.array(coverage), True
         coverage.append(walk.coverage)
@@ -101,21 +101,17 @@ def random_walk(weights: Weights, home: int, recipe: ExplorerRecipe) -> Walk:
     """A walk whose choices are drawn by their probabilities, for training."""
     rng = np.random.default_rng([recipe.seed, home, 3])
     choices: list[tuple[Float32[np.ndarray, "n k"], int, float, float, int]] = []
-    now = 0
-
-    def set_now(decisions: int) -> None:
-        nonlocal now
-        now = decisions
+    growing: list[float] = []
 
     def choose(features: Float32[np.ndarray, "n k"]) -> int:
         logits, value = evaluate(weights, features, np.ones((len(features), 1), np.float32))
         odds = np.exp(logits - logits.max(), dtype=np.float64)
         odds /= odds.sum()
         taken = int(rng.choice(len(odds), p=odds))
-        choices.append((features, taken, float(np.log(odds[taken])), float(value), now))
+        choices.append((features, taken, float(np.log(odds[taken])), float(value), len(growing) - 1))
         return taken
 
-    coverage, ended = walk_home(home, recipe, "learned", choose, set_now)
+    coverage, ended = walk_home(home, recipe, "learned", choose, growing)
     features, taken, log_odds, value, at = zip(*choices, strict=True) if choices else ((), (), (), (), ())
     return Walk(
         features=list(features),
