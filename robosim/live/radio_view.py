@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -72,19 +73,16 @@ class RadioView:
 
     def on_drag(self, move: Callable[[Terminal, Float[np.ndarray, "2"]], None]) -> None:
         """Call a function with each place that a handle is dragged to [m]."""
+
+        # A coroutine runs on the page's own loop, so that places come in order.
+        async def drag(terminal: Terminal, event: Any) -> None:
+            eye, end = np.array(event.client.camera.position), np.array(event.end_position)
+            place = intersect_level(eye, end, self._levels_m[terminal])
+            if place is not None:
+                move(terminal, place)
+
         for terminal, handle in self.handles.items():
-
-            def make_callback(terminal: Terminal) -> Any:
-                # A coroutine runs on the page's own loop, so that places come in order.
-                async def drag(event: Any) -> None:
-                    eye, end = np.array(event.client.camera.position), np.array(event.end_position)
-                    place = intersect_level(eye, end, self._levels_m[terminal])
-                    if place is not None:
-                        move(terminal, place)
-
-                return drag
-
-            handle.on_drag(make_callback(terminal))
+            handle.on_drag(partial(drag, terminal))
 
     def place(self, terminal: Terminal, place: Float[np.ndarray, "2"], level_m: float) -> None:
         """Move a handle to a place and a height above the lowest floor [m]."""
