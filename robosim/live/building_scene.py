@@ -15,8 +15,7 @@ import shapely
 from jaxtyping import Float, Int
 
 from robosim.drawing.marks import bar_m
-from robosim.live.scene_colours import FLOOR, WALL, WALL_EDGE
-from robosim.live.scene_nodes import NO_SHADOW, add_lines
+from robosim.live.scene_nodes import FLOOR, NO_SHADOW, WALL, WALL_EDGE, add_lines
 
 if TYPE_CHECKING:
     import viser

@@ -11,7 +11,7 @@ from jaxtyping import UInt8
 
 from robosim.drawing.plan_view import ESTIMATE_ORANGE, OBSTACLE_BLACK, PATH_PURPLE, TARGET_RED, TRUE_GREEN
 from robosim.live.recordings import Recording
-from robosim.live.scene_colours import (
+from robosim.live.scene_nodes import (
     ESTIMATED_ARRIVAL,
     POWER_DBM,
     ROBOT_COLOUR,

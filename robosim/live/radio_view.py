@@ -11,18 +11,20 @@ from jaxtyping import Float, UInt8
 
 from robosim.live.building_scene import STEP_M
 from robosim.live.link_model import LinkModel
-from robosim.live.scene_colours import (
+from robosim.live.scene_nodes import (
     ESTIMATED_ARRIVAL,
+    NO_SHADOW,
     ROBOT_COLOUR,
     TRUE_ARRIVAL,
     TX_COLOUR,
+    Nodes,
+    add_lines,
     angle_colours,
     kind_colours,
     linear,
     power_colours,
     state_colours,
 )
-from robosim.live.scene_nodes import NO_SHADOW, Nodes, add_lines
 from robosim.radio.measurement import Measurement
 from robosim.radio.receivers import ReceiverGrid
 from robosim.recording.rerun_recording import ray_kind, rays

@@ -14,8 +14,7 @@ from robosim.evaluation.ablations import POLICY, configured
 from robosim.live.player import Player
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.radio_view import intersect_level
-from robosim.live.scene_colours import ROBOT_COLOUR, TX_COLOUR
-from robosim.live.scene_nodes import NO_SHADOW
+from robosim.live.scene_nodes import NO_SHADOW, ROBOT_COLOUR, TX_COLOUR
 from robosim.live.search_process import MANUAL, RUN, WAIT, SearchJob, SearchProcess
 from slam.actions import Action
 

@@ -9,7 +9,7 @@ import shapely
 from robosim.building.building import BuildingConfig
 from robosim.live.link_model import CLEARANCE_M, LinkModel
 from robosim.live.radio_view import radio_maps
-from robosim.live.scene_colours import linear, power_colours
+from robosim.live.scene_nodes import linear, power_colours
 from robosim.radio.scene import RadioConfig
 from slam.poses import wrap
 from tests.plans import two_rooms
