@@ -21,9 +21,7 @@ from PIL import Image
 from playwright.sync_api import Page as Tab
 from playwright.sync_api import sync_playwright
 
-from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
-from robosim.live.link_model import LinkSettings
 from robosim.live.page import Page
 from robosim.plans.files import read_plan
 from robosim.support.files import whole_file
@@ -109,7 +107,7 @@ def grip(page: Page, tab: Tab) -> None:
     """Grip the transmitter; retry while the window has not drawn it at its position yet."""
     radio = page.radio
     assert radio is not None
-    camera, height = list(page.server.get_clients().values())[-1].camera, radio.model.settings.height_m
+    camera, height = list(page.server.get_clients().values())[-1].camera, radio.model.config.height_m
     for rest_s in (1.0, 2.0, 4.0, 8.0, 16.0):
         before = radio.places["transmitter"]
         x, y = pixel_of(camera, np.array([*before, height]))
@@ -121,7 +119,7 @@ def grip(page: Page, tab: Tab) -> None:
         if not np.array_equal(radio.places["transmitter"], before):
             return
         tab.mouse.up()
-        tab.get_by_role("button", name="See it from above", exact=True).click()
+        tab.get_by_role("button", name="View from above", exact=True).click()
         drawn(tab)
     raise TimeoutError("the page does not react to the pointer")
 
@@ -131,7 +129,7 @@ def follow(page: Page, tab: Tab, at: np.ndarray) -> None:
     radio = page.radio
     assert radio is not None
     camera, free = list(page.server.get_clients().values())[-1].camera, radio.model.nearest_free(at)
-    x, y = pixel_of(camera, np.array([*at, radio.model.settings.height_m]))
+    x, y = pixel_of(camera, np.array([*at, radio.model.config.height_m]))
     end = time.monotonic() + LONG_S
     while True:
         for shift in (0.0, 2.0):
@@ -146,12 +144,12 @@ def follow(page: Page, tab: Tab, at: np.ndarray) -> None:
 
 def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
     """Run a search, and show its decisions one after another."""
-    tab, searches = film.tab, page.search(config, BuildingConfig())
+    tab, searches = film.tab, page.search(config)
     tab.get_by_role("button", name="Search", exact=True).first.click()
     tab.get_by_role("button", name="Start", exact=True).first.click()
-    wait(lambda: bool(searches.searches) and not any(one.alive for one in searches.searches), "the search")
+    wait(lambda: bool(searches.searches) and not any(one.is_alive for one in searches.searches), "the search")
     recording = searches.searches[0].recording
-    assert recording is not None and recording.ended.startswith("arrived"), searches.searches[0].trouble
+    assert recording is not None and recording.ended.startswith("arrived"), searches.searches[0].error
     number = tab.locator(
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first
@@ -198,7 +196,7 @@ def main() -> None:
         raise SystemExit("Chromium is not installed: apt-get install chromium")
     config = replace(EpisodeConfig(), goal=POLICY, seed=SEED, max_steps=400)
     with Page("127.0.0.1", 0, "robosim live") as page, sync_playwright() as driver:
-        page.explore(read_plan(PLAN), BuildingConfig(), LinkSettings()).settle(LONG_S)
+        page.explore(read_plan(PLAN)).settle(LONG_S)
         chromium = driver.chromium.launch(executable_path=browser, args=list(SOFTWARE))
         tab = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         tab.set_default_timeout(LONG_MS)

@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 
 from robosim.episode import EpisodeConfig
 from robosim.live.page_export import export
-from robosim.live.recorded import read_recording
+from robosim.live.recordings import read_recording
 from robosim.plans.files import read_plan
 from robosim.run import record_episode
 

@@ -46,7 +46,7 @@ def calibrate(
         settings: Robot, noise and physics.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.drawing.odometry_errors import draw_errors
+    from robosim.drawing.plots import draw_errors
     from robosim.parts import PHYSICS
     from robosim.support.progress import tracked
     from slam.mapping.odometry import calibrated

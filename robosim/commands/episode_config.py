@@ -95,6 +95,7 @@ def read_config(path: Path) -> EpisodeConfig:
         # Settings of an evaluation hold digests of weights: see `robosim.evaluation.manifest`.
         given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
         _keep_passage(given)
+        _rename_fields(given.get("fused"))
         return from_dict(EpisodeConfig, given)
 
 
@@ -105,6 +106,25 @@ def _keep_passage(values: dict[str, Any]) -> None:
         found = found.get(key) if isinstance(found, dict) else None
     if isinstance(found, dict) and "max_transmissions" in found:
         found.setdefault("wall_passage", "face")
+
+
+#: Fields of the settings of `fused` with other names in files of version 0.2.
+_RENAMED = {
+    "ways": "routes",  # stored name
+    "dwell_steps": "stuck_steps",
+    "dwell_window": "stuck_window",
+    "dwell_m": "stuck_m",
+}
+
+
+def _rename_fields(values: Any) -> None:
+    """Replace former names of fields."""
+    if isinstance(values, dict):
+        for former, name in _RENAMED.items():
+            if former in values:
+                values[name] = values.pop(former)
+        for value in values.values():
+            _rename_fields(value)
 
 
 def command_options(config: EpisodeConfig) -> str:

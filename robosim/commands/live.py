@@ -56,9 +56,8 @@ def live(
     folder = Path(plan) if Path(plan).is_dir() else None
     floor_plan = None if folder else read_place(plan, reading)
     from robosim.episode import EpisodeConfig
-    from robosim.live.link_model import LinkSettings
     from robosim.live.page import Page
-    from robosim.live.recorded import check_results
+    from robosim.live.recordings import check_results
     from robosim.plans.storey_plans import StoreysPlan
 
     if folder is not None:
@@ -66,11 +65,11 @@ def live(
     name = folder.resolve().name if folder else floor_plan.name if floor_plan else ""
     with Page(host, port, f"robosim live: {name}") as page:
         if folder is not None:
-            page.look_back(folder)
+            page.replay(folder)
         elif floor_plan is not None:
-            page.explore(floor_plan, config.building, LinkSettings.of(config))
+            page.explore(floor_plan, config)
             if not isinstance(floor_plan, StoreysPlan):
-                page.search(EpisodeConfig(), config.building)
+                page.search(EpisodeConfig())
         emit_result({"url": page.url, "shown": name})
         console.print(
             Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True
@@ -83,7 +82,7 @@ def live(
 def _export(folder: Path, file: Path) -> None:
     """Write the episode of a folder as a page."""
     from robosim.live.page_export import export
-    from robosim.live.recorded import check_results, is_episode, read_recording
+    from robosim.live.recordings import check_results, is_episode, read_recording
 
     check_results(folder)
     if not is_episode(folder):

@@ -43,7 +43,7 @@ def slam(
         how: How the map is made.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.drawing.log_maps import draw_maps, draw_trajectories
+    from robosim.drawing.plots import draw_maps, draw_trajectories
     from robosim.logs.log_files import read_log
     from robosim.logs.log_mapping import make_log_plan, map_log
     from robosim.logs.trajectory_scores import compare_trajectories, count_filled_cells

@@ -198,8 +198,7 @@ def pose(
         smoke: Whether to try everything in less than a minute, with few frames and steps.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.training.mapper import smoke_frames
-    from robosim.training.pose import train_pose_network
+    from robosim.training.mapper import smoke_frames, train_pose_network
     from slam.learning.pose import PoseRecipe
 
     steps = min(steps, 60) if smoke else steps

@@ -1,9 +1,9 @@
-"""Picture of what a receiver measures of one link: power over directions.
+"""Plot of the measurement of one link: power over directions.
 
 Power is that of the strongest delay, for each beam of the transmitter and each azimuth at the receiver: received by the
-array that faces there, with its ports matched to a level wave, and with both antennas' gains. True paths are circles,
-the larger the stronger; estimated ones are crosses with their rank. Of paths closer than a beam, a receiver sees the
-sum of their fields.
+array that faces there, with its ports matched to a level wave, and with the gains of both antennas. True paths are
+circles, the larger the stronger; estimated ones are crosses with their rank. Paths closer than a beam are received as
+the sum of their fields.
 """
 
 import numpy as np
@@ -26,12 +26,7 @@ RANGE_DB = 60.0
 def power_over_directions(
     sounder: Sounder, tensor: Complex[np.ndarray, "window samples beams"]
 ) -> tuple[Float[np.ndarray, " looks"], Float[np.ndarray, "looks beams"]]:
-    """Azimuths the receiver looks to [rad], and power received there from each beam [dBm].
-
-    Args:
-        sounder: What measured.
-        tensor: The measurement of one link.
-    """
+    """Azimuths at the receiver [rad], and power received there from each beam [dBm], by the measurement of one link."""
     azimuth = np.deg2rad(np.arange(-180.0, 180.0, STEP_DEG) + STEP_DEG / 2)
     arrays = len(sounder.rx.platform.face_rad)
     signature = sounder.rx_response(azimuth).reshape(len(azimuth), arrays, -1)
@@ -52,15 +47,7 @@ def power_over_directions(
 def draw_directions(
     axes: Axes, link: Paths, sounder: Sounder, tensor: np.ndarray, found: PathEstimates
 ) -> None:
-    """Received power over directions of arrival and departure, with paths marked.
-
-    Args:
-        axes: Where to.
-        link: True paths of the link.
-        sounder: What measured it.
-        tensor: The measurement.
-        found: Estimated paths.
-    """
+    """Received power over directions of arrival and departure, with true (`link`) and estimated (`found`) paths."""
     azimuth, power = power_over_directions(sounder, tensor)
     order = np.argsort(sounder.tx.beam_rad)
     order = np.append(order, order[0])  # the circle of beams closes
@@ -68,15 +55,9 @@ def draw_directions(
     top = float(power.max())
     noise = sounder.config.tx_power_dbm - sounder.config.snr_per_gain_db
     image = axes.pcolormesh(
-        np.rad2deg(azimuth),
-        beam,
-        power[:, order].T,
-        shading="nearest",
-        cmap="cividis",
-        vmin=max(noise, top - RANGE_DB),
-        vmax=top,
-        rasterized=True,
-    )
+        np.rad2deg(azimuth), beam, power[:, order].T, shading="nearest", cmap="cividis",
+        vmin=max(noise, top - RANGE_DB), vmax=top, rasterized=True,
+    )  # fmt: skip
     axes.figure.colorbar(image, ax=axes, label="received power [dBm]", extend="min")
     under = link.power_db.max(initial=-np.inf) - link.power_db
     shown = under <= SHOWN_DB
@@ -94,26 +75,15 @@ def draw_directions(
     axes.plot(aoa, aod, "x", color="#D55E00", ms=9, mew=2.2, label="estimated path, by rank")
     for i in range(n):
         axes.annotate(
-            f"{i + 1}",
-            (aoa[i], aod[i]),
-            (6, 5),
-            textcoords="offset points",
-            color="#D55E00",
-            weight="bold",
+            f"{i + 1}", (aoa[i], aod[i]), (6, 5), textcoords="offset points", color="#D55E00", weight="bold"
         )
     axes.set(xlim=(-180, 180), ylim=(-180, 180))
-    axes.set_xticks(range(-180, 181, 60))
-    axes.set_yticks(range(-180, 181, 60))
+    axes.set(xticks=range(-180, 181, 60), yticks=range(-180, 181, 60))
     axes.set_xlabel("azimuth of arrival at the receiver [degrees from +x]")
     axes.set_ylabel("azimuth of departure, by beam of the transmitter [degrees from +x]")
     state = STATE_NAMES[int(link.link_category().max())]
     axes.set_title(f"received power over directions ({state})", fontsize=10)
     axes.legend(
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.11),
-        ncols=2,
-        fontsize=8,
-        frameon=True,
-        facecolor="0.45",
+        loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8, frameon=True, facecolor="0.45",
         labelcolor="white",
-    )
+    )  # fmt: skip

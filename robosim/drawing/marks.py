@@ -1,4 +1,4 @@
-"""Legend, scale bar and north arrow of pictures that OpenCV draws."""
+"""Length of scale bars; legend, scale bar and north arrow of pictures that OpenCV draws."""
 
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.drawing.scale import bar_m
+from robosim.support.colours import Colour
 
-Colour = tuple[int, int, int]
+#: Lengths of scale bars [m].
+BARS_M = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 #: Height of a line of the legend, and of small text [pixels].
 LINE_PX = 20
 #: Height of a scale bar with its words [pixels].
@@ -18,6 +19,11 @@ _INK = (20, 20, 20)
 _SMALL = 0.4
 #: Size of titles, relative to OpenCV's font.
 TITLE_SIZE = 0.45
+
+
+def bar_m(extent_m: float) -> float:
+    """The largest length of a scale bar of at most three tenths of a picture [m]."""
+    return max((bar for bar in BARS_M if bar <= 0.3 * extent_m), default=BARS_M[0])
 
 
 class Entry(NamedTuple):
@@ -29,13 +35,7 @@ class Entry(NamedTuple):
 
 
 def legend(entries: Sequence[Entry], width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
-    """A legend; entries that do not fit are left out.
-
-    Args:
-        entries: From the top to the bottom.
-        width: Of the panel [pixels].
-        height: Of the panel [pixels].
-    """
+    """A panel with a legend; entries that do not fit into its height [pixels] are left out."""
     panel = np.full((height, width, 3), 255, np.uint8)
     for i, entry in enumerate(entries[: (height - 8) // LINE_PX]):
         y = 8 + LINE_PX * i + LINE_PX // 2

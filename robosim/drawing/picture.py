@@ -1,6 +1,6 @@
-"""The picture of a step: the camera's picture next to the map as it grows, and next to what is anticipated.
+"""The picture of a step: the camera's picture next to the growing map and the anticipated map.
 
-Below them what was decided and why, and time lines; on the right a legend, and on each map a scale bar and north.
+Below them are goal, reason and time lines; on the right is a legend, and on each map a scale bar with north.
 """
 
 import math
@@ -40,8 +40,8 @@ _LETTERS, _LINES, _LINE_PX = 54, 7, 18
 ARRIVAL_M = 1.5
 #: Colours of what is anticipated, from likely floor (yellowish) over unknown to a likely obstacle (slate).
 ANTICIPATED = ((255, 243, 176), UNKNOWN_GREY, (110, 115, 140))
-_GUESSES = PALETTE.copy()
-_GUESSES[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
+ANTICIPATING_PALETTE = PALETTE.copy()
+ANTICIPATING_PALETTE[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
     [
         np.interp(np.arange(GUESS_LEVELS), [0, (GUESS_LEVELS - 1) / 2, GUESS_LEVELS - 1], channel)
         for channel in zip(*ANTICIPATED, strict=True)
@@ -61,15 +61,13 @@ class Picture:
         title: str = "",
         anticipates: bool = False,
     ) -> None:
-        """Fix the scale so that the whole building fits.
+        """Fix the scale so that the whole building fits, by its outlines from `plan_view.building_rings` [m].
 
-        Args:
-            rings: Outlines of its free space, of `robosim.drawing.plan_view.building_rings` [m].
-            target: Position of the target [m]; None if it is not searched for.
-            title: First words of the text below, such as plan and policy.
-            anticipates: Whether a second map shows what the mapper anticipates where it has not looked.
+        The title begins the text below; `anticipates` adds a second map with anticipated cells.
         """
-        self._palettes = {"observed": PALETTE, "anticipated": _GUESSES} if anticipates else {"": PALETTE}
+        self._palettes = (
+            {"observed": PALETTE, "anticipated": ANTICIPATING_PALETTE} if anticipates else {"": PALETTE}
+        )
         self._view, self._title = PlanView(rings), title
         self.target = target
         self._true, self._estimated = np.zeros((0, 2)), np.zeros((0, 2))
@@ -84,8 +82,8 @@ class Picture:
     def draw(self, step: Step) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of a step; trajectories and time lines grow by one point per call.
 
-        Each estimated radio path is an arrow to where it comes from, thicker and longer for stronger ones; the likelier
-        a place is to hold the target, the redder it is.
+        Each estimated radio path is an arrow towards its origin, thicker and longer for stronger ones; a redder place
+        is more likely to hold the target.
         """
         self._true = np.vstack([self._true, step.true.pose[:2]])
         self._estimated = np.vstack([self._estimated, step.estimated.pose[:2]])
@@ -178,12 +176,7 @@ class Picture:
 
 
 def status_line(step: Step, target: Float[np.ndarray, "2"] | None) -> str:
-    """How far an episode is, in words.
-
-    Args:
-        step: The step.
-        target: Position of the target [m]; None if it is not searched for.
-    """
+    """Progress of an episode in words; `target` is None if there is no search."""
     text = f"{100 * step.true.coverage:.0f} % seen, pose error {100 * step.position_error_m:.0f} cm"
     if target is None:
         return text
@@ -193,7 +186,7 @@ def status_line(step: Step, target: Float[np.ndarray, "2"] | None) -> str:
 
 
 def _tint_of(share: float) -> tuple[int, int, int]:
-    """Colour of the floor where the belief is of some strength, 0 to 1."""
+    """Colour of the floor by the level of the belief, 0 to 1."""
     mixed = [round((1 - 0.7 * share) * 255 + 0.7 * share * channel) for channel in TARGET_RED]
     return mixed[0], mixed[1], mixed[2]
 

@@ -7,46 +7,36 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from robosim.drawing.scale import bar_m
+from robosim.drawing.marks import bar_m
 from robosim.support.colours import FURNISHING, WALL
 
-#: Part of the plan's height that stays free below it.
+#: Height of the strip below a plan over the plan's size.
 _STRIP = 0.08
 
 
 def wall_keys(furnished: bool) -> list[Artist]:
-    """Keys of what `Building.draw_walls` draws.
-
-    Args:
-        furnished: Whether something is placed in the building.
-    """
+    """Legend entries of `Building.draw_walls`, of a building with or without furnishings."""
     walls: list[Artist] = [Line2D([], [], color=WALL, lw=1.5, label="true walls")]
     return [*walls, Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if furnished else walls
 
 
 def map_keys() -> list[Artist]:
-    """Keys of the shades that a robot's map is drawn in."""
+    """Legend entries of a robot's map."""
     shades = (("floor seen", "1.0"), ("obstacle seen", "0.15"), ("not seen", "0.85"))
     return [Patch(facecolor=shade, edgecolor="0.5", lw=0.5, label=label) for label, shade in shades]
 
 
 def heading(text: str) -> Artist:
-    """A line of a legend without a sign."""
+    """A heading in a legend."""
     return Line2D([], [], ls="", label=text)
 
 
 def explain(
     axes: Axes, keys: Sequence[Artist], title: str | None = None, *, after: Sequence[Artist] = ()
 ) -> None:
-    """Add a legend next to a plan, and a scale bar and an arrow to the north below it.
+    """Add a legend next to a plan, and a scale bar and a north arrow below it; the axes have their final limits.
 
-    Set the limits of the axes before.
-
-    Args:
-        axes: In metres.
-        keys: Entries before those of the axes' labelled artists.
-        title: Of the legend.
-        after: Entries after them.
+    The legend has the entries `keys`, those of the labelled artists, and `after`.
     """
     drawn, _ = axes.get_legend_handles_labels()
     inside = axes.get_legend()

@@ -38,14 +38,10 @@ class PlanView:
     """Draws onto canvases that show a whole building."""
 
     def __init__(self, rings: Sequence[Float[np.ndarray, "_ 2"]]) -> None:
-        """Fix the scale so that the whole building fits.
-
-        Args:
-            rings: Outlines of its free space, of `building_rings` [m].
-        """
+        """Fix the scale so that a whole building fits, by its outlines from `building_rings` [m]."""
         low, high = np.concatenate(rings).min(axis=0), np.concatenate(rings).max(axis=0)
         extent = high - low + 2 * _MARGIN_M
-        # Scale bar and north stand below the plan.
+        # Scale bar and north are below the plan.
         self._px_per_m = float(min((HEIGHT - SCALE_PX) / extent[1], _MAX_WIDTH / extent[0]))
         width = max(int(extent[0] * self._px_per_m), HEIGHT // 2)
         #: Width of a canvas [pixels], an even number.
@@ -138,12 +134,7 @@ class BriefPicture:
     """The camera's picture next to the plan with the true trajectory, and a line of text."""
 
     def __init__(self, rings: Sequence[Float[np.ndarray, "_ 2"]], target: Float[np.ndarray, "2"]) -> None:
-        """Begin without a trajectory.
-
-        Args:
-            rings: Outlines of the building's free space, of `building_rings` [m].
-            target: Position of the target [m].
-        """
+        """Begin without a trajectory; outlines of the building by `building_rings` [m]."""
         self._view, self._target = PlanView(rings), target
         self._places = np.zeros((0, 2))
 
@@ -154,14 +145,7 @@ class BriefPicture:
         pose: Float[np.ndarray, "3"],
         text: str,
     ) -> UInt8[np.ndarray, "height width 3"]:
-        """The picture; the trajectory grows by one point per call.
-
-        Args:
-            rgb: Picture of the camera.
-            depth_m: Its depth; 0 where nothing was measured.
-            pose: True pose.
-            text: Line below.
-        """
+        """The picture at a true pose, with a line of text; the trajectory grows by one point per call."""
         self._places = np.vstack([self._places, pose[:2]])
         canvas = self._view.canvas(None, PALETTE)
         self._view.draw_walls(canvas)

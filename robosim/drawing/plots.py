@@ -1,9 +1,12 @@
-"""Pictures of results by matplotlib, drawn without a display."""
+"""Plots of results: episodes, plans, robot logs, and errors of odometry."""
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -13,6 +16,10 @@ from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.drawing.plan_marks import explain, map_keys, wall_keys
 from robosim.episode_log import EpisodeLog
+from robosim.logs.robot_log import RobotLog
+from robosim.logs.trajectory_scores import align_trajectory
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.robot.calibration import Runs
 from robosim.support.figures import save_figure
 from slam.grid import MapEstimate
 from wireless.support.axes import axes_in_metres
@@ -23,8 +30,12 @@ _PARTS = ("#009E73", "#E69F00", "#CC79A7", "#0072B2", "#D55E00", "#F0E442")
 _OTHERS = "#7F7F7F"
 #: Smaller parts have no name [m2].
 _LEAST_M2 = 0.1
-#: Room for a legend next to a plan.
+#: Width of a legend next to a plan.
 LEGEND_INCHES = 1.9
+#: Colours of trajectories by their estimator.
+_TRAJECTORIES = {"odometry": "#E69F00", "matching": "#56B4E9", "graph": "#009E73", "reference": "#000000"}
+#: Largest number of points of each action.
+_MOST_POINTS = 2000
 
 
 def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapEstimate) -> None:
@@ -99,3 +110,68 @@ def plan_axes(building: Building) -> tuple[Figure, Axes]:
     axes.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5))
     axes.set_facecolor("0.85")
     return figure, axes
+
+
+def draw_maps(
+    path: Path, plans: Mapping[str, FloorPlan], trajectories: Mapping[str, Float[np.ndarray, "n 3"]]
+) -> None:
+    """Draw maps side by side, each with its trajectory."""
+    figure, axes = plt.subplots(
+        1, len(plans), figsize=(9 * len(plans), 9), layout="constrained", squeeze=False
+    )
+    for axis, (name, plan) in zip(axes[0], plans.items(), strict=True):
+        shade = np.full(plan.occupancy.shape, 0.8)
+        shade[plan.occupancy == FREE] = 1.0
+        shade[plan.occupancy == OCCUPIED] = 0.0
+        (x, y, _), (ny, nx), cell_m = plan.origin, plan.occupancy.shape, plan.resolution_m
+        extent = (x, x + nx * cell_m, y, y + ny * cell_m)
+        axis.imshow(
+            shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, interpolation="nearest"
+        )
+        axis.set(xlabel="x [m]", ylabel="y [m]")
+        axis.plot(*trajectories[name][:, :2].T, color="tab:red", lw=0.5)
+        axis.set_title(f"{plan.name}: {name}", parse_math=False)
+    save_figure(figure, path)
+
+
+def draw_trajectories(
+    path: Path, log: RobotLog, trajectories: Mapping[str, Float[np.ndarray, "n 3"]]
+) -> None:
+    """Draw trajectories together, aligned to the reference if there is one."""
+    figure, axes = plt.subplots(figsize=(9, 9), layout="compressed")
+    for name, poses in trajectories.items():
+        placed = poses if log.reference is None else align_trajectory(poses, log.reference)
+        axes.plot(placed[:, 0], placed[:, 1], color=_TRAJECTORIES[name], lw=1, label=name)
+    axes.set_aspect("equal")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=len(trajectories), frameon=False)
+    axes.set_title(f"{log.name}: where the robot was", parse_math=False)
+    save_figure(figure, path)
+
+
+def draw_errors(runs: Runs, path: Path) -> None:
+    """Draw the errors of each action: position with the ellipse of 95 %, and a histogram of the turn."""
+    figure, axes = plt.subplots(2, len(runs.errors), figsize=(11, 6.5), layout="constrained", squeeze=False)
+    circle = np.linspace(0, 2 * math.pi, 100)
+    for column, (action, errors) in enumerate(runs.errors.items()):
+        some = errors[:: max(1, len(errors) // _MOST_POINTS)]
+        place, turn = axes[:, column]
+        place.plot(1000 * some[:, 0], 1000 * some[:, 1], ".", ms=2, color="tab:blue", alpha=0.5)
+        mean, covariance = errors[:, :2].mean(axis=0), np.cov(errors[:, :2].T)
+        lengths, directions = np.linalg.eigh(covariance)
+        # A normal distribution in the plane has 95 % of its mass within 2.448 standard deviations.
+        reach = (
+            2.448 * directions @ (np.sqrt(np.maximum(lengths, 0))[:, None] * [np.cos(circle), np.sin(circle)])
+        )
+        place.plot(*(1000 * (mean[:, None] + reach)), color="tab:orange", label="95 %")
+        place.plot(*(1000 * mean), "+", color="black", ms=10, label="mean")
+        place.axhline(0, color="0.8", lw=0.8, zorder=0)
+        place.axvline(0, color="0.8", lw=0.8, zorder=0)
+        place.set_aspect("equal", "datalim")
+        place.set_title(f"{action.name.lower()}, {counted(len(errors), 'run')}")
+        place.set(xlabel="ahead, measured minus true [mm]", ylabel="to the left [mm]")
+        place.legend(loc="upper right", fontsize=8)
+        turn.hist(np.degrees(errors[:, 2]), bins=40, color="tab:blue")
+        turn.axvline(float(np.degrees(errors[:, 2].mean())), color="black", lw=1)
+        turn.set(xlabel="turn, measured minus true [deg]", ylabel="runs")
+    save_figure(figure, path)

@@ -18,7 +18,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.path import Path as PathOutline
@@ -56,29 +55,20 @@ def plot_grid(
     threshold_db: float,
     link: tuple[Paths, int, int],
 ) -> list[Path]:
-    """Draw what one transmitter sends to a grid of receivers, and the rays of one link.
-
-    Args:
-        folder: Where to.
-        suffix: At the end of the files' names.
-        building: The walls.
-        grid: The receivers.
-        paths: Paths of this transmitter to them.
-        tx: Number of the transmitter.
-        tx_power_dbm: Power sent.
-        threshold_db: Paths of less power gain do not count for link states.
-        link: Paths, transmitter and receiver, for the rays.
+    """Draw the radio of one transmitter on a grid of receivers, and the rays of one link (paths, its tx and its rx).
 
     Returns:
-        The files: power, state, aoa, rays, and overview, which has all four.
+        The files {power,state,aoa,rays,overview}SUFFIX.png, of which the last has all four.
     """
     first = paths.select((paths.tx == tx) & (paths.rank == 0))
     category = paths.link_category(threshold_db)[tx]
-    at = paths.tx_position[tx]
+    position = paths.tx_position[tx]
     draw: dict[str, Callable[[Axes], None]] = {
-        "power": lambda axes: draw_power(axes, building, grid, first, at, tx_power_dbm),
-        "state": lambda axes: draw_state(axes, building, grid, category, at, frequency_hz=paths.frequency_hz),
-        "aoa": lambda axes: draw_arrival(axes, building, grid, first, at),
+        "power": lambda axes: draw_power(axes, building, grid, first, position, tx_power_dbm),
+        "state": lambda axes: draw_state(
+            axes, building, grid, category, position, frequency_hz=paths.frequency_hz
+        ),
+        "aoa": lambda axes: draw_arrival(axes, building, grid, first, position),
         "rays": lambda axes: draw_rays(axes, building, *link, tx_power_dbm),
     }
     files = [folder / f"{name}{suffix}.png" for name in (*draw, "overview")]
@@ -86,7 +76,10 @@ def plot_grid(
         figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
         one(axes)
         save_figure(figure, file)
-    save_figure(_overview(building, list(draw.values())), files[-1])
+    figure, axes_of_all = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
+    for one, axes in zip(draw.values(), axes_of_all.ravel(), strict=True):
+        one(axes)
+    save_figure(figure, files[-1])
     return files
 
 
@@ -98,7 +91,7 @@ def plot_rays(path: Path, building: Building, paths: Paths, tx: int, rx: int, tx
 
 
 def choose_link(paths: Paths, tx: int) -> int:
-    """A receiver whose rays are worth a look: out of sight, with many paths that turn at places far apart."""
+    """A receiver with instructive rays: out of sight, with many paths that turn at distant places."""
     count = paths.count()[tx]
     hidden = paths.link_state()[tx] != LinkState.LOS
     worth = np.where(hidden, count, 0) if (count[hidden] > 0).any() else count
@@ -106,10 +99,8 @@ def choose_link(paths: Paths, tx: int) -> int:
     turns = mine.interaction != Interaction.NONE
     rx, point = np.repeat(mine.rx, turns.sum(axis=1)), mine.point[turns][:, :2]
     number = np.maximum(np.bincount(rx, minlength=len(worth)), 1)
-    off = (
-        point
-        - np.column_stack([np.bincount(rx, weights=x, minlength=len(worth)) / number for x in point.T])[rx]
-    )
+    mean = [np.bincount(rx, weights=x, minlength=len(worth)) / number for x in point.T]
+    off = point - np.column_stack(mean)[rx]
     xx, yy, xy = (
         np.bincount(rx, weights=off[:, i] * off[:, j], minlength=len(worth)) / number
         for i, j in ((0, 0), (1, 1), (0, 1))
@@ -150,10 +141,7 @@ def draw_state(
     *,
     frequency_hz: float | None = None,
 ) -> None:
-    """Link states, obstructed line of sight apart, and how many links have each.
-
-    Frequency and heights are in the title if the frequency is given.
-    """
+    """Link states with their shares; a given frequency is in the title, with the heights."""
     colours = ListedColormap([css(STATE_COLOURS[one]) for one in LinkCategory])
     reached = np.where(category == LinkCategory.OUTAGE, np.nan, category)
     _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 5), 5))
@@ -162,34 +150,19 @@ def draw_state(
     _frame(axes, building, title, about)
     _mark(axes, tx_position)
     share = 100 * np.bincount(category, minlength=5) / len(category)
-    _legend(
-        axes,
-        building,
-        [
-            _tx_handle(),
-            *(
-                Patch(
-                    facecolor=css(STATE_COLOURS[one]),
-                    edgecolor=WALL,
-                    lw=0.4,
-                    label=f"{name} ({share[one]:.0f} %)",
-                )
-                for one, name in STATE_NAMES.items()
-                if share[one] > 0 and one != LinkCategory.OUTAGE
-            ),
-            _nothing_handle(f"outage ({share[LinkCategory.OUTAGE]:.0f} %)"),
-        ],
-    )
+    states = [
+        Patch(facecolor=css(STATE_COLOURS[one]), edgecolor=WALL, lw=0.4, label=f"{name} ({share[one]:.0f} %)")
+        for one, name in STATE_NAMES.items()
+        if share[one] > 0 and one != LinkCategory.OUTAGE
+    ]
+    outage = _nothing_handle(f"outage ({share[LinkCategory.OUTAGE]:.0f} %)")
+    _legend(axes, building, [_tx_handle(), *states, outage])
 
 
 def draw_arrival(
-    axes: Axes,
-    building: Building,
-    grid: ReceiverGrid,
-    first: Paths,
-    tx_position: Float[np.ndarray, "3"],
+    axes: Axes, building: Building, grid: ReceiverGrid, first: Paths, tx_position: Float[np.ndarray, "3"]
 ) -> None:
-    """Azimuth from which the strongest path arrives, as colour, and as arrows that point there."""
+    """Azimuth of the strongest arrival, as colour, and as arrows that point there."""
     values = np.full(len(grid.position), np.nan)
     values[first.rx] = np.degrees(first.aoa_az)
     image = _cells(axes, grid, values, cmap="twilight", vmin=-180, vmax=180)
@@ -205,19 +178,10 @@ def draw_arrival(
     at, angle = grid.position[first.rx][some, :2], first.aoa_az[some]
     for colour, width in (("white", 0.025), ("black", 0.011)):
         axes.quiver(
-            *at.T,
-            np.cos(angle),
-            np.sin(angle),
-            color=colour,
-            angles="xy",
-            pivot="mid",
-            scale_units="xy",
-            scale=1 / (0.8 * every * step_m),
-            units="inches",
-            width=width,
-            headwidth=3.5 if colour == "black" else 2.6,
-            zorder=4,
-        )
+            *at.T, np.cos(angle), np.sin(angle), color=colour, angles="xy", pivot="mid", scale_units="xy",
+            scale=1 / (0.8 * every * step_m), units="inches", width=width,
+            headwidth=3.5 if colour == "black" else 2.6, zorder=4,
+        )  # fmt: skip
     _mark(axes, tx_position)
     arrow = Line2D(
         [], [], color="black", marker=r"$\rightarrow$", ms=10, lw=0, label="points to where it is from"
@@ -238,10 +202,8 @@ def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx
     axes.add_collection(rays)
     if len(link):
         _bar(axes, rays, f"received power [dBm], {tx_power_dbm:g} dBm sent")
-    handles = [
-        _tx_handle(),
-        Line2D([], [], marker="P", color=RX_COLOUR, mec="white", ms=9, lw=0, label="receiver"),
-    ]
+    receiver = Line2D([], [], marker="P", color=RX_COLOUR, mec="white", ms=9, lw=0, label="receiver")
+    handles = [_tx_handle(), receiver]
     for kind, (name, marker) in KINDS.items():
         spots = link.point[link.interaction == kind][:, :2]
         if len(spots):
@@ -274,27 +236,20 @@ def conditions(
     return f"{frequency_hz / 1e9:g} GHz; transmitter {tx_position[2]:g} m, {of_them} {receivers} high"
 
 
-def _overview(building: Building, draw: list[Callable[[Axes], None]]) -> Figure:
-    figure, axes = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
-    for one, part in zip(draw, axes.ravel(), strict=True):
-        one(part)
-    return figure
-
-
 def _extent(building: Building) -> tuple[float, float]:
     west, south, east, north = building.free.bounds
     return east - west, north - south
 
 
 def _size(building: Building, across: int) -> tuple[float, float]:
-    """Width and height of a figure [inches] of so many plans next to each other, each with bar and legend."""
+    """Width and height [inches] of a figure with some plans per row and column, each with bar and legend."""
     width, height = _extent(building)
     scale = (7.0 if across == 1 else 5.0) / max(width, height)
     return across * (max(width * scale, 3.2) + 1.5), across * (max(height * scale, 2.4) + 1.2)
 
 
 def _shade_free(axes: Axes, building: Building) -> None:
-    """Free floor as it looks where no path arrives."""
+    """Hatch the free floor, which remains visible where no path arrives."""
     outlines = [
         PathOutline.make_compound_path(
             *(PathOutline(shapely.get_coordinates(ring), closed=True) for ring in shapely.get_rings(part))
@@ -323,15 +278,13 @@ def _frame(axes: Axes, building: Building, title: str, about: str = "") -> None:
     margin = 0.03 * max(east - west, north - south)
     axes.set_aspect("equal")
     axes.set(xlim=(west - margin, east + margin), ylim=(south - margin, north + margin))
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    lines = f"{building.plan.name}: {title}\n{about}".strip()
-    axes.set_title(lines, fontsize=10, parse_math=False)
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_title(f"{building.plan.name}: {title}\n{about}".strip(), fontsize=10, parse_math=False)
     building.draw_walls(axes, colour=WALL, zorder=3)
 
 
 def _zoom(axes: Axes, points: Float[np.ndarray, "n 2"]) -> None:
-    """Show no more than some points need, and not less than a third of the plan."""
+    """Show only the surroundings of some points, but at least a third of the plan."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     whole = np.array([axes.get_xlim(), axes.get_ylim()])
     half = np.ptp(points, axis=0) / 2 + 1.0
@@ -357,15 +310,9 @@ def _nothing_handle(label: str) -> Patch:
 
 
 def _legend(axes: Axes, building: Building, handles: Sequence[Artist]) -> None:
-    """Legend below the axes, where it hides nothing; names the outlines of what is placed in the building."""
+    """Legend below the axes, with furniture if the building has some."""
     placed = [Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if building.furnishings else []
     axes.legend(
-        handles=[*handles, *placed],
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.11),
-        ncols=3,
-        fontsize=8,
-        frameon=False,
-        handletextpad=0.5,
-        columnspacing=1.2,
-    )
+        handles=[*handles, *placed], loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3, fontsize=8,
+        frameon=False, handletextpad=0.5, columnspacing=1.2,
+    )  # fmt: skip

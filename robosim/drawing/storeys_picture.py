@@ -17,21 +17,12 @@ from wireless.paths import Paths
 from wireless.support.counting import counted
 from wireless.support.ray_colours import ray_colours
 
-#: Storeys are drawn so much farther apart than they are, as plans are wider than high.
+#: Stretch of heights, since buildings are wider than high.
 STRETCH = 2.0
 
 
 def plot_storeys(path: Path, whole: Storeys, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
-    """Draw a building's floors over each other, its stairwells, and all paths of one link.
-
-    Args:
-        path: Where to.
-        whole: The building.
-        paths: Paths of the link, and perhaps of others.
-        tx: Number of the transmitter.
-        rx: Number of the receiver.
-        tx_power_dbm: Power sent.
-    """
+    """Draw the floors of a building over each other, its stairwells, and all paths of one link."""
     figure = plt.figure(figsize=(8.0, 8.0), layout="constrained")
     axes: Axes3D = figure.add_subplot(projection="3d", computed_zorder=False)
     for number, storey in enumerate(whole.storeys):
@@ -71,7 +62,7 @@ def plot_storeys(path: Path, whole: Storeys, paths: Paths, tx: int, rx: int, tx_
 
 
 def _floor(axes: Axes3D, whole: Storeys, number: int) -> None:
-    """The free floor of a storey, but for the opening in it, as a sheet that what is below shines through."""
+    """Draw the free floor of a storey without its opening, translucent."""
     storey = whole.storeys[number]
     free = storey.building.free
     if number:

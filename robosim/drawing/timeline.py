@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.marks import Colour, write
+from robosim.drawing.marks import write
+from robosim.support.colours import Colour
 from wireless.paths import LinkState
 
-#: Room for names and numbers on the left, and beyond the last decision on the right [pixels].
+#: Margins: names and numbers on the left, and beyond the last decision on the right [pixels].
 _LEFT, _RIGHT = 74, 12
 #: Decisions that fit at first; doubled whenever they do not fit.
 _FIRST_SPAN = 100
@@ -24,13 +25,7 @@ class Timeline:
     """Grows by one decision at a time."""
 
     def __init__(self, width: int, height: int, states: dict[int, Colour]) -> None:
-        """Begin without decisions.
-
-        Args:
-            width: Of the picture [pixels].
-            height: Of the picture [pixels].
-            states: Colours of link states.
-        """
+        """Begin without decisions, for a picture of a size [pixels]; `states` are colours of link states."""
         self._width, self._height = width, height
         self._colours = np.full((256, 3), 255, np.uint8)
         for state, colour in states.items():

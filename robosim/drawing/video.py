@@ -1,8 +1,8 @@
 """Video files, written by PyAV with its own ffmpeg."""
 
 import contextlib
+import io
 import os
-from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,18 +15,13 @@ from robosim.support.files import partial_path
 
 
 class VideoWriter:
-    """An H.264 MP4 file, which takes its name when it is closed.
+    """An H.264 MP4 file, which gets its name when it is closed.
 
     A video that ends early, by an interrupt or an error, can be played too, if it is closed.
     """
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int = 20) -> None:
-        """Open the file.
-
-        Args:
-            path: Where the video will be.
-            size: Width and height of the frames [pixels], both even.
-            fps: Frames per second of play.
+        """Open the file for frames of an even width and height [pixels].
 
         Raises:
             ValueError: If a side is odd, which the pixel format cannot hold.
@@ -36,7 +31,7 @@ class VideoWriter:
         self.path = Path(path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._partial = partial_path(self.path)
-        self._empty = True
+        self._is_empty = True
         self._sink = _Sink(self._partial, self.path)
         self._file = av.open(self._sink, "w", format="mp4")
         options = {"preset": "ultrafast", "crf": "28", "tune": "fastdecode"}
@@ -52,7 +47,7 @@ class VideoWriter:
         Raises:
             OSError: If it cannot be written.
         """
-        self._empty = False
+        self._is_empty = False
         # OpenCV converts five times faster than ffmpeg's scaler does.
         planes = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420), np.uint8)
         for packet in self._stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")):
@@ -66,66 +61,54 @@ class VideoWriter:
             OSError: If it could not be written; no file remains then.
         """
         try:
-            if not self._empty:
+            if not self._is_empty:
                 for packet in self._stream.encode():
                     self._file.mux(packet)
             self._file.close()
+            self._sink.check()
             self._sink.close()
-            if not self._empty:
+            if not self._is_empty:
                 os.replace(self._partial, self.path)
         finally:
-            self._sink.abandon()
+            with contextlib.suppress(OSError):
+                self._sink.close()
             self._partial.unlink(missing_ok=True)
 
 
-class _Sink:
-    """A file for ffmpeg whose methods never fail.
+class _Sink(io.FileIO):
+    """A file for ffmpeg that stores errors until `check`.
 
-    On a full disk ffmpeg crashes with a segmentation fault when it closes the file. So errors are stored here, and
-    raised where they can be handled.
+    On a full disk ffmpeg crashes with a segmentation fault when it closes the file, if a method raises an error.
     """
 
     def __init__(self, partial: Path, path: Path) -> None:
-        self._file, self._path = partial.open("wb"), path
+        super().__init__(partial, "wb")
+        self._path = path
         self._error: OSError | None = None
 
-    def write(self, content: bytes) -> int:
-        """Write, unless an error has occurred."""
-        return self._try(lambda: self._file.write(content), len(content))
+    def write(self, content: bytes) -> int:  # type: ignore[override]
+        """Write all bytes, unless an error has occurred."""
+        rest = memoryview(content)
+        try:
+            while len(rest) and self._error is None:
+                rest = rest[super().write(rest) or 0 :]
+        except OSError as error:
+            self._store(error)
+        return len(content)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Set the position."""
-        return self._try(lambda: self._file.seek(offset, whence), 0)
+        try:
+            return super().seek(offset, whence)
+        except OSError as error:
+            self._store(error)
+            return 0
 
-    def tell(self) -> int:
-        """The position."""
-        return self._try(self._file.tell, 0)
-
-    def _try(self, action: Callable[[], int], otherwise: int) -> int:
-        if self._error is None:
-            try:
-                return action()
-            except OSError as error:
-                error.filename = str(self._path)
-                self._error = error
-        return otherwise
-
-    def _flush(self) -> int:
-        self._file.flush()
-        return 0
+    def _store(self, error: OSError) -> None:
+        error.filename = str(self._path)
+        self._error = self._error or error
 
     def check(self) -> None:
-        """Raise the error, if there is one."""
+        """Raise the first error, if there is one."""
         if self._error is not None:
             raise self._error
-
-    def close(self) -> None:
-        """Close the file; raise the error, if there is one."""
-        self._try(self._flush, 0)
-        self.check()
-        self._file.close()
-
-    def abandon(self) -> None:
-        """Close the file, complete or not."""
-        with contextlib.suppress(OSError):
-            self._file.close()

@@ -1,5 +1,5 @@
-"""A local web page: radio in a building, a search as it runs, and episodes looked back on.
+"""A local web page: radio in a building, running searches, and recorded episodes.
 
-Drawn with viser, of the extra `live`. Whatever takes longer than a blink is done by workers of which the latest request
-wins (`latest`), or by processes (`search_process`); the page's own threads only hand over what was asked for.
+The page is drawn by viser, of the extra `live`. Its own threads only forward requests: workers process the latest one
+of each kind (`latest_worker`), and searches run in processes of their own (`search_process`).
 """

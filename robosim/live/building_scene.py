@@ -1,72 +1,85 @@
-"""What stands in a page's space whatever is shown there: walls, floor, scale bar and north.
+"""Walls, floor, scale bar and north of a building in a scene, and the view from above.
 
-Everything lies below one frame, so that two searches can stand side by side.
+Walls come from the outlines of free space, which every recorded episode has. Each side of an outline becomes an upright
+rectangle that faces free space. Browsers draw only its front, so that walls between the eye and the floor disappear.
+Outlines may have either orientation: those inside an even number of others enclose free space. Each building is below a
+frame of its own, so that two searches can stand side by side.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+import shapely
+from jaxtyping import Float, Int
 
-from robosim.drawing.scale import bar_m
-from robosim.live.scene_colours import FLOOR, WALL, WALL_EDGE
-from robosim.live.walls import facing_free, floor_mesh, upper_edges, wall_mesh
+from robosim.drawing.marks import bar_m
+from robosim.live.scene_nodes import FLOOR, NO_SHADOW, WALL, WALL_EDGE, add_lines
 
 if TYPE_CHECKING:
     import viser
 
-#: Lines on the floor lie so high over each other [m], that none hides the next.
+#: Height between layers on the floor [m], so that none hides the next.
 STEP_M = 0.01
-#: Strength of the light that comes from all sides.
-_AMBIENT = 1.4
-#: What is to be seen over all of them is so high.
+#: Height of the scale bar above all maps [m].
 OVER_MAPS_M = 0.12
+#: Distance of the upper edges from walls [m] at most: an edge is some 4 cm wide where a flat fills the window.
+EDGE_M = 0.05
+#: Inclination of the view from above towards the south.
+TILT_RAD = math.radians(15.0)
+#: Vertical field of view of the page [degrees].
+FIELD_DEG = 50.0
+#: Strength of the light from all sides.
+_AMBIENT = 1.4
+
+Rings = Sequence[Float[np.ndarray, "_ 2"]]
 
 
-class Scenery:
+class BuildingScene:
     """Walls and floor below a frame."""
 
     def __init__(
         self,
         scene: "viser.SceneApi",
         root: str,
-        rings: Sequence[Float[np.ndarray, "_ 2"]],
+        rings: Rings,
         height_m: float,
-        offset: tuple[float, float] = (0.0, 0.0),
-        around: Sequence[Float[np.ndarray, "2"]] = (),
         *,
+        offset: tuple[float, float] = (0.0, 0.0),
+        target: Float[np.ndarray, "2"] | None = None,
         floor_m: float = 0.0,
         has_scale: bool = True,
         floor_opacity: float | None = None,
     ) -> None:
-        """Draw them.
+        """Draw outlines of free space [m] with walls of a height, below a frame at a position [m].
 
-        Args:
-            scene: Where.
-            root: Name of the frame.
-            rings: Outlines of free space [m].
-            height_m: Of the walls.
-            offset: Where the frame stands [m].
-            around: Places that are to be seen too [m].
-            floor_m: Height of the floor [m].
-            has_scale: Whether a scale bar and north stand beside it.
-            floor_opacity: How much of what is below the floor it hides, 0 to 1; None for all.
+        `target` is a place that must be in view as well, `floor_m` the height of the floor; a floor is opaque without
+        `floor_opacity`.
         """
         self.root, self.height_m, self.offset = root, height_m, np.array(offset)
         rings = facing_free(rings)
-        seen = [*rings, *(np.reshape(place, (1, 2)) for place in around)]
+        seen = [*rings] if target is None else [*rings, target[None]]
         corners = np.concatenate(seen) if seen else np.zeros((1, 2))
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self._frame = scene.add_frame(root, show_axes=False, position=(*offset, floor_m))
-        self._draw_walls(scene, rings, floor_opacity)
+        vertices, faces = floor_mesh(rings)
+        if len(faces):
+            scene.add_mesh_simple(
+                f"{root}/floor", vertices, faces, color=FLOOR, flat_shading=True, side="double",
+                opacity=floor_opacity, **NO_SHADOW,
+            )  # fmt: skip
+        walls = wall_mesh(rings, height_m)
+        self._upright: list[Any] = [
+            scene.add_mesh_simple(f"{root}/walls", *walls, color=WALL, flat_shading=True, **NO_SHADOW),
+            add_lines(scene, f"{root}/edges", upper_edges(rings, height_m), WALL_EDGE, 1.2),
+        ]
         if has_scale:
             self._draw_scale(scene)
 
     @property
     def middle(self) -> Float[np.ndarray, "2"]:
-        """Of the plan, where it stands [m]."""
+        """Middle of the plan in the scene [m]."""
         return (self.low + self.high) / 2 + self.offset
 
     @property
@@ -81,56 +94,28 @@ class Scenery:
             node.scale = (1.0, 1.0, share)
 
     def show(self, visible: bool) -> None:
-        """Show or hide it, and whatever was drawn below the same frame."""
+        """Show or hide everything below the frame."""
         self._frame.visible = visible
 
     def remove(self) -> None:
-        """Take it away, and whatever was drawn below the same frame."""
+        """Remove everything below the frame."""
         self._frame.remove()
 
-    def _draw_walls(
-        self, scene: "viser.SceneApi", rings: list[np.ndarray], floor_opacity: float | None
-    ) -> None:
-        vertices, faces = floor_mesh(rings)
-        if len(faces):
-            scene.add_mesh_simple(
-                f"{self.root}/floor", vertices, faces, color=FLOOR, flat_shading=True, cast_shadow=False,
-                receive_shadow=False, side="double", opacity=floor_opacity,
-            )  # fmt: skip
-        vertices, faces = wall_mesh(rings, self.height_m)
-        self._upright: list[Any] = [
-            scene.add_mesh_simple(
-                f"{self.root}/walls", vertices, faces, color=WALL, flat_shading=True, cast_shadow=False,
-                receive_shadow=False,
-            )
-        ]  # fmt: skip
-        edges = upper_edges(rings, self.height_m)
-        self._upright.append(
-            scene.add_line_segments(
-                f"{self.root}/edges", edges, WALL_EDGE, thickness=1.2, thickness_units="screen"
-            )
-        )
-
     def _draw_scale(self, scene: "viser.SceneApi") -> None:
-        """A bar of a round length, and an arrow along the plan's y, below the plan's south-west corner."""
-        length = bar_m(float(self.size.max()))
-        gap = 0.05 * max(float(self.size.max()), 1.0)
+        """A bar of a round length and an arrow along y, below the south-west corner of the plan."""
+        size = float(self.size.max())
+        length, gap = bar_m(size), 0.05 * max(size, 1.0)
         x, y = self.low[0], self.low[1] - 1.2 * gap
         tick, z = 0.3 * gap, OVER_MAPS_M
-        bar = [
+        north = x + length + 2.5 * gap
+        strokes = [
             [[x, y, z], [x + length, y, z]],
             *([[at, y - tick, z], [at, y + tick, z]] for at in (x, x + length / 2, x + length)),
-        ]
-        north = x + length + 2.5 * gap
-        arrow = [
             [[north, y - gap, z], [north, y + gap, z]],
             [[north, y + gap, z], [north - tick, y + gap - 2 * tick, z]],
             [[north, y + gap, z], [north + tick, y + gap - 2 * tick, z]],
         ]
-        scene.add_line_segments(
-            f"{self.root}/scale", np.array([*bar, *arrow], float), (20, 20, 20), thickness=2.5,
-            thickness_units="screen",
-        )  # fmt: skip
+        add_lines(scene, f"{self.root}/scale", np.array(strokes, float), (20, 20, 20), 2.5)
         scene.add_label(
             f"{self.root}/scale/length", f"{length:g} m", position=(x + length / 2, y - 2 * tick, z),
             anchor="top-center", font_screen_scale=0.9,
@@ -141,24 +126,96 @@ class Scenery:
         )  # fmt: skip
 
 
+def facing_free(rings: Rings) -> list[Float[np.ndarray, "_ 2"]]:
+    """The same outlines, closed and wound so that free space is on the left of each side [m]."""
+    closed = [
+        np.asarray(ring, float)
+        if len(ring) and np.array_equal(ring[0], ring[-1])
+        else np.vstack([ring, ring[:1]])
+        for ring in rings
+    ]
+    areas = [shapely.Polygon(ring) if len(ring) > 3 else None for ring in closed]
+    found = []
+    for i, (ring, area) in enumerate(zip(closed, areas, strict=True)):
+        if area is None or area.area == 0:
+            continue
+        inside = shapely.Point(shapely.LineString(ring[:2]).interpolate(0.5, normalized=True))
+        n_around = sum(
+            other is not None and other.area > area.area and other.contains(inside)
+            for k, other in enumerate(areas)
+            if k != i
+        )
+        is_outer = n_around % 2 == 0
+        found.append(ring if shapely.LinearRing(ring).is_ccw == is_outer else ring[::-1])
+    return found
+
+
+def wall_sides(rings: Rings) -> Float[np.ndarray, "n 2 2"]:
+    """Ends of all sides of closed outlines [m]."""
+    parts = [np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings]
+    return np.concatenate(parts) if parts else np.zeros((0, 2, 2))
+
+
+def wall_mesh(rings: Rings, height_m: float) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    """Vertices [m] and triangles of the walls along outlines of `facing_free`, with their fronts to free space."""
+    sides = wall_sides(rings)
+    if not len(sides):
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    a, b = sides[:, 0], sides[:, 1]
+    low, high = np.zeros((len(a), 1)), np.full((len(a), 1), height_m)
+    corners = np.stack(
+        [np.hstack([a, low]), np.hstack([b, low]), np.hstack([b, high]), np.hstack([a, high])], axis=1
+    )
+    first = 4 * np.arange(len(a))[:, None]
+    # Free space is on the left of a to b: seen from there, a is on the right, so that b, a, top of a turns left.
+    triangles = np.concatenate([first + np.array([1, 0, 3]), first + np.array([1, 3, 2])])
+    return corners.reshape(-1, 3), triangles
+
+
+def upper_edges(rings: Rings, height_m: float) -> Float[np.ndarray, "n 2 3"]:
+    """Lines along the tops of walls, within `EDGE_M` of them [m]: few, for browsers without a graphics card."""
+    sides = wall_sides([shapely.get_coordinates(shapely.LinearRing(r).simplify(EDGE_M)) for r in rings])
+    return np.dstack([sides, np.full(sides.shape[:2], height_m)])
+
+
+def floor_mesh(rings: Rings) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    """Vertices [m] and triangles of the floor between outlines of `facing_free`, at z = 0, with their fronts up."""
+    outer = [shapely.Polygon(ring) for ring in rings if shapely.LinearRing(ring).is_ccw]
+    inner = [shapely.Polygon(ring) for ring in rings if not shapely.LinearRing(ring).is_ccw]
+    free = shapely.difference(shapely.union_all(outer), shapely.union_all(inner))
+    corners: list[np.ndarray] = []
+    for part in shapely.get_parts(free):
+        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
+        corners += [shapely.get_coordinates(shapely.orient_polygons(one))[:3] for one in triangles]
+    if not corners:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    points = np.concatenate(corners)
+    return np.column_stack([points, np.zeros(len(points))]), np.arange(len(points)).reshape(-1, 3)
+
+
 def light(scene: "viser.SceneApi") -> None:
-    """Light a space evenly, without what takes long where there is no graphics card: shadows, and a sky to mirror."""
+    """Light a scene evenly, without shadows and reflections, which are slow without a graphics card."""
     scene.configure_default_lights(cast_shadow=False)
     scene.configure_environment_map(hdri=None)
     scene.add_light_ambient("/light", intensity=_AMBIENT)
 
 
-def view_from_above(
-    low: np.ndarray, high: np.ndarray, aspect: float = 1.3, height_m: float = 0.0, covered: float = 0.0
+def view_of_all(
+    buildings: Sequence[BuildingScene], aspect: float, covered: float = 0.0, right_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the eye is to see all of a rectangle from above and a little from the south, and what it looks at [m].
+    """Position of the eye, and the point it looks at, to see buildings and some metres to their right from above."""
+    low = np.min([one.low + one.offset for one in buildings], axis=0)
+    high = np.max([one.high + one.offset for one in buildings], axis=0)
+    height_m = max(one.height_m for one in buildings)
+    return view_from_above(low, high + np.array([right_m, 0.0]), aspect, height_m, covered)
 
-    Args:
-        low: South-west corner [m].
-        high: North-east corner [m].
-        aspect: Width of the window over its height.
-        height_m: Of what stands there.
-        covered: Share of the window's height, from below, that something lies over, 0 to 0.9.
+
+def view_from_above(
+    low: np.ndarray, high: np.ndarray, aspect: float, height_m: float, covered: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position of the eye, and the point it looks at, to see a box from above and a little from the south [m].
+
+    `aspect` is the width of the window over its height, of which a share from below may be covered.
     """
     gap = 0.12 * float(max(*(high - low), 1.0))  # for the scale bar
     corners = np.array([
@@ -167,29 +224,16 @@ def view_from_above(
     lean, up = math.sin(TILT_RAD), math.cos(TILT_RAD)
     ahead = np.array([0.0, lean, -up])
     axes = np.array([[1.0, 0.0, 0.0], [0.0, -up, -lean], ahead])  # right, down, and into the picture
-    to_right, down, deep = axes @ corners.T
-    # Slopes of the lines of sight that bound what is free of the window, with a margin.
+    right, down, depth = axes @ corners.T
     half = math.tan(math.radians(FIELD_DEG) / 2)
-    across = (-0.92 * half * aspect, 0.92 * half * aspect)
-    along = (-0.9 * half, (0.94 - 2 * covered) * half)
-    (x, far_x), (y, far_y) = _between(to_right, deep, across), _between(down, deep, along)
-    far = min(far_x, far_y)  # the nearest from where all is seen
-    eye = axes.T @ np.array([x(far), y(far), far])
+    # Slopes of the lines of sight that bound the free part of the window, with a margin.
+    slopes = np.array([
+        [-0.92 * half * aspect, 0.92 * half * aspect], [-0.9 * half, (0.94 - 2 * covered) * half]
+    ])  # fmt: skip
+    across = np.array([right, down])
+    least = np.min(across - slopes[:, :1] * depth, axis=1)
+    most = np.max(across - slopes[:, 1:] * depth, axis=1)
+    far = np.min((least - most) / (slopes[:, 1] - slopes[:, 0]))  # the nearest from which all is in view
+    place = (least + slopes[:, 0] * far + most + slopes[:, 1] * far) / 2
+    eye = axes.T @ np.array([*place, far])
     return eye, eye - ahead * eye[2] / ahead[2]
-
-
-def _between(
-    across: Float[np.ndarray, " n"], deep: Float[np.ndarray, " n"], slopes: tuple[float, float]
-) -> tuple[Callable[[float], float], float]:
-    """Where an eye sees points between two lines of sight: its place across, by its depth, and its largest depth."""
-    low, high = np.min(across - slopes[0] * deep), np.max(across - slopes[1] * deep)
-    return (
-        lambda at: float(low + slopes[0] * at + high + slopes[1] * at) / 2,
-        float((low - high) / (slopes[1] - slopes[0])),
-    )
-
-
-#: How far the eye leans to the south.
-TILT_RAD = math.radians(15.0)
-#: Vertical field of view of the page [degrees].
-FIELD_DEG = 50.0

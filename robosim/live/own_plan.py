@@ -21,15 +21,10 @@ MOST_BYTES = 50_000_000
 
 
 def plan_of(name: str, content: bytes, resolution_m: float) -> tuple[FloorPlan, str]:
-    """The floor plan in a file's content, and its reader's warnings, such as an assumed up axis.
-
-    Args:
-        name: Name of the file; its folder is ignored.
-        content: Its bytes.
-        resolution_m: Metres per pixel, for images and arrays.
+    """The floor plan in a file, with metres per pixel for images and arrays, and warnings of its reader.
 
     Raises:
-        MapError: If it has no printable name or cannot be read; the message names the file and the fix.
+        MapError: If it has no printable name or cannot be read; the message names the file and the remedy.
     """
     file = PurePosixPath(name.replace("\\", "/"))
     plain, ending = file.name[:80], file.suffix.lower()

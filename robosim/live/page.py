@@ -1,20 +1,18 @@
-"""The page: its server, its tabs, and how one looks at what they show."""
+"""The page: its server, its tabs, and the views of its windows."""
 
 import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
-from robosim.live.building_scene import FIELD_DEG, Scenery, light, view_from_above
+from robosim.live.building_scene import FIELD_DEG, BuildingScene, light, view_of_all
 from robosim.live.client import COVERED
-from robosim.live.link_model import LinkModel, LinkSettings
+from robosim.live.link_model import LinkModel
 from robosim.live.page_html import page_head
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.results_panel import ResultsPanel
@@ -22,237 +20,192 @@ from robosim.live.search_panel import SearchPanel
 from robosim.live.server import close_server, open_server
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import StoreysPlan
+from robosim.radio.scene import RadioConfig
 
 if TYPE_CHECKING:
     import viser
 
+#: Position of the eye over the robot's shoulder: distance behind it, and height [m].
+BEHIND_M, EYE_M = 2.2, 2.4
+#: Relative change of a window's shape that sets its view again.
+_RESHAPED = 0.02
+#: Width over height of windows that are treated as phones, which the panel covers partly. Their size in pixels does not
+#: show it: viser renders fewer where drawing is slow, and phones have more.
+_PHONE = 0.6
+
 
 @dataclass(frozen=True, eq=False)
-class Mode:
-    """One of the things that a page can show."""
+class Tab:
+    """A tab of the panel, and its part of the scene."""
 
     folder: Any
-    """Its part of the panel."""
+    """The controls."""
     show: Callable[[bool], None]
-    """Shows or hides its part of the space."""
-    sceneries: Callable[[], list[Scenery]]
-    """Buildings in its part of the space."""
-    on_chosen: Callable[[bool], None] = lambda chosen: None
-    """Is told whether this one was chosen, though another's building may be shown as long as it has none."""
-
-
-#: From where one looks over the robot's shoulder: behind it, and above the floor [m].
-BEHIND_M, EYE_M = 2.2, 2.4
-#: A window is looked at anew when its width over its height has changed by more than this share.
-_OTHER_SHAPE = 0.02
-#: A space so narrow, by its height, is taken for a phone's, over which the panel lies. Its pixels tell nothing:
-#: viser takes fewer where drawing is slow, and phones have more of them.
-_PHONE = 0.6
+    """Shows or hides its part of the scene."""
+    buildings: Callable[[], list[BuildingScene]]
+    """Buildings in its part of the scene."""
+    on_select: Callable[[bool], None] = lambda selected: None
+    """Called with whether the tab is selected; without buildings of its own it shows those of `Radio`."""
 
 
 class Page:
     """A page that is served until it is closed."""
 
     def __init__(self, host: str, port: int, title: str) -> None:
-        """Start to serve it, empty.
-
-        Args:
-            host: Where.
-            port: 0 for any that is free.
-            title: Of its panel.
+        """Serve an empty page; port 0 stands for any free one.
 
         Raises:
-            ValueError: If viser is not installed, or the address cannot be had.
+            ValueError: If viser is not installed, or the address cannot be used.
         """
         self.server: viser.ViserServer = open_server(host, port, title)
-        self.host, self._closers = host, list[Any]()
-        self._sceneries: list[Scenery] = []
+        self.host, self._closers = host, list[Callable[[], None]]()
+        self._buildings: list[BuildingScene] = []
         self.radio: RadioPanel | None = None
         self.server.gui.main_panel.dock_right()
-        self._about = self.server.gui.add_html("", order=-2.0)
-        self.entitle(title)
+        self._head = self.server.gui.add_html("", order=-2.0)
+        self.set_title(title)
         light(self.server.scene)
-        self._modes: dict[str, Mode] = {}
-        self._choice: Any = None
-        #: How windows were turned to all of it: their shape then, and the eye's place [m].
-        self._turned: dict[int, tuple[float, np.ndarray]] = {}
-        self.server.on_client_connect(self._meet)
-        self.server.on_client_disconnect(self._part)
+        self._tabs: dict[str, Tab] = {}
+        #: Shape and eye [m] of windows whose view was set to all buildings.
+        self._views: dict[int, tuple[float, np.ndarray]] = {}
+        self.server.on_client_connect(self._connect)
+        self.server.on_client_disconnect(self._disconnect)
         self._ended = threading.Event()
 
     def __enter__(self) -> "Page":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
     def url(self) -> str:
-        """What to open in a browser of this machine."""
+        """Address for a browser on this machine."""
         host = "localhost" if self.host in ("0.0.0.0", "::", "") else self.host
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{self.server.get_port()}"
 
-    def entitle(self, title: str, about: str = "", said: str = "") -> None:
-        """Set the title of the panel and of the browser's tab, and what stands above all else: facts, and a line."""
+    def set_title(self, title: str, about: str = "", message: str = "") -> None:
+        """Set the title of panel and browser tab, the facts at the head of the panel, and a message (HTML)."""
         self.server.gui.set_panel_label(title)
-        self._about.content = page_head(title, about) + said
+        self._head.content = page_head(title, about) + message
 
-    def explore(
-        self, plan: FloorPlan | StoreysPlan, building: BuildingConfig, settings: LinkSettings
-    ) -> RadioPanel:
+    def explore(self, plan: FloorPlan | StoreysPlan, config: RadioConfig | None = None) -> RadioPanel:
         """Add the tab `Radio` for a building of one or several storeys.
 
         Raises:
             MapError: If a plan has no free area.
             ValueError: If a setting does not fit.
         """
-        model = LinkModel(plan, building, settings)
-        with self._folder("Radio") as folder:
+        model = LinkModel(plan, config or RadioConfig())
+        with self.server.gui.add_folder("Radio") as folder:
             radio = self.radio = RadioPanel(
-                self.server, model, building, on_plan=lambda: self.show("Radio"), on_about=self.entitle
+                self.server, model, on_plan=lambda: self.show("Radio"), on_title=self.set_title
             )
-            above = self.server.gui.add_button("See it from above")
-            above.on_click(lambda event: self._welcome(event.client) if event.client else None)
+            above = self.server.gui.add_button("View from above")
+            above.on_click(lambda event: self._view_all(event.client))
             if len(model) == 1:
-                self._add_inside(radio)
+                shoulder = self.server.gui.add_button("View over the robot's shoulder")
+                shoulder.on_click(lambda event: self._view_robot(event.client))
         self._closers.append(radio.close)
-        self._modes["Radio"] = Mode(folder, radio.show, lambda: radio.sceneries)
+        self._tabs["Radio"] = Tab(folder, radio.show, lambda: radio.buildings)
         self.show("Radio")
         return radio
 
-    def search(self, config: EpisodeConfig, building: BuildingConfig) -> SearchPanel:
-        """Add the tab `Search` in the building that is explored.
-
-        Args:
-            config: How searches are run, but for what is chosen in the tab.
-            building: How plans become buildings.
-        """
+    def search(self, config: EpisodeConfig) -> SearchPanel:
+        """Add the tab `Search` in the building of `Radio`, with settings that the tabs do not have."""
         assert self.radio is not None, "explore a building first"
-        with self._folder("Search") as folder:
-            searches = SearchPanel(
-                self.server, self.radio, config, building, on_view=lambda: self.show("Search")
-            )
+        with self.server.gui.add_folder("Search") as folder:
+            searches = SearchPanel(self.server, self.radio, config, on_view=lambda: self.show("Search"))
         self._closers.append(searches.close)
-        self._modes["Search"] = Mode(
-            folder, searches.player.show, lambda: searches.player.sceneries, searches.picker.show
-        )
-        self._offer_modes()
+        player = searches.player
+        self._tabs["Search"] = Tab(folder, player.show, lambda: player.buildings, searches.show_marks)
+        choice = self.server.gui.add_button_group("show", tuple(self._tabs), order=-1.0)
+        choice.on_click(lambda event: self.show(choice.value))
         self.show("Radio")
         return searches
 
-    def look_back(self, folder: Path) -> ResultsPanel:
-        """Show an episode or an evaluation.
+    def replay(self, folder: Path) -> ResultsPanel:
+        """Add the tab `Replay` for an episode or an evaluation.
 
         Raises:
             FileError: If a file in the folder is damaged.
             ValueError: If there is nothing to show.
         """
-        with self._folder("Look back") as shown:
-            results = ResultsPanel(self.server, folder, on_view=lambda: self._recorded())
+        with self.server.gui.add_folder("Replay") as gui_folder:
+            results = ResultsPanel(self.server, folder, on_view=lambda: self.show("Replay"))
         self._closers.append(results.close)
-        self._modes["Look back"] = Mode(shown, results.player.show, lambda: results.player.sceneries)
-        self.show("Look back")
+        player = results.player
+        self._tabs["Replay"] = Tab(gui_folder, player.show, lambda: player.buildings)
+        self.show("Replay")
         return results
 
-    def _recorded(self) -> None:
-        if "Look back" in self._modes:
-            self.show("Look back")
-
     def show(self, name: str) -> None:
-        """Go over to one of the page's modes, in all its windows."""
-        # Before there is a search to look at, its building is.
-        seen = name if self._modes[name].sceneries() else "Radio"
-        for other, mode in self._modes.items():
-            mode.folder.visible = other == name
-            mode.show(other == seen)
-            mode.on_chosen(other == name)
-        if seen in self._modes:
-            self._look_at(self._modes[seen].sceneries())
-
-    def _folder(self, name: str) -> Any:
-        return self.server.gui.add_folder(name)
-
-    def _offer_modes(self) -> None:
-        """Let people choose what is shown, above all else."""
-        if self._choice is not None:
-            self._choice.remove()
-        choice = self._choice = self.server.gui.add_button_group("show", tuple(self._modes), order=-1.0)
-        choice.on_click(lambda event: self.show(choice.value))
+        """Select a tab, in all windows; nothing happens before it has been added."""
+        if name not in self._tabs:
+            return
+        # A tab without buildings, such as Search at first, shows those of Radio.
+        shown = name if self._tabs[name].buildings() else "Radio"
+        for other, tab in self._tabs.items():
+            tab.folder.visible = other == name
+            tab.show(other == shown)
+            tab.on_select(other == name)
+        if shown in self._tabs:
+            # viser's initial camera is not used: it does not know the shape of a window, and is set later.
+            self._buildings = self._tabs[shown].buildings()
+            for client in self.server.get_clients().values():
+                self._view_all(client)
 
     def wait(self) -> None:
         """Serve until the program is interrupted, or the page closed."""
         self._ended.wait()
 
     def close(self) -> None:
-        """End what runs, and stop to serve."""
+        """End everything."""
         self._ended.set()
         for close in reversed(self._closers):
             close()
         self._closers.clear()
         close_server(self.server)
 
-    def _look_at(self, sceneries: list[Scenery]) -> None:
-        """Look at buildings from above, in every window, and in those to come."""
-        # Not by the server's first camera, which knows no window's shape and would be set after it.
-        self._sceneries = sceneries
-        for client in self.server.get_clients().values():
-            self._welcome(client)
-
-    def _meet(self, client: Any) -> None:
-        """Have a new window look at all of it, and again when it has another shape: its panel comes after its space."""
-        self._welcome(client)
+    def _connect(self, client: Any) -> None:
+        """Set the view of a new window, and again when it changes its shape, as when its panel appears."""
+        self._view_all(client)
         client.camera.on_update(lambda camera: self._fit(client))
 
-    def _part(self, client: Any) -> None:
-        """Forget a window that is closed."""
-        self._turned.pop(client.client_id, None)
+    def _disconnect(self, client: Any) -> None:
+        self._views.pop(client.client_id, None)
 
-    def _welcome(self, client: Any) -> None:
-        """Have a window look at all of it, as wide as it is."""
-        if self._sceneries:
-            self._turned[client.client_id] = _look_from_above(client, self._sceneries)
+    def _view_all(self, client: Any) -> None:
+        """Set a window's view to all buildings."""
+        if client is not None and self._buildings:
+            aspect = float(client.camera.aspect)
+            eye, target = view_of_all(self._buildings, aspect, covered=COVERED if aspect < _PHONE else 0.0)
+            _set_camera(client, eye, target)
+            self._views[client.client_id] = aspect, eye
 
     def _fit(self, client: Any) -> None:
-        """Look anew where a window's shape has changed, unless somebody has turned its view."""
-        turned = self._turned.get(client.client_id)
-        if turned is None:
+        """Set the view again if the window has another shape, unless its user has turned it."""
+        aspect, eye = self._views.get(client.client_id, (0.0, np.zeros(3)))
+        if not aspect:
             return
-        (aspect, eye), camera = turned, client.camera
-        still = np.allclose(camera.position, eye, atol=0.01 * eye[2])
-        if still and abs(camera.aspect / aspect - 1) > _OTHER_SHAPE:
-            self._welcome(client)
+        is_unturned = np.allclose(client.camera.position, eye, atol=0.01 * eye[2])
+        if is_unturned and abs(client.camera.aspect / aspect - 1) > _RESHAPED:
+            self._view_all(client)
 
-    def _add_inside(self, radio: RadioPanel) -> None:
-        inside = self.server.gui.add_button("See it over the robot's shoulder")
-
-        @inside.on_click
-        def _(event: Any) -> None:
-            if event.client is None:
-                return
-            at, to = radio.places["robot"], radio.places["transmitter"]
-            way = (to - at) / max(float(np.hypot(*(to - at))), 0.1)
-            # What a slow window still tells of its view from above would have it look there again.
-            self._turned.pop(event.client.client_id, None)
-            _look(event.client, np.array([*(at - BEHIND_M * way), EYE_M]), np.array([*(at + way), 1.0]))
+    def _view_robot(self, client: Any) -> None:
+        """Set a window's view from behind the robot towards the transmitter."""
+        if client is None or self.radio is None:
+            return
+        robot, transmitter = self.radio.places["robot"], self.radio.places["transmitter"]
+        direction = (transmitter - robot) / max(float(np.hypot(*(transmitter - robot))), 0.1)
+        # Otherwise a slow window that still reports its view from above would be reset to it.
+        self._views.pop(client.client_id, None)
+        eye = np.array([*(robot - BEHIND_M * direction), EYE_M])
+        _set_camera(client, eye, np.array([*(robot + direction), 1.0]))
 
 
-def _look_from_above(client: Any, sceneries: list[Scenery]) -> tuple[float, np.ndarray]:
-    """Turn the camera of a window to all of it; returns the window's shape and the eye's place [m]."""
-    low = np.min([one.low + one.offset for one in sceneries], axis=0)
-    high = np.max([one.high + one.offset for one in sceneries], axis=0)
-    height_m = max(one.height_m for one in sceneries)
-    aspect = float(client.camera.aspect)
-    covered = COVERED if aspect < _PHONE else 0.0
-    eye, target = view_from_above(low, high, aspect, height_m, covered)
-    _look(client, eye, target)
-    return aspect, eye
-
-
-def _look(client: Any, eye: np.ndarray, target: np.ndarray) -> None:
-    """Turn the camera of one window."""
+def _set_camera(client: Any, eye: np.ndarray, target: np.ndarray) -> None:
     with client.atomic():
         client.camera.fov = math.radians(FIELD_DEG)
         client.camera.up_direction = (0.0, 0.0, 1.0)

@@ -1,7 +1,7 @@
-"""A recording as one HTML file that plays without Python and without a network.
+"""Recordings as one HTML file that plays without Python and without a network.
 
-viser's client is one file, and takes the messages that draw a scene from a variable in it. A legend is laid over it,
-since panels are not recorded.
+viser's client is one file, and reads the messages that draw a scene from a variable in it. Panels are not recorded: a
+legend covers a corner instead.
 """
 
 from collections.abc import Sequence
@@ -11,35 +11,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robosim.live.building_scene import FIELD_DEG, light, view_from_above
-from robosim.live.client import before_client
-from robosim.live.lean import SCRIPT as LEAN
+from robosim.live.building_scene import FIELD_DEG, light, view_of_all
+from robosim.live.client import SOFTWARE, before_client
 from robosim.live.page_html import search_legend
-from robosim.live.recording import Recording
+from robosim.live.recordings import Recording
+from robosim.live.scene_nodes import NO_SHADOW
 from robosim.live.search_view import SearchView
 from robosim.live.server import HOST, close_server, open_server
-from robosim.support.checks import check_number
 from robosim.support.files import write_whole
 
 if TYPE_CHECKING:
     import viser
 
-#: Moments of a file: more would make it larger than a page should be.
-MOST_MOMENTS = 120
-#: How fast it plays [moments a second].
-PER_S = 6.0
-#: Width of the camera's picture beside the plan, over the plan's.
+#: Largest number of steps in a file, evenly distributed, which bounds its size.
+MOST_STEPS = 120
+#: Steps per second.
+SPEED_PER_S = 6.0
+#: Width of the camera's picture over that of the plan.
 _PICTURE = 0.3
-#: Shape of the window that the view is chosen for.
+#: Shape of the window that the view fits.
 _ASPECT = 1.3
-#: A narrower window, as a phone's, shows as much from left to right; viser asks the address for the field [rad].
+#: A narrower window, such as a phone's, shows as much from left to right; viser reads the field of view [rad] from the
+#: address.
 _NARROW = f"""<script>(() => {{
   const narrow = {_ASPECT} * innerHeight / innerWidth, get = URLSearchParams.prototype.get;
   if (narrow <= 1) return;
   const field = 2 * Math.atan(narrow * Math.tan({np.radians(FIELD_DEG) / 2}));
   URLSearchParams.prototype.get = function (name) {{
-    const asked = get.call(this, name);
-    return asked === null && name === 'initialCameraFov' ? String(field) : asked;
+    const value = get.call(this, name);
+    return value === null && name === 'initialCameraFov' ? String(field) : value;
   }};
 }})();</script>"""
 _STYLE = (
@@ -48,98 +48,70 @@ _STYLE = (
 )
 
 
-def exported(
-    recordings: Sequence[Recording], *, most_moments: int = MOST_MOMENTS, per_s: float = PER_S
-) -> str:
-    """Recordings side by side as a page.
-
-    Args:
-        recordings: One or two.
-        most_moments: Evenly over the recording, the first and the last among them.
-        per_s: How many of them are shown a second.
-
-    Returns:
-        The page's text.
-
-    Raises:
-        ValueError: If viser is not installed, or a number makes no sense.
-    """
-    check_number("most_moments", most_moments, 2, 5000, "moments", whole=True)
-    check_number("per_s", per_s, 0.1, 60, "moments a second")
-    # A server of its own, which nobody is told of: what others look at stays as it is.
-    server = open_server(HOST, 0, "export")
-    try:
-        return _with_legend(_recorded(server, recordings, most_moments, per_s), recordings)
-    finally:
-        close_server(server)
-
-
 def export(recordings: Sequence[Recording], path: Path) -> None:
-    """Write recordings as a page.
-
-    Args:
-        recordings: One or two.
-        path: The file, .html.
+    """Write one or two recordings as a page (.html).
 
     Raises:
         ValueError: If viser is not installed.
     """
-    write_whole(Path(path), exported(recordings).encode())
+    write_whole(Path(path), export_page(recordings).encode())
 
 
-def _recorded(server: "viser.ViserServer", recordings: Sequence[Recording], most: int, per_s: float) -> str:
+def export_page(recordings: Sequence[Recording]) -> str:
+    """One or two recordings side by side as a page.
+
+    Raises:
+        ValueError: If viser is not installed.
+    """
+    # A server of its own, so that the scene of another page stays unchanged.
+    server = open_server(HOST, 0, "export")
+    try:
+        page = _record(server, recordings)
+    finally:
+        close_server(server)
+    title = escape(" | ".join(f"{one.title}: {one.ended or 'running'}" for one in recordings))
+    legend = f'<details open style="{_STYLE}"><summary><b>{title}</b></summary>{search_legend()}</details>'
+    page = page.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
+    end = page.rindex("</body>")
+    return page[:end] + legend + page[end:]
+
+
+def _record(server: "viser.ViserServer", recordings: Sequence[Recording]) -> str:
     light(server.scene)
-    views, pictures, offset = [], [], 0.0
+    views, pictures, offset_m, width_m = [], [], 0.0, 0.0
     for k, recording in enumerate(recordings):
-        view = SearchView(server, f"/{k}", recording, (offset, 0.0), len(recordings) > 1)
-        wide = _PICTURE * float(view.scenery.size.max())
-        pictures.append(_frame(server, f"/{k}", view, wide))
+        view = SearchView(server, f"/{k}", recording, offset_m, brief=len(recordings) > 1)
+        width_m = _PICTURE * float(view.building.size.max())
+        pictures.append(_add_picture(server, f"/{k}", view, width_m))
         views.append(view)
-        offset += float(view.scenery.size[0]) + 1.4 * wide + 1.0
-    _look(server, views, 1.2 * _PICTURE * float(views[-1].scenery.size.max()))
-    count = max(len(recording) for recording in recordings)
-    chosen = np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
-    serializer = server.get_scene_serializer()
-    for i in chosen.tolist():
-        for view, picture in zip(views, pictures, strict=True):
-            step = view.show(i)
-            if step is not None and picture is not None:
-                picture.image = step.sensed.rgb
-        serializer.insert_sleep(1 / per_s)
-    return before_client(serializer.as_html(), LEAN, _NARROW)
-
-
-def _frame(server: "viser.ViserServer", root: str, view: SearchView, wide: float) -> Any:
-    """The camera's picture, which lies beside the plan; none if none was recorded."""
-    first = view.recording[0].sensed.rgb
-    if not first.size:
-        return None
-    deep = wide * first.shape[0] / first.shape[1]
-    x, y = view.scenery.high[0] + 0.65 * wide, view.scenery.high[1] - deep / 2
-    picture = server.scene.add_image(
-        f"{root}/camera", first, wide, deep, format="jpeg", jpeg_quality=70, cast_shadow=False,
-        receive_shadow=False, position=(float(x), float(y), 0.02), wxyz=(0.0, 1.0, 0.0, 0.0),
-    )  # fmt: skip
-    label = (float(x), float(y - deep / 2), 0.0)
-    server.scene.add_label(f"{root}/camera_name", "camera", position=label, anchor="top-center")
-    return picture
-
-
-def _look(server: "viser.ViserServer", views: Sequence[SearchView], beside: float) -> None:
-    low = np.min([view.scenery.low + view.scenery.offset for view in views], axis=0)
-    high = np.max([view.scenery.high + view.scenery.offset for view in views], axis=0)
-    height_m = max(view.scenery.height_m for view in views)
-    eye, target = view_from_above(low, high + np.array([beside, 0.0]), _ASPECT, height_m)
+        offset_m += float(view.building.size[0]) + 1.4 * width_m + 1.0
+    eye, target = view_of_all([view.building for view in views], _ASPECT, right_m=1.2 * width_m)
     camera = server.initial_camera
     camera.position, camera.look_at = tuple(eye), tuple(target)
     camera.up, camera.fov = (0.0, 0.0, 1.0), float(np.radians(FIELD_DEG))
+    count = max(len(recording) for recording in recordings)
+    numbers = np.unique(np.linspace(0, count - 1, min(MOST_STEPS, count)).round().astype(int))
+    serializer = server.get_scene_serializer()
+    for number in numbers.tolist():
+        for view, picture in zip(views, pictures, strict=True):
+            step = view.show(number)
+            if step is not None and picture is not None:
+                picture.image = step.sensed.rgb
+        serializer.insert_sleep(1 / SPEED_PER_S)
+    return before_client(serializer.as_html(), SOFTWARE, _NARROW)
 
 
-def _with_legend(page: str, recordings: Sequence[Recording]) -> str:
-    title = " | ".join(f"{one.title}: {one.ended or 'running'}" for one in recordings)
-    overlay = (
-        f'<details open style="{_STYLE}"><summary><b>{escape(title)}</b></summary>{search_legend()}</details>'
-    )
-    page = page.replace("<title>Viser</title>", f"<title>{escape(title)}</title>", 1)
-    end = page.rindex("</body>")
-    return page[:end] + overlay + page[end:]
+def _add_picture(server: "viser.ViserServer", root: str, view: SearchView, width_m: float) -> Any:
+    """The camera's picture to the right of the plan; None if it is not recorded."""
+    first = view.recording[0].sensed.rgb
+    if not first.size:
+        return None
+    depth_m = width_m * first.shape[0] / first.shape[1]
+    high = view.building.high
+    x, y = float(high[0] + 0.65 * width_m), float(high[1] - depth_m / 2)
+    label_at = (x, y - depth_m / 2, 0.0)
+    server.scene.add_label(f"{root}/camera_name", "camera", position=label_at, anchor="top-center")
+    return server.scene.add_image(
+        f"{root}/camera", first, width_m, depth_m, format="jpeg", jpeg_quality=70, position=(x, y, 0.02),
+        wxyz=(0.0, 1.0, 0.0, 0.0), **NO_SHADOW,
+    )  # fmt: skip

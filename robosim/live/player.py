@@ -1,4 +1,4 @@
-"""Plays recordings of searches side by side, as they grow or from the beginning.
+"""Plays recordings of searches side by side, while they grow or from the beginning.
 
 One thread draws at most ten times per second and skips steps that come faster: a search never waits for a page.
 """
@@ -7,35 +7,40 @@ import logging
 import math
 import re
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robosim.live.building_scene import Scenery
-from robosim.live.page_export import exported
-from robosim.live.page_html import picture, search_legend, sentence
-from robosim.live.recording import Recording
+from robosim.live.building_scene import BuildingScene
+from robosim.live.page_export import export_page
+from robosim.live.page_html import camera_picture, picture, search_legend, sentence, step_facts
+from robosim.live.recordings import Recording
 from robosim.live.search_view import WALLS_M, SearchView
-from robosim.live.step_facts import STROKES, TimeLines, camera_picture, step_facts
 from robosim.step import Step
 
 if TYPE_CHECKING:
     import viser
 
 logger = logging.getLogger(__name__)
-#: Most pictures per second.
+#: Highest number of pictures per second.
 MOST_FPS = 10.0
 #: Speeds to choose from [decisions per second].
-SPEEDS = ("1", "2", "5", "10", "20", "as fast as it goes")
-#: Labels of buttons.
+SPEEDS = ("1", "2", "5", "10", "20", "unlimited")
 PLAY, PAUSE, STEP = "Play", "Pause", "Step"
+#: Colours of the first and the second search in time lines.
+STROKES = ("#0072b2", "#d55e00")
+#: Titles of the columns of `Recording.time_lines`.
+_TIME_LINES = (
+    "SNR of the strongest path [dB]",
+    "estimated link state (0 outage, 1 LOS, 2, 3 NLOS)",
+    "position error [cm]",
+)
 
 
 class Player:
-    """Controls, facts and time lines in a tab of the page; the searches in its scene."""
+    """Controls, facts and time lines in a tab of the page; searches in its scene."""
 
     def __init__(
         self,
@@ -46,32 +51,23 @@ class Player:
         on_step: Callable[[], None] = lambda: None,
         on_speed: Callable[[float], None] = lambda per_s: None,
     ) -> None:
-        """Fill the current part of the panel.
+        """Fill the current part of the panel; searches are drawn below the frame `root`.
 
-        Args:
-            server: The page.
-            root: Name of the frame below which searches are drawn.
-            on_play: Called with whether searches that run are to go on.
-            on_step: Called to make one more step of them.
-            on_speed: Called with the wanted decisions per second; infinite for as many as possible.
+        `on_play` receives whether running searches continue, and `on_speed` their highest number of decisions per
+        second; `on_step` requests one step.
         """
         self._server, self._root = server, root
         self._on_play, self._on_step, self._on_speed = on_play, on_step, on_speed
         self._lock, self._wake = threading.RLock(), threading.Event()
         self._views: list[SearchView] = []
-        self._at, self._shown, self._stamp = 0.0, -1, -1
+        self._position, self._shown, self._stamp = 0.0, -1, -1
         self._playing, self._following, self._closed = False, False, False
-        self._visible, self._times = True, deque[float](maxlen=50)
+        self._visible = True
+        self._charts: list[Any] = []
         self.per_s = math.inf
         self._fill(server.gui)
         self._thread = threading.Thread(target=self._run, name=f"player {root}", daemon=True)
         self._thread.start()
-
-    @property
-    def fps(self) -> float:
-        """Pictures drawn per second, over the last ones."""
-        times = list(self._times)
-        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
 
     @property
     def shown(self) -> int:
@@ -79,52 +75,46 @@ class Player:
         return self._shown
 
     @property
-    def sceneries(self) -> list[Scenery]:
+    def buildings(self) -> list[BuildingScene]:
         """Buildings of all searches."""
         with self._lock:
-            return [view.scenery for view in self._views]
+            return [view.building for view in self._views]
 
     def load(self, recordings: Sequence[Recording], *, playing: bool, following: bool) -> None:
-        """Replace the recordings.
-
-        Args:
-            recordings: One or two.
-            playing: Whether to play.
-            following: Whether to show the latest step as it comes.
-        """
+        """Replace the recordings; `following` shows each new step at once."""
         with self._lock:
             self.clear()
-            offset = 0.0
+            offset_m = 0.0
             for k, recording in enumerate(recordings):
-                # The panel shows the rest, for which a phone's scene has no room.
-                view = SearchView(self._server, f"{self._root}/{k}", recording, (offset, 0.0), brief=True)
-                view.scenery.show(self._visible)
+                # A phone's scene has no space for long titles; the panel shows the same facts.
+                view = SearchView(self._server, f"{self._root}/{k}", recording, offset_m, brief=True)
+                view.building.show(self._visible)
                 self._views.append(view)
-                offset += 1.15 * float(view.scenery.size[0]) + 1.0
-            self._at, self._shown, self._stamp = 0.0, -1, -1
+                offset_m += 1.15 * float(view.building.size[0]) + 1.0
+            self._position, self._shown, self._stamp = 0.0, -1, -1
             self._playing, self._following = playing, following
-            self._controls(True)
+            self._slider.disabled = self._export.disabled = False
         self._wake.set()
 
     def clear(self) -> None:
-        """Show nothing."""
+        """Remove the recordings."""
         with self._lock:
             for view in self._views:
-                view.scenery.remove()
+                view.building.remove()
             self._views.clear()
-            self._controls(False)
+            self._slider.disabled = self._export.disabled = True
 
     def show(self, visible: bool) -> None:
         """Show or hide the searches."""
         with self._lock:
             self._visible = visible
             for view in self._views:
-                view.scenery.show(visible)
+                view.building.show(visible)
             self._shown = -1
         self._wake.set()
 
     def update(self) -> None:
-        """Draw what recordings have gained."""
+        """Draw new steps."""
         self._wake.set()
 
     def say(self, text: str, *, bad: bool = False) -> None:
@@ -141,13 +131,13 @@ class Player:
         self._status = gui.add_html("")
         self._buttons = gui.add_button_group("play", (PLAY, PAUSE, STEP))
         self._slider: Any = gui.add_slider("decision", 0, 1, 1, 0, disabled=True)
-        speed = gui.add_dropdown("decisions a second", SPEEDS, initial_value=SPEEDS[-1])
+        speed = gui.add_dropdown("decisions per second", SPEEDS, initial_value=SPEEDS[-1])
         self._camera = gui.add_html("")
         self._numbers = gui.add_html("")
-        self._time_lines = TimeLines(gui)
+        self._charts_folder = gui.add_folder("Time lines", expand_by_default=True)
         gui.add_html(search_legend())
         self._rays = gui.add_checkbox("true rays of the 8 strongest paths", True)
-        self._export = gui.add_button("Save as a page that plays by itself (.html)", disabled=True)
+        self._export = gui.add_button("Save as a standalone page (.html)", disabled=True)
         walls = gui.add_slider("walls up to [m]", 0.0, 2.5, 0.1, WALLS_M)
 
         @self._buttons.on_click
@@ -159,8 +149,12 @@ class Player:
 
         @self._slider.on_update
         def _(event: Any) -> None:
-            if event.client is not None:  # by a person, not by this program
-                self._scrub(int(self._slider.value))
+            if event.client is None:  # set by this program
+                return
+            number = int(self._slider.value)
+            with self._lock:
+                self._position, self._following = float(number), self._running and number >= self._last
+            self._wake.set()
 
         @speed.on_update
         def _(event: Any) -> None:
@@ -179,48 +173,39 @@ class Player:
 
         @walls.on_update
         def _(event: Any) -> None:
-            for scenery in self.sceneries:
-                scenery.cut_walls(walls.value)
-
-    def _controls(self, usable: bool) -> None:
-        self._slider.disabled = self._export.disabled = not usable
+            for building in self.buildings:
+                building.cut_walls(walls.value)
 
     def play(self, playing: bool) -> None:
         """Play, or pause."""
         with self._lock:
-            if playing and not self._running and self._at >= self._last:
-                self._at = 0.0  # from the beginning
+            if playing and not self._running and self._position >= self._last:
+                self._position = 0.0  # from the beginning
             self._playing = playing
-            self._following = playing and self._running and self._at >= self._last
+            self._following = playing and self._running and self._position >= self._last
         self._on_play(playing)
         self._wake.set()
 
     def _do_step(self) -> None:
         self.play(False)
         with self._lock:
-            if self._at < self._last:
-                self._at = math.floor(self._at) + 1.0
+            if self._position < self._last:
+                self._position = math.floor(self._position) + 1.0
             elif self._running:
                 self._following = True
                 self._on_step()
         self._wake.set()
 
-    def _scrub(self, i: int) -> None:
-        with self._lock:
-            self._at, self._following = float(i), self._running and i >= self._last
-        self._wake.set()
-
     def _send(self, client: Any) -> None:
-        """Export what is shown, and send it to a window."""
+        """Export the recordings, and send the page to a window."""
         with self._lock:
             recordings = [view.recording for view in self._views if len(view.recording)]
         if not recordings:
             return
         self.say("Writing the page, which takes some seconds ...")
         name = "-".join(re.sub(r"\W+", "-", recording.title) for recording in recordings)
-        client.send_file_download(
-            f"robosim-{name[:60]}.html", exported(recordings).encode(), save_immediately=True
-        )
+        page = export_page(recordings).encode()
+        client.send_file_download(f"robosim-{name[:60]}.html", page, save_immediately=True)
         self.say("")
 
     @property
@@ -240,7 +225,7 @@ class Player:
             now = perf_counter()
             try:
                 self._draw(now - before)
-            except Exception:  # one bad picture must not end the thread
+            except Exception:  # an error in one step must not end the thread
                 logger.exception("a step could not be drawn")
             before = now
             rest = 1 / MOST_FPS - (perf_counter() - now)
@@ -253,27 +238,28 @@ class Player:
                 return
             last = self._last
             if self._following:
-                self._at = float(last)
+                self._position = float(last)
                 self._following = self._running
             elif self._playing:
-                self._at = min(self._at + passed_s * min(self.per_s, 4 * MOST_FPS), float(last))
-                self._following = self._running and self._at >= last
-            i = int(self._at)
-            # The end of a search is drawn too, though no step comes with it.
+                self._position = min(self._position + passed_s * min(self.per_s, 4 * MOST_FPS), float(last))
+                self._following = self._running and self._position >= last
+            number = int(self._position)
+            # The end of a search comes without a step, and is drawn as well.
             stamp = sum(len(view.recording) + bool(view.recording.ended) for view in self._views)
-            if not self._visible or (i == self._shown and stamp == self._stamp):
+            if not self._visible or (number == self._shown and stamp == self._stamp):
                 return
-            steps = [view.show(i, rays=self._rays.value) for view in self._views]
-            self._shown, self._stamp = i, stamp
+            steps = [view.show(number, rays=self._rays.value) for view in self._views]
+            self._shown, self._stamp = number, stamp
             recordings = [view.recording for view in self._views]
-        self._times.append(perf_counter())
-        self._describe(i, last, recordings, steps)
+        self._describe(number, last, recordings, steps)
 
-    def _describe(self, i: int, last: int, recordings: list[Recording], steps: list[Step | None]) -> None:
+    def _describe(
+        self, number: int, last: int, recordings: list[Recording], steps: list[Step | None]
+    ) -> None:
         if int(self._slider.max) != max(last, 1):
             self._slider.max = max(last, 1)
-        if int(self._slider.value) != i:
-            self._slider.value = i
+        if int(self._slider.value) != number:
+            self._slider.value = number
         pictures = [camera_picture(step) for step in steps if step is not None and step.sensed.rgb.size]
         if not pictures:
             self._camera.content = ""
@@ -284,4 +270,32 @@ class Player:
             for recording, step, stroke in zip(recordings, steps, STROKES, strict=False)
             if step is not None
         )
-        self._time_lines.show(recordings, i)
+        self._draw_time_lines(number, recordings)
+
+    def _draw_time_lines(self, number: int, recordings: list[Recording]) -> None:
+        """Charts of SNR, link state and position error up to a step."""
+        rows = [recording.time_lines()[: number + 1] for recording in recordings]
+        count = max(len(row) for row in rows)
+        x = np.arange(count, dtype=float)
+        padded = [np.vstack([row, np.full((count - len(row), row.shape[1]), np.nan)]) for row in rows]
+        data = [(x, *(row[:, k] for row in padded)) for k in range(len(_TIME_LINES))]
+        if self._charts and len(self._charts[0].series) == len(recordings) + 1:
+            for chart, values in zip(self._charts, data, strict=True):
+                chart.data = values
+            return
+        for chart in self._charts:
+            chart.remove()
+        self._charts = []
+        series: list[Any] = [{"label": "decision"}]
+        series += [
+            {"label": recording.title, "stroke": stroke, "width": 2}
+            for recording, stroke in zip(recordings, STROKES, strict=False)
+        ]
+        for title, values in zip(_TIME_LINES, data, strict=True):
+            scales: dict[str, Any] = {"x": {"time": False}}
+            if "link state" in title:
+                scales["y"] = {"auto": False, "min": -0.2, "max": 3.2}
+            options: dict[str, Any] = {"scales": scales, "legend": {"show": False}, "height": 130}
+            with self._charts_folder:
+                chart = self._server.gui.add_uplot(values, tuple(series), title=title, **options)
+            self._charts.append(chart)

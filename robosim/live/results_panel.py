@@ -1,115 +1,98 @@
-"""Look back: a recorded episode with a scrubber, or an evaluation as a table from which each episode opens."""
+"""The tab `Replay`: a recorded episode, or an evaluation as a table from which each episode opens."""
 
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robosim.live.client import LIST, OPTION
-from robosim.live.latest import Latest, close_all
-from robosim.live.page_html import block
+from robosim.live.latest_worker import LatestWorker, close_all
+from robosim.live.page_html import block, table
 from robosim.live.player import Player
-from robosim.live.recorded import Searched, is_episode, read_recording, read_searches
+from robosim.live.recordings import EvaluatedEpisode, is_episode, read_evaluation, read_recording
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     import viser
 
 ROOT = "/recorded"
-#: Rows of the table of an evaluation; the list to choose from has all.
+#: Largest number of rows of the table; the list has all episodes.
 _ROWS = 40
-NOBODY = "nothing"
-#: Label of the list to choose from.
+NONE = "none"
+#: Label of the list of episodes.
 EPISODE = "episode"
 
 
 class ResultsPanel:
-    """The part `Look back` of the panel."""
+    """The controls of the tab `Replay`."""
 
     def __init__(self, server: "viser.ViserServer", folder: Path, *, on_view: Callable[[], None]) -> None:
-        """Fill the current part of the panel.
-
-        Args:
-            server: The page.
-            folder: Of an episode or an evaluation.
-            on_view: Called when another episode is drawn.
+        """Fill the current part of the panel; `on_view` is called when another episode is drawn.
 
         Raises:
-            FileError: If a file in it is damaged.
+            FileError: If a file of the folder is damaged.
             ValueError: If there is nothing to show.
         """
         self._on_view = on_view
-        self._searches: dict[str, Searched] = {}
-        self._recording = read_recording(folder) if is_episode(folder) else None
-        if self._recording is None:
-            self._offer(server.gui, read_searches(folder))
+        self._episodes: dict[str, EvaluatedEpisode] = {}
+        recording = read_recording(folder) if is_episode(folder) else None
+        if recording is None:
+            self._add_list(server.gui, read_evaluation(folder))
         self.player = Player(server, ROOT)
-        self._opener: Latest[tuple[str, str]] = Latest("results", self._open, self._failed)
-        if self._recording is not None:
-            self.player.load([self._recording], playing=False, following=False)
+        self._opener: LatestWorker[tuple[str, str]] = LatestWorker("results", self._open, self._show_error)
+        if recording is not None:
+            self.player.load([recording], playing=False, following=False)
         else:
-            self.choose(next(iter(self._searches)), NOBODY)
+            self._opener.put((next(iter(self._episodes)), NONE))
 
     def close(self) -> None:
-        """End what plays."""
+        """End everything."""
         close_all([self._opener])
         self.player.close()
 
-    def choose(self, name: str, other: str) -> None:
-        """Open an episode of the evaluation, and perhaps another beside it."""
-        self._opener.put((name, other))
-
-    def settle(self, timeout_s: float) -> bool:
-        """Wait until what was chosen is open; returns whether it came in time."""
-        return self._opener.settle(timeout_s)
-
-    def _offer(self, gui: "viser.GuiApi", searches: list[Searched]) -> None:
-        self._searches = {_label(one): one for one in searches}
-        names = tuple(self._searches)
-        gui.add_html(_table(searches))
+    def _add_list(self, gui: "viser.GuiApi", episodes: list[EvaluatedEpisode]) -> None:
+        self._episodes = {_label(one): one for one in episodes}
+        names = tuple(self._episodes)
+        gui.add_html(_table(episodes))
         first = gui.add_dropdown(EPISODE, names, initial_value=names[0])
-        other = gui.add_dropdown("beside it", (NOBODY, *names), initial_value=NOBODY)
+        other = gui.add_dropdown("compared with", (NONE, *names), initial_value=NONE)
         for control in (first, other):
-            control.on_update(lambda event: self.choose(first.value, other.value))
+            control.on_update(lambda event: self._opener.put((first.value, other.value)))
 
     def _open(self, names: tuple[str, str]) -> None:
-        chosen = [self._searches[name].read() for name in names if name != NOBODY]
+        recordings = [self._episodes[name].read() for name in names if name != NONE]
         self.player.say("")
-        self.player.load(chosen, playing=False, following=False)
+        self.player.load(recordings, playing=False, following=False)
         self._on_view()
 
-    def _failed(self, error: Exception) -> None:
+    def _show_error(self, error: Exception) -> None:
         self.player.say(" ".join(str(error).split()), bad=True)
 
 
-def _label(one: Searched) -> str:
-    row = one.row
-    arrived = counted(row["arrived_at_step"], "step") if row["arrived"] else str(row["ended"])
-    again = f".{row['repeat']}" if row["repeat"] else ""
-    return f"{row['plan']} {row['task']}{again} {row['policy']}: {arrived}"
+def _label(episode: EvaluatedEpisode) -> str:
+    row = episode.row
+    end = counted(row["arrived_at_step"], "step") if row["arrived"] else str(row["ended"])
+    repeat = f".{row['repeat']}" if row["repeat"] else ""
+    return f"{row['plan']} {row['task']}{repeat} {row['policy']}: {end}"
 
 
-def _table(searches: list[Searched]) -> str:
+def _table(episodes: list[EvaluatedEpisode]) -> str:
     rows = []
-    for one in searches[:_ROWS]:
-        row = one.row
-        slower = "–" if np.isnan(one.slower) else "never" if np.isinf(one.slower) else f"{one.slower:.2f}"
-        cells: list[Any] = [
+    for one in episodes[:_ROWS]:
+        row, relative = one.row, one.relative_steps
+        slower = "–" if np.isnan(relative) else "never" if np.isinf(relative) else f"{relative:.2f}"
+        cells = [
             row["plan"], row["task"], row["policy"], "yes" if row["arrived"] else "no", row["steps"], slower,
             f"{row['path_length_m']:.1f}", f"{row['shortest_m']:.1f}",
         ]  # fmt: skip
-        takes = f'{LIST}="{EPISODE}" {OPTION}="{escape(_label(one))}"'
-        rows.append(f"<tr {takes}>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>")
-    heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "way [m]", "least [m]")
-    head = "".join(f"<th>{name}</th>" for name in heads)
-    more = f"<br>{len(searches) - _ROWS} more in the list below" if len(searches) > _ROWS else ""
-    about = (
-        f"<b>{counted(len(searches), 'episode')}</b>: failures first, then the slowest beside other policies on the "
-        "same task. A click on one opens it."
-    )
-    table = f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+        opening = f'<tr {LIST}="{EPISODE}" {OPTION}="{escape(_label(one))}">'
+        rows.append([opening, *(escape(str(cell)) for cell in cells)])
+    heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "path [m]", "min. [m]")
+    style = "max-height:14em;overflow-y:auto"
+    more = f"<br>{len(episodes) - _ROWS} more in the list below" if len(episodes) > _ROWS else ""
     return block(
-        f'{about}<div class="wide heads" style="max-height:14em;overflow-y:auto">{table}</div>{more}'
+        f"<b>{counted(len(episodes), 'episode')}</b>: failures first, then the slowest relative to other policies on "
+        f'the same task. A click opens one.<div class="wide heads" style="{style}">{table(heads, rows)}</div>{more}'
     )

@@ -1,32 +1,38 @@
-"""Watch a search: choose a policy and its task, let it run, and drive against it by hand."""
+"""The tab `Search`: choose policies and a task, run searches, and drive by hand."""
 
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 
-from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import POLICY, configured
 from robosim.live.player import Player
 from robosim.live.radio_panel import RadioPanel
-from robosim.live.search_process import BY_HAND, GO, WAIT, SearchJob, SearchProcess
-from robosim.live.task_picker import TaskPicker
+from robosim.live.radio_view import intersect_level
+from robosim.live.scene_nodes import NO_SHADOW, ROBOT_COLOUR, TX_COLOUR
+from robosim.live.search_process import MANUAL, RUN, WAIT, SearchJob, SearchProcess
 from slam.actions import Action
 
 if TYPE_CHECKING:
     import viser
 
 ROOT = "/search"
-START, END = "Start", "End it"
-#: What stands beside the policies: none to compare with, and a person who drives.
-NOBODY, BY_HAND_NAME = "nothing", "yourself, by arrow keys"
-#: Where a task comes from.
+START, STOP = "Start", "Stop"
+#: Options next to the policies: no second search, and a person who drives.
+NONE, BY_HAND = "none", "manual control"
+#: Title of a search that a person drives.
+_MANUAL_TITLE = "manual"
+#: Sources of a task.
 FROM_SEED, FROM_HANDLES = "drawn from the seed", "robot to transmitter, as in Radio"
 FROM_CLICKS = "as clicked; the rest from the seed"
-#: The page turns its view by arrow keys too; the letters drive and leave it as it is.
+#: Buttons of the task.
+SET_START, SET_TARGET, CLEAR = "set start", "set target", "clear"
+#: The arrow keys turn the view of the page, too; the letters do not.
 _KEYS: tuple[tuple[Any, Action, str], ...] = (
     ("arrowup", Action.FORWARD, "forward"),
     ("arrowdown", Action.BACKWARD, "back"),
@@ -37,185 +43,214 @@ _KEYS: tuple[tuple[Any, Action, str], ...] = (
     ("J", Action.LEFT, "left (J)"),
     ("L", Action.RIGHT, "right (L)"),
 )
+#: Radius and height of the marks of start and target [m].
+_MARK_M, _MARK_HEIGHT_M = 0.16, 0.3
+End = Literal["start", "target"]
 
 
 class SearchPanel:
-    """The part `Search` of the panel."""
+    """The controls of the tab `Search`, and its searches."""
 
     def __init__(
         self,
         server: "viser.ViserServer",
         radio: RadioPanel,
         config: EpisodeConfig,
-        building: BuildingConfig,
         *,
         on_view: Callable[[], None],
     ) -> None:
-        """Fill the current part of the panel.
+        """Fill the current part of the panel; `config` holds defaults of the controls and all other settings.
 
-        Args:
-            server: The page.
-            radio: Gives the plan, and tasks that are set by hand.
-            config: How episodes are run, but for what is asked for here.
-            building: How plans become buildings.
-            on_view: Called when another search is drawn.
+        `on_view` is called when other searches are drawn.
         """
-        self._radio, self._config, self._building, self._on_view = radio, config, building, on_view
-        self._server = server
+        self._server, self._radio, self._config, self._on_view = server, radio, config, on_view
         self.searches: list[SearchProcess] = []
-        self._loaded = False
+        self._is_loaded = False
+        self.places: dict[End, Float[np.ndarray, 2]] = {}
+        """Start and target that are set by clicks on the floor [m]."""
+        self._pending: End | None = None
+        self._marks: dict[End, Any] = {}
+        self._shows_marks = True
         self._fill(server.gui)
-        self.player = Player(server, ROOT, on_play=self._let_go, on_step=self._step, on_speed=self._pace)
+        self.player = Player(
+            server, ROOT, on_play=self._set_running, on_step=self._step, on_speed=self._set_speed
+        )
 
     def close(self) -> None:
-        """End what runs."""
+        """End everything."""
         self._end()
         self.player.close()
 
     def start(self) -> None:
-        """Start what is chosen, in place of what runs."""
+        """Start the chosen searches instead of those that run."""
         self._end()
         self.player.clear()
-        self._loaded = False
+        self._is_loaded = False
         try:
             jobs = self._jobs()
         except ValueError as error:
             self.player.say(str(error), bad=True)
             return
-        self.player.say("Getting ready: the robot, its map and its radio take some seconds ...")
-        self.searches = [SearchProcess(title, job, self._told, mode) for title, job, mode in jobs]
-        self._pace(self.player.per_s)
+        self.player.say("Preparing robot, map and radio, which takes some seconds ...")
+        self.searches = [SearchProcess(title, job, self._update, mode) for title, job, mode in jobs]
+        self._set_speed(self.player.per_s)
 
     def stop(self) -> None:
-        """End what runs; what was recorded stays."""
+        """Stop the searches; their recordings stay."""
         self._end()
         self.player.update()
 
-    def _fill(self, gui: Any) -> None:
-        with gui.add_folder("What is searched"):
-            names = tuple(dict.fromkeys((str(self._config.goal), *POLICY.names)))
-            self._policy = gui.add_dropdown("policy", (*names, BY_HAND_NAME), initial_value=names[0])
-            self._other = gui.add_dropdown("beside it", (NOBODY, *names, BY_HAND_NAME), initial_value=NOBODY)
-            tasks = (FROM_SEED, FROM_HANDLES, FROM_CLICKS)
-            self._task = gui.add_dropdown("task", tasks, initial_value=FROM_SEED)
-            self.picker = TaskPicker(
-                self._server,
-                nearest_free=lambda at: self._radio.model.nearest_free(at),
-                sceneries=lambda: self.player.sceneries or [self._radio.scenery],
-                say=lambda text: self.player.say(text),
-                on_change=self._picked,
+    def await_click(self, end: End) -> None:
+        """Use the next click on the floor for a place."""
+        if self._pending is None:
+            self._server.scene.on_click()(self._click)
+        self._pending = end
+        self.player.say(f"Click on the floor at the {'start of the robot' if end == 'start' else 'target'}.")
+
+    def set_place(self, end: End, place: Float[np.ndarray, "2"]) -> None:
+        """Set and mark the free place nearest to a point [m]."""
+        x, y = self.places[end] = self._radio.model.nearest_free(place)
+        position, scene = (float(x), float(y), _MARK_HEIGHT_M), self._server.scene
+        if end in self._marks:
+            self._marks[end].position = position
+        else:
+            colour, name = ROBOT_COLOUR if end == "start" else TX_COLOUR, f"/task/{end}"
+            self._marks[end] = scene.add_icosphere(
+                name, radius=_MARK_M, color=colour, position=position, visible=self._shows_marks, **NO_SHADOW
             )
+            scene.add_label(f"{name}/name", f"{end}, as set", position=(0, 0, 0.2), anchor="bottom-center")
+        self.player.say("")
+        self._task.value = FROM_CLICKS
+
+    def clear_places(self) -> None:
+        """Remove start and target."""
+        for mark in self._marks.values():
+            mark.remove()
+        self.places.clear()
+        self._marks.clear()
+        self.player.say("")
+        self._task.value = FROM_SEED
+
+    def show_marks(self, visible: bool) -> None:
+        """Show or hide the marks of start and target."""
+        self._shows_marks = visible
+        for mark in self._marks.values():
+            mark.visible = visible
+
+    def _click(self, event: Any) -> None:
+        end, self._pending = self._pending, None
+        self._server.scene.remove_click_callback(self._click)
+        origin = np.array(event.ray_origin)
+        place = intersect_level(origin, origin + np.array(event.ray_direction), 0.0)
+        if end is not None and place is not None:
+            # Of buildings side by side, the nearest one was clicked.
+            buildings = self.player.buildings or [self._radio.building]
+            nearest = min(buildings, key=lambda one: float(np.hypot(*(one.middle - place))))
+            self.set_place(end, place - nearest.offset)
+
+    def _fill(self, gui: "viser.GuiApi") -> None:
+        with gui.add_folder("Task"):
+            names = tuple(dict.fromkeys((str(self._config.goal), *POLICY.names)))
+            self._policy = gui.add_dropdown("policy", (*names, BY_HAND), initial_value=names[0])
+            self._other = gui.add_dropdown("compared with", (NONE, *names, BY_HAND), initial_value=NONE)
+            tasks = (FROM_SEED, FROM_HANDLES, FROM_CLICKS)
+            self._task: Any = gui.add_dropdown("start and target", tasks, initial_value=FROM_SEED)
+            clicks = gui.add_button_group("by clicks on the floor", (SET_START, SET_TARGET, CLEAR))
             self._seed = gui.add_number("seed", self._config.seed, min=0, max=2**31 - 1, step=1)
             noise = self._config.simulator.noise.level
             self._noise = gui.add_slider("noise [times published]", 0.0, max(3.0, noise), 0.25, noise)
-        buttons = gui.add_button_group("search", (START, END))
+        actions = {
+            SET_START: lambda: self.await_click("start"),
+            SET_TARGET: lambda: self.await_click("target"),
+            CLEAR: self.clear_places,
+        }
+        clicks.on_click(lambda event: actions[clicks.value]())
+        buttons = gui.add_button_group("search", (START, STOP))
         buttons.on_click(lambda event: self.start() if buttons.value == START else self.stop())
-        for key, action, word in _KEYS:
-            command = gui.add_command(
-                f"Drive {word}", description="when you drive yourself", hotkey=key, modifier=None
-            )
-            command.on_trigger(self._presser(action))
+        for key, action, label in _KEYS:
+            command = gui.add_command(f"Drive {label}", description=BY_HAND, hotkey=key, modifier=None)
+            command.on_trigger(partial(self._press, action))
 
-    def _picked(self) -> None:
-        """A place was set by a click, or both were forgotten."""
-        self._task.value = FROM_CLICKS if self.picker.places else FROM_SEED
-
-    def _presser(self, action: Action) -> Callable[[Any], None]:
-        def press(event: Any) -> None:
-            for search in self.searches:
-                search.press(action)
-
-        return press
+    def _press(self, action: Action, _: Any) -> None:
+        for search in self.searches:
+            search.press(action)
 
     def _jobs(self) -> list[tuple[str, SearchJob, int]]:
-        config = self._config
-        simulator = config.simulator
-        radio = self._radio.model
+        """Title, job and mode of each search."""
+        radio, simulator = self._radio.model.config, self._config.simulator
         config = replace(
-            config,
+            self._config,
             seed=int(self._seed.value),
-            building=replace(
-                self._building,
-                wall_material=radio.settings.wall_material,
-                furniture_material=radio.settings.wall_material,
-            ),
+            building=replace(radio.building, furniture_material=radio.building.wall_material),
             simulator=replace(
                 simulator,
                 noise=replace(simulator.noise, level=float(self._noise.value)),
                 radio=replace(
                     simulator.radio,
-                    frequency_hz=radio.settings.frequency_hz,
-                    height_m=radio.settings.height_m,
-                    tracer=radio.settings.tracer,
+                    frequency_hz=radio.frequency_hz,
+                    height_m=radio.height_m,
+                    tracer=radio.tracer,
                 ),
             ),
         )
-        start, target = self._given()
-        chosen = [self._policy.value] + ([self._other.value] if self._other.value != NOBODY else [])
+        start, target = self._ends()
+        plan = self._radio.model.building.plan
         jobs = []
-        for name in chosen:
-            by_hand = name == BY_HAND_NAME
-            own = configured(config, self._config.goal if by_hand else name)
-            title = "you" if by_hand else str(name)
-            jobs.append(
-                (
-                    title,
-                    SearchJob(plan=radio.building.plan, config=own, start=start, target=target),
-                    BY_HAND if by_hand else GO,
-                )
-            )
+        for name in (self._policy.value, self._other.value):
+            if name == NONE:
+                continue
+            is_manual = name == BY_HAND
+            own = configured(config, self._config.goal if is_manual else name)
+            job = SearchJob(plan=plan, config=own, start=start, target=target)
+            jobs.append((_MANUAL_TITLE, job, MANUAL) if is_manual else (str(name), job, RUN))
         return jobs
 
-    def _given(self) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Pose of the robot at first, and place of the target, where they are set by hand; it looks to the target."""
-        at = target = None
+    def _ends(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Start pose, facing the target, and position of the target, where they are not drawn from the seed."""
+        place = target = None
         if self._task.value == FROM_HANDLES:
-            at, target = (self._radio.places[who] for who in ("robot", "transmitter"))
+            place, target = self._radio.places["robot"], self._radio.places["transmitter"]
         elif self._task.value == FROM_CLICKS:
-            # Where there is a wall now, if another plan was opened since.
-            set_to = {what: self._radio.model.nearest_free(at) for what, at in self.picker.places.items()}
-            at, target = (set_to.get(what) for what in ("start", "target"))
-        if at is None:
+            # Another plan may have been opened since the click.
+            free = {end: self._radio.model.nearest_free(at) for end, at in self.places.items()}
+            place, target = free.get("start"), free.get("target")
+        if place is None:
             return None, target
-        x, y = (1.0, 0.0) if target is None else target - at
-        return np.array([*at, math.atan2(y, x)]), target
+        x, y = (1.0, 0.0) if target is None else target - place
+        return np.array([*place, math.atan2(y, x)]), target
 
-    def _told(self, search: SearchProcess) -> None:
-        """A search has begun, decided something, or ended."""
+    def _update(self, search: SearchProcess) -> None:
+        """Show a search that has begun, has made a step, or has ended."""
         if search not in self.searches:
             return
-        if search.trouble:
-            self.player.say(f"{search.title}: {search.trouble}", bad=True)
-        recordings = [one.recording for one in self.searches]
-        if not self._loaded and all(recording is not None for recording in recordings):
-            self._loaded = True
-            self.player.load([r for r in recordings if r is not None], playing=True, following=True)
-            by_hand = any(one.title == "you" for one in self.searches)
-            self.player.say(
-                "Drive by the arrow keys, or by I, J, K and L, which leave the view as it is."
-                if by_hand
-                else ""
-            )
+        if search.error:
+            self.player.say(f"{search.title}: {search.error}", bad=True)
+        recordings = [one.recording for one in self.searches if one.recording is not None]
+        if not self._is_loaded and len(recordings) == len(self.searches):
+            self._is_loaded = True
+            self.player.load(recordings, playing=True, following=True)
+            is_manual = any(one.title == _MANUAL_TITLE for one in self.searches)
+            self.player.say("Drive with the arrow keys, or with I, J, K and L." if is_manual else "")
             self._on_view()
         self.player.update()
 
-    def _let_go(self, playing: bool) -> None:
+    def _set_running(self, playing: bool) -> None:
         for search in self.searches:
-            if search.title != "you":
-                search.set_mode(GO if playing else WAIT)
+            if search.title != _MANUAL_TITLE:
+                search.set_mode(RUN if playing else WAIT)
 
     def _step(self) -> None:
         for search in self.searches:
             search.step()
 
-    def _pace(self, per_s: float) -> None:
+    def _set_speed(self, per_s: float) -> None:
         for search in self.searches:
             search.set_pause(0.0 if math.isinf(per_s) else 1 / per_s)
 
     def _end(self) -> None:
         ended, self.searches = self.searches, []
         for search in ended:
-            # Before its process is gone, or it would take it for an end from outside.
+            # Set before the process is killed, which is recorded as another end.
             if search.recording is not None and not search.recording.ended:
-                search.recording.ended = "ended by you"
+                search.recording.ended = "stopped by you"
             search.close()

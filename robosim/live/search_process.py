@@ -1,7 +1,4 @@
-"""A search in a process of its own, which the page lets go on, step or wait.
-
-The page does not wait for it: its steps come through a pipe.
-"""
+"""A search in a process of its own: it runs, waits, or makes single steps, which come through a pipe."""
 
 import logging
 import multiprocessing
@@ -23,7 +20,7 @@ from robosim.building.reach import reach
 from robosim.drawing.plan_view import building_rings
 from robosim.episode import EpisodeConfig, check_weights, run_episode
 from robosim.episode_log import EpisodeLog
-from robosim.live.recording import Recording
+from robosim.live.recordings import Recording
 from robosim.plans.floorplan import FloorPlan
 from robosim.recording.step_codec import encode_step
 from robosim.step import Step
@@ -32,81 +29,74 @@ from robosim.task.tasks import make_task
 from slam.actions import Action
 from wireless.support.counting import counted
 
-#: How often a waiting search checks whether it may go on [s].
+#: Interval at which a waiting search checks its mode [s].
 _POLL_S = 0.02
-#: Modes of a search: wait, go on, or do the actions of a person.
-WAIT, GO, BY_HAND = 0, 1, 2
-#: True radio paths that are shown of a step, the strongest ones.
+#: Modes of a search: wait, run, or take the actions of a person.
+WAIT, RUN, MANUAL = 0, 1, 2
+#: Number of true radio paths that are shown, the strongest ones.
 MOST_RAYS = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchJob:
-    """Where and how to search."""
+    """A search; start and target are drawn from the seed unless given."""
 
     plan: FloorPlan
-    """Where."""
     config: EpisodeConfig
-    """How, with policy and seed."""
     start: Float[np.ndarray, "3"] | None = None
-    """Pose of the robot at first; drawn from the seed if not given."""
+    """First pose of the robot [m, rad]."""
     target: Float[np.ndarray, "2"] | None = None
-    """Where the target stands; drawn from the seed if not given."""
+    """Position of the target [m]."""
 
 
 class SearchProcess:
-    """A search that runs, waits, or makes one step after another."""
+    """A search in a process of its own."""
 
     def __init__(
-        self, title: str, job: SearchJob, on_change: Callable[["SearchProcess"], None], mode: int = GO
+        self, title: str, job: SearchJob, on_change: Callable[["SearchProcess"], None], mode: int = RUN
     ) -> None:
-        """Start it.
+        """Start it in a mode.
 
-        Args:
-            title: Of its recording.
-            job: Where and how to search.
-            on_change: Called from another thread when the search has begun, has made a step, or has ended.
-            mode: WAIT, GO or BY_HAND.
+        `on_change` is called from another thread when the search has begun, has made a step, or has ended.
         """
         context = multiprocessing.get_context("spawn")
         self.title, self._on_change = title, on_change
         self.recording: Recording | None = None
-        self.trouble = ""
-        self._mode = context.Value("i", mode)
-        self._pause_s = context.Value("d", 0.0)
-        self._steps = context.Semaphore(0)
-        self._keys = context.Value("i", -1)
-        self._here, there = context.Pipe(duplex=False)
-        gate = Gate(self._mode, self._pause_s, self._steps, self._keys)
-        self._process = context.Process(target=_search, args=(job, gate, there, os.getpid()), daemon=True)
+        self.error = ""
+        self._gate = Gate(
+            context.Value("i", mode), context.Value("d", 0.0), context.Semaphore(0), context.Value("i", -1)
+        )
+        self._receiver, sender = context.Pipe(duplex=False)
+        arguments = (job, self._gate, sender, os.getpid())
+        self._process = context.Process(target=_search, args=arguments, daemon=True)
         self._process.start()
-        there.close()
+        sender.close()
         self._reader = threading.Thread(target=self._read, name=f"search {title}", daemon=True)
         self._reader.start()
 
     @property
-    def alive(self) -> bool:
-        """Whether more steps may come."""
+    def is_alive(self) -> bool:
+        """Whether more steps can come."""
         return self._reader.is_alive()
 
     def set_mode(self, mode: int) -> None:
-        """Let it go on, wait, or do what a person wants."""
-        self._mode.value = mode
+        """Set WAIT, RUN or MANUAL."""
+        self._gate.mode.value = mode
 
     def set_pause(self, pause_s: float) -> None:
-        """Set the least time of a step [s]."""
-        self._pause_s.value = pause_s
+        """Set the least duration of a step [s]."""
+        self._gate.pause_s.value = pause_s
 
     def step(self) -> None:
-        """Let it do one action while it waits."""
-        self._steps.release()
+        """Make one step in mode WAIT."""
+        self._gate.steps.release()
 
     def press(self, action: Action) -> None:
-        """Replace its next action; the last one pressed counts."""
-        self._keys.value = int(action)
+        """Set the next action in mode MANUAL, instead of one that still waits."""
+        self._gate.key.value = int(action)
 
     def close(self) -> None:
-        """End it at once."""
+        """Kill the process."""
         self._process.kill()
         self._process.join(5)
         self._reader.join(5)
@@ -114,56 +104,51 @@ class SearchProcess:
     def _read(self) -> None:
         with suppress(EOFError, OSError):
             while True:
-                kind, content = self._here.recv()
+                kind, content = self._receiver.recv()
                 if kind == "begun":
-                    rings, target, height_m = content
-                    self.recording = Recording(self.title, rings, target, height_m)
-                elif kind == "step":
-                    assert self.recording is not None  # it has begun
-                    self.recording.add(content)
-                elif kind == "ended":
-                    assert self.recording is not None
-                    self.recording.ended = content
+                    self.recording = Recording(self.title, *content)
+                elif kind == "failed":
+                    self.error = content
                 else:
-                    self.trouble = content
+                    assert self.recording is not None  # it has begun
+                    if kind == "step":
+                        self.recording.add(content)
+                    else:
+                        self.recording.ended = content
                 self._on_change(self)
-        if not self.trouble and (self.recording is None or not self.recording.ended):
-            self.trouble = "the search was ended from outside"
+        if not self.error and (self.recording is None or not self.recording.ended):
+            self.error = "the process of the search was killed"
             if self.recording is not None:
-                self.recording.ended = "ended from outside"
+                self.recording.ended = "process killed"
         self._on_change(self)
 
 
 @dataclass(eq=False)
 class Gate:
-    """Where a search waits until it may go on."""
+    """Shared values that a search process reads."""
 
     mode: Any
     pause_s: Any
     steps: Any
-    keys: Any
+    key: Any
 
     def wait(self, since: float) -> Action | None:
-        """Wait until the search may go on; returns the action of a person who drives.
-
-        Args:
-            since: When the step before was let go [s, monotonic].
-        """
+        """Wait for the next step after one at `since` [s, monotonic]; returns the action of a person."""
         while True:
-            if self.mode.value == BY_HAND:
-                key = self.keys.value
+            if self.mode.value == MANUAL:
+                key = self.key.value
                 if key >= 0:
-                    self.keys.value = -1
+                    self.key.value = -1
                     return Action(key)
             else:
-                due = self.mode.value == GO and monotonic() - since >= self.pause_s.value
-                if due or self.steps.acquire(block=False):
+                is_due = self.mode.value == RUN and monotonic() - since >= self.pause_s.value
+                if is_due or self.steps.acquire(block=False):
                     return None
-            sleep(_POLL_S if self.mode.value != GO else min(_POLL_S, max(self.pause_s.value / 4, 0.001)))
+            sleep(_POLL_S if self.mode.value != RUN else min(_POLL_S, max(self.pause_s.value / 4, 0.001)))
 
 
 def _search(job: SearchJob, gate: Gate, pipe: Connection, parent: int) -> None:
-    """What the process does."""
+    """Main function of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # left to the parent
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     end_with_parent(parent)
@@ -172,7 +157,7 @@ def _search(job: SearchJob, gate: Gate, pipe: Connection, parent: int) -> None:
         _run(job, gate, pipe)
     except BrokenPipeError:
         return
-    except Exception as error:  # told in the page
+    except Exception as error:  # shown on the page
         with suppress(OSError):
             pipe.send(("failed", " ".join(str(error).split()) or type(error).__name__))
 

@@ -1,4 +1,4 @@
-"""A step of a search in a page's scene: map, trajectories, belief, arrivals, rays and the robot."""
+"""A step of a search in a scene: map, trajectories, belief, arrivals, rays and the robot."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -6,20 +6,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import ANTICIPATED, status_line
+from robosim.drawing.picture import ANTICIPATING_PALETTE, status_line
 from robosim.drawing.plan_view import (
     ESTIMATE_ORANGE,
-    FREE_WHITE,
     OBSTACLE_BLACK,
     PATH_PURPLE,
     TARGET_RED,
     TRUE_GREEN,
 )
 from robosim.layers import BLOCKED, FREE, GUESS, GUESS_LEVELS, OBSTACLE, TOP_LEVEL, Layer
-from robosim.live.building_scene import STEP_M, Scenery
-from robosim.live.nodes import Nodes, of_each_end
+from robosim.live.building_scene import STEP_M, BuildingScene
 from robosim.live.radio_view import arrival_fan, ray_segments
-from robosim.live.recording import Recording
+from robosim.live.recordings import Recording
+from robosim.live.scene_nodes import NO_SHADOW, Nodes, add_lines, repeat_colour
 from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from slam.grid import GridFrame
@@ -27,102 +26,72 @@ from slam.grid import GridFrame
 if TYPE_CHECKING:
     import viser
 
-#: Walls of a search are drawn so high, that the map is seen behind them [m].
+#: Height of the walls of a search [m], low enough to see the map behind them.
 WALLS_M = 0.3
-#: Maps are drawn so far beyond the plan [m].
-AROUND_M = 0.5
-#: Height of the robot's radio, and of what it has mapped, as they are drawn [m].
+#: Width of the map's margin around the plan [m].
+MARGIN_M = 0.5
+#: Heights at which the robot's radio and its mapped obstacles are drawn [m].
 _RADIO_M, _OBSTACLE_M = 0.6, 0.25
 
 
 def _map_palette() -> UInt8[np.ndarray, "256 4"]:
-    """Colour of each kind of cell; clear where nothing is known nor guessed."""
+    """Colour of each kind of cell; transparent where it is unknown."""
     palette = np.zeros((256, 4), np.uint8)
-    for kind, colour in ((FREE, FREE_WHITE), (OBSTACLE, OBSTACLE_BLACK), (BLOCKED, TARGET_RED)):
-        palette[kind] = *colour, 255
+    palette[:, :3] = ANTICIPATING_PALETTE[:, 0]
+    palette[[FREE, OBSTACLE, BLOCKED], 3] = 255
     level = np.arange(GUESS_LEVELS) / (GUESS_LEVELS - 1)
-    for channel in range(3):
-        ends = [colour[channel] for colour in ANTICIPATED]
-        palette[GUESS : GUESS + GUESS_LEVELS, channel] = np.interp(level, [0, 0.5, 1], ends)
     palette[GUESS : GUESS + GUESS_LEVELS, 3] = 255 * np.abs(2 * level - 1) ** 0.5
     return palette
 
 
 _PALETTE = _map_palette()
+_ROBOTS = {"true": TRUE_GREEN, "estimated": ESTIMATE_ORANGE}
 
 
 class SearchView:
     """Draws steps of one recording below a frame."""
 
     def __init__(
-        self,
-        server: "viser.ViserServer",
-        root: str,
-        recording: Recording,
-        offset: tuple[float, float] = (0.0, 0.0),
-        brief: bool = False,
+        self, server: "viser.ViserServer", root: str, recording: Recording, offset_m: float, *, brief: bool
     ) -> None:
-        """Draw what does not change.
-
-        Args:
-            server: Whose space.
-            root: Name of the frame.
-            recording: What is shown.
-            offset: Where the frame stands [m].
-            brief: Whether its title is short, as for two searches side by side.
-        """
+        """Draw what does not change, below a frame; the title of a brief view shows only the number of the step."""
         self._brief = brief
-        self._server, self._scene, self._root, self.recording = server, server.scene, root, recording
-        self.scenery = Scenery(
-            server.scene,
-            root,
-            recording.rings,
-            recording.height_m,
-            offset,
-            [] if recording.target is None else [recording.target],
-        )
-        self.scenery.cut_walls(WALLS_M)
-        self._nodes = Nodes(server.scene, root)
+        self._server, self._root, self.recording = server, root, recording
+        self.building = BuildingScene(
+            server.scene, root, recording.rings, recording.height_m, offset=(offset_m, 0.0),
+            target=recording.target,
+        )  # fmt: skip
+        self.building.cut_walls(WALLS_M)
+        scene = server.scene
+        self._nodes = Nodes(scene, root)
         if recording.target is not None:
-            self._draw_target(*recording.target)
-        title = (self.scenery.low[0], self.scenery.high[1] + 0.03 * self.scenery.size.max(), 0.0)
-        self._title = self._scene.add_label(
-            f"{root}/title", recording.title, position=title, anchor="bottom-left"
-        )
-        self._robots = {name: self._robot(name, colour) for name, colour in _ROBOTS.items()}
+            x, y = map(float, recording.target)
+            name, place = f"{root}/target", (x, y, _RADIO_M)
+            scene.add_icosphere(name, radius=0.2, color=TARGET_RED, position=place, cast_shadow=False)
+            scene.add_label(f"{name}/name", "target", position=(0, 0, 0.25), anchor="bottom-center")
+        low, high, size = self.building.low, self.building.high, self.building.size
+        place = (float(low[0]), float(high[1] + 0.03 * size.max()), 0.0)
+        self._title = scene.add_label(f"{root}/title", recording.title, position=place, anchor="bottom-left")
+        self._robots: dict[str, Any] = {}
+        for name, colour in _ROBOTS.items():
+            self._robots[name] = scene.add_cylinder(
+                f"{root}/{name}", radius=0.14, height=0.2, color=colour, visible=False,
+                opacity=None if name == "true" else 0.6, **NO_SHADOW,
+            )  # fmt: skip
+            nose = np.array([[[0.0, 0, 0.12], [0.42, 0, 0.12]]])
+            add_lines(scene, f"{root}/{name}/nose", nose, colour, 4)
         self._shown: tuple[Layer | None, Layer | None] = None, None
 
-    def _draw_target(self, x: float, y: float) -> None:
-        name, at = f"{self._root}/target", (float(x), float(y), _RADIO_M)
-        self._scene.add_icosphere(name, radius=0.2, color=TARGET_RED, position=at, cast_shadow=False)
-        self._scene.add_label(f"{name}/name", "target", position=(0, 0, 0.25), anchor="bottom-center")
-
-    def _robot(self, name: str, colour: tuple[int, int, int]) -> Any:
-        body = self._scene.add_cylinder(
-            f"{self._root}/{name}", radius=0.14, height=0.2, color=colour, cast_shadow=False, receive_shadow=False,
-            opacity=None if name == "true" else 0.6, visible=False,
-        )  # fmt: skip
-        nose = np.array([[[0.0, 0, 0.12], [0.42, 0, 0.12]]])
-        self._scene.add_line_segments(
-            f"{self._root}/{name}/nose", nose, colour, thickness=4, thickness_units="screen"
-        )
-        return body
-
-    def show(self, i: int, *, rays: bool = True) -> Step | None:
-        """Draw a step, or the last one if there are fewer; returns it, or None if there is none yet.
-
-        Args:
-            i: Its number, from 0.
-            rays: Whether true paths are drawn.
-        """
+    def show(self, number: int, *, rays: bool = True) -> Step | None:
+        """Draw a step with or without true rays; returns it, the last one if there are fewer, or None without steps."""
         count = len(self.recording)
         if not count:
             return None
-        i = min(max(i, 0), count - 1)
-        step = self.recording[i]
+        number = min(max(number, 0), count - 1)
+        step = self.recording[number]
         with self._server.atomic():
             status = "" if self._brief else f": {status_line(step, self.recording.target)}"
-            self._title.text = f"{self.recording.title}: step {i}{status}"
+            self._title.text = f"{self.recording.title}: step {number}{status}"
             self._place("true", step.true.pose)
             self._place("estimated", step.estimated.pose)
             self._show_maps(step.map_layer, step.belief_layer)
@@ -137,13 +106,13 @@ class SearchView:
         node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
 
     def _show_maps(self, built: Layer, belief: Layer | None) -> None:
-        if not _same(built, self._shown[0]):
+        if not _is_same(built, self._shown[0]):
             self._nodes.image("built", *self._cut(built.frame, _PALETTE[built.values]), STEP_M)
             cells = np.argwhere(built.values == OBSTACLE)[:, ::-1] + 0.5
             places = cells * built.frame.resolution_m + np.array(built.frame.origin_xy)
             high = np.column_stack([places, np.full(len(places), _OBSTACLE_M)])
             self._nodes.points("obstacles", high, OBSTACLE_BLACK, built.frame.resolution_m)
-        if belief is not None and not _same(belief, self._shown[1]):
+        if belief is not None and not _is_same(belief, self._shown[1]):
             rgba = np.empty((*belief.values.shape, 4), np.uint8)
             rgba[..., :3] = TARGET_RED
             rgba[..., 3] = (0.8 * 255 / TOP_LEVEL * belief.values).astype(np.uint8)
@@ -155,10 +124,10 @@ class SearchView:
     def _cut(
         self, frame: GridFrame, rgba: UInt8[np.ndarray, "ny nx 4"]
     ) -> tuple[GridFrame, UInt8[np.ndarray, "my mx 4"]]:
-        """The part of a map that lies on the plan, or just beside it: of one size, however far the map has grown."""
+        """The part of a map on the plan and its margin, of one size however far the map extends."""
         cell, origin = frame.resolution_m, np.array(frame.origin_xy)
-        first = np.floor((self.scenery.low - AROUND_M - origin) / cell + 1e-6).astype(int)
-        count = np.ceil((self.scenery.size + 2 * AROUND_M) / cell).astype(int)
+        first = np.floor((self.building.low - MARGIN_M - origin) / cell + 1e-6).astype(int)
+        count = np.ceil((self.building.size + 2 * MARGIN_M) / cell).astype(int)
         part = np.zeros((count[1], count[0], 4), np.uint8)
         rows, columns = rgba.shape[:2]
         left, right = max(first[0], 0), min(first[0] + count[0], columns)
@@ -173,9 +142,9 @@ class SearchView:
     def _show_motion(self, step: Step) -> None:
         """Trajectories so far, planned path and goal."""
         true, estimated = self.recording.trajectories(step.number + 1)
-        self._nodes.way("true_trajectory", true, 6 * STEP_M, TRUE_GREEN, 4.0)
-        self._nodes.way("estimated_trajectory", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
-        self._nodes.way("path", step.decided.path, 8 * STEP_M, PATH_PURPLE, 2.5)
+        self._nodes.polyline("true_trajectory", true, 6 * STEP_M, TRUE_GREEN, 4.0)
+        self._nodes.polyline("estimated_trajectory", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
+        self._nodes.polyline("path", step.decided.path, 8 * STEP_M, PATH_PURPLE, 2.5)
         arms = 0.18 * np.array([[[-1, -1, 0], [1, 1, 0]], [[-1, 1, 0], [1, -1, 0]]])
         self._nodes.lines("goal", arms + np.array([*step.decided.goal, 8 * STEP_M]), PATH_PURPLE, 5.0)
 
@@ -183,17 +152,14 @@ class SearchView:
         measured = step.estimated.measurement
         fan, colour = np.zeros((0, 2, 3)), TARGET_RED
         if measured is not None:
-            at = np.array([*step.true.pose[:2], _RADIO_M])
-            fan, colour = arrival_fan(at, measured.aoa_rad, measured.snr_db), STATE_COLOURS[measured.state]
-        self._nodes.lines("arrivals", fan, of_each_end(colour, len(fan)), 5.0)
+            place = np.array([*step.true.pose[:2], _RADIO_M])
+            fan, colour = arrival_fan(place, measured.aoa_rad, measured.snr_db), STATE_COLOURS[measured.state]
+        self._nodes.lines("arrivals", fan, repeat_colour(colour, len(fan)), 5.0)
         legs, colours = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
         if rays and step.true.paths is not None:
             legs, colours, _ = ray_segments(step.true.paths, "kind", 0.0)
         self._nodes.lines("rays", legs, colours, 1.5)
 
 
-_ROBOTS = {"true": TRUE_GREEN, "estimated": ESTIMATE_ORANGE}
-
-
-def _same(one: Layer, other: Layer | None) -> bool:
-    return other is not None and one.frame == other.frame and np.array_equal(one.values, other.values)
+def _is_same(layer: Layer, other: Layer | None) -> bool:
+    return other is not None and layer.frame == other.frame and np.array_equal(layer.values, other.values)

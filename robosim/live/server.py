@@ -1,9 +1,9 @@
-"""The web server of the page: viser, bound to one address, which serves nothing but its own client.
+"""The web server of the page: viser, bound to one address, which serves only its own client.
 
-Who asks is looked at before an answer, on HTTP and on the socket alike. Other pages of a browser may not speak to it: a
-connection with an `Origin` other than the page's own is refused. Nor may a name that somebody else's server has bent to
-this address (DNS rebinding): the `Host` asked for is a number, `localhost`, or a name that is this machine's. viser's
-offer to share a page through somebody else's server is taken away.
+Each request is checked before it is answered, on HTTP and on the socket alike. A connection with an `Origin` other than
+the page's own is rejected (403), so that other pages of a browser cannot use it. The requested `Host` must be a number,
+`localhost` or a name of this machine (421 otherwise), so that a name that DNS rebinding leads here cannot be used.
+viser's function to share a page through a foreign server is disabled.
 """
 
 import errno
@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 import rich
 
-from robosim.live.client import served
+from robosim.live.client import patch_response
 from robosim.support.checks import check_number
 from robosim.support.installation import install_command
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-#: The page's address where none is asked for.
+#: Default address of the page.
 HOST, PORT = "127.0.0.1", 8080
 
 
 def viser_module() -> ModuleType:
-    """The library that the page is made with.
+    """The module `viser`.
 
     Raises:
         ValueError: If it is not installed.
@@ -43,28 +43,24 @@ def viser_module() -> ModuleType:
         import viser
     except ImportError as error:
         raise ValueError(
-            f"viser is not installed ({error}). Install it with `{install_command('live')}`, or look without a page: "
-            "`robosim trace`, `robosim episode` and `robosim replay` draw pictures."
+            f"viser is not installed ({error}). Install it with `{install_command('live')}`, or use commands without "
+            "a page: `robosim trace`, `robosim episode` and `robosim replay` draw pictures."
         ) from error
     return viser
 
 
 def check_address(host: str, port: int) -> None:
-    """See that a page can be served there.
-
-    Args:
-        host: Name or number of one of this machine's addresses.
-        port: 0 for any that is free.
+    """Check that a page can be served at an address of this machine; port 0 stands for any free one.
 
     Raises:
-        ValueError: If it cannot, or another program is there already.
+        ValueError: If it cannot, or if another program uses the port.
     """
     check_number("port", port, 0, 65535, "a free port, such as 8080, or 0 for any", whole=True)
     try:
-        family, kind, _, _, at = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(at)
+            probe.bind(address)
     except (OSError, UnicodeError) as error:
         number = getattr(error, "errno", None)
         if number == errno.EADDRINUSE:
@@ -80,32 +76,23 @@ def check_address(host: str, port: int) -> None:
 
 
 def open_server(host: str, port: int, title: str) -> "viser.ViserServer":
-    """Start to serve an empty page.
-
-    Args:
-        host: Where.
-        port: 0 for any that is free; `get_port` of the server tells which.
-        title: Of its panel.
+    """Serve an empty page; port 0 stands for any free one.
 
     Raises:
-        ValueError: If viser is not installed, or the address cannot be had.
+        ValueError: If viser is not installed, or the address cannot be used.
     """
-    make = _local(viser_module().ViserServer)
+    viser_server = viser_module().ViserServer
+    # The page is never shared through a foreign server.
+    local_server = type(
+        "LocalServer", (viser_server,), {"request_share_url": lambda self, verbose=True: None}
+    )
     check_address(host, port)
-    os.environ.pop("_VISER_PORT_OVERRIDE", None)  # what was asked for holds
-    for talkative in ("websockets.server", "websockets"):
-        logging.getLogger(talkative).setLevel(logging.CRITICAL)
-    printer = rich.get_console()
-    quiet, printer.quiet = (
-        printer.quiet,
-        True,
-    )  # it prints its address in a frame; ours is told by the command
-    try:
-        with _looked_at(host):
-            server: viser.ViserServer = make(host=host, port=port, label=title, verbose=False)
-    finally:
-        printer.quiet = quiet
-    if port and server.get_port() != port:  # somebody was faster
+    os.environ.pop("_VISER_PORT_OVERRIDE", None)  # it would override the port
+    for name in ("websockets.server", "websockets"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with _quiet_console(), _checked_requests(host):
+        server: viser.ViserServer = local_server(host=host, port=port, label=title, verbose=False)
+    if port and server.get_port() != port:  # another program was faster
         close_server(server)
         raise ValueError(f"port {port} at {host} is in use by another program. Give another with --port.")
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
@@ -113,36 +100,25 @@ def open_server(host: str, port: int, title: str) -> "viser.ViserServer":
 
 
 def close_server(server: "viser.ViserServer") -> None:
-    """Stop to serve, without a word."""
-    printer = rich.get_console()
-    quiet, printer.quiet = printer.quiet, True
-    try:
+    """Stop a server without printing."""
+    with _quiet_console():
         server.stop()
-    finally:
-        printer.quiet = quiet
 
 
-def same_page(origin: str | None, host: str | None) -> bool:
-    """Whether a connection comes from the page itself, or from no page at all.
-
-    Args:
-        origin: The header `Origin`, which browsers send.
-        host: The header `Host`, which says whom they mean to speak to.
-    """
+def is_same_page(origin: str | None, host: str | None) -> bool:
+    """Whether a connection comes from the page itself, or from no page, by its headers `Origin` and `Host`."""
     if origin is None:
         return True
     return bool(host) and urlsplit(origin).netloc == host
 
 
-def own_name(asked: str | None, host: str) -> bool:
-    """Whether a server at a host may be asked for under a name; no name that DNS may bend to it is.
+def is_own_name(requested: str | None, host: str) -> bool:
+    """Whether a server at `host` answers requests with the header `Host` (with or without a port).
 
-    Args:
-        asked: The header `Host`, with or without a port.
-        host: What the server was told to listen at.
+    A number cannot be rebound by DNS; of names, only those of this machine and `host` itself are accepted.
     """
     try:
-        name = (urlsplit(f"//{asked}").hostname or "") if asked else ""
+        name = (urlsplit(f"//{requested}").hostname or "") if requested else ""
     except ValueError:  # brackets that do not close
         return False
     try:
@@ -153,46 +129,47 @@ def own_name(asked: str | None, host: str) -> bool:
         return bool(name) and (name in own or name.endswith(".localhost"))
 
 
-#: Held while a server is made: what is put in place of a function is put back.
-_MAKING = threading.Lock()
+@contextmanager
+def _quiet_console() -> Iterator[None]:
+    """Suppress what viser prints; the command prints the address."""
+    console = rich.get_console()
+    quiet, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = quiet
+
+
+#: Held while `serve` of websockets is replaced.
+_REPLACING = threading.Lock()
 
 
 @contextmanager
-def _looked_at(host: str) -> Iterator[None]:
-    """Have a server that is made meanwhile look at who asks, before it answers.
-
-    viser takes no such function; the library that it serves with does.
-    """
+def _checked_requests(host: str) -> Iterator[None]:
+    """Servers that are created within the block check requests; viser has no argument for it, websockets has."""
     from websockets.asyncio import server as sockets
 
     serve = sockets.serve
 
-    def guarded(*args: Any, process_request: Any = None, **options: Any) -> Any:
-        def look(connection: Any, request: Any) -> Any:
-            asked, origin = request.headers.get("Host"), request.headers.get("Origin")
-            if not own_name(asked, host):
-                logger.warning("Somebody asked for %s, and was refused.", asked)
-                said = "This page does not go by that name. Open it by its number, such as 127.0.0.1, or give --host."
-                return connection.respond(421, said + "\n")
-            if not same_page(origin, asked):
-                logger.warning("A page of %s wanted to speak to this one, and was refused.", origin)
-                return connection.respond(403, "Other pages may not speak to this one.\n")
-            return None if process_request is None else served(process_request(connection, request))
+    def serve_checked(*args: Any, process_request: Any = None, **options: Any) -> Any:
+        def check(connection: Any, request: Any) -> Any:
+            requested, origin = request.headers.get("Host"), request.headers.get("Origin")
+            if not is_own_name(requested, host):
+                logger.warning("Rejected a request for %s.", requested)
+                message = (
+                    "This page has another name. Open it by its number, such as 127.0.0.1, or give --host."
+                )
+                return connection.respond(421, message + "\n")
+            if not is_same_page(origin, requested):
+                logger.warning("Rejected a connection from a page of %s.", origin)
+                return connection.respond(403, "Other pages may not connect to this one.\n")
+            return None if process_request is None else patch_response(process_request(connection, request))
 
-        return serve(*args, process_request=look, **options)
+        return serve(*args, process_request=check, **options)
 
-    with _MAKING:
-        sockets.serve = guarded  # type: ignore[assignment, misc]
+    with _REPLACING:
+        sockets.serve = serve_checked  # type: ignore[assignment, misc]
         try:
             yield
         finally:
             sockets.serve = serve  # type: ignore[misc]
-
-
-def _local(make: type["viser.ViserServer"]) -> type["viser.ViserServer"]:
-    """The same server, which leads nobody out of this machine."""
-
-    def request_share_url(self: "viser.ViserServer", verbose: bool = True) -> None:
-        """No page is shared through somebody else's server, whoever asks."""
-
-    return type("LocalServer", (make,), {"request_share_url": request_share_url})

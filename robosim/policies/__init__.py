@@ -1,1 +1,1 @@
-"""Goal policies: who chooses where the robot goes, and the belief about the target that they share."""
+"""Goal policies, which choose where the robot drives, and the belief over the target's position."""

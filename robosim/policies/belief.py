@@ -1,10 +1,9 @@
-"""Where the target may be: a probability for each cell, from all that was measured so far and the map as known then.
+"""The belief over the target's position: a probability for each cell, from all measurements with their maps.
 
-Before anything is measured, places near to what was seen of the building are likelier than those far outside of it,
-and what stands there, where the robot was and what its camera saw from near hold no target. Each measurement then
-counts by its likelihood (`likelihood`), and measurements are multiplied. Places near each other have errors in
-common, so only those some way apart count, each as part of an independent one; and none is believed altogether, so
-that later ones can put right what an early one got wrong.
+The prior decreases with the distance from the explored area; cells with obstacles, on the trajectory of the robot, or
+in the near view of its camera hold no target. Each measurement is multiplied by its likelihood (`likelihood`).
+Measurements from near places share errors: only those some distance apart count, each as a part of an independent one.
+None is trusted completely, so that later ones can correct early errors.
 """
 
 import math
@@ -15,10 +14,9 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from robosim.policies.leads import filled, share_of
-from robosim.policies.likelihood import Likelihood, normal
+from robosim.policies.likelihood import Likelihood, normalise
+from robosim.policies.route_directions import MapSurvey, cell_shares, filled_share
 from robosim.policies.sightlines import in_sight
-from robosim.policies.survey import Survey
 from robosim.radio.measurement import Measurement, free_path_m
 from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from slam.graph.landmarks import Transmitter
@@ -26,60 +24,60 @@ from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap
 from wireless.paths import LinkState
 
-#: Cells along the side of a grid; more would not fit into memory.
+#: Largest number of cells along a side of the grid, by memory.
 MOST_CELLS = 4000
-#: Transmitters in line of sight are looked for up to here [m].
+#: Largest distance of a transmitter in line of sight [m].
 _FARTHEST_M = 200.0
-#: Squared errors of places that a graph tells, over their variances.
-_TOLD = 2.0
-#: Cells of which obstacles fill more hold no target.
+#: Squared errors of positions of the pose graph, over their variances.
+_GRAPH_VARIANCES = 2.0
+#: Cells that obstacles fill more than this hold no target.
 _FULL = 0.6
-#: The target is no nearer than this to where the robot was, or the search would have ended [m].
+#: The target is no nearer to the robot's trajectory, since the search would have ended [m].
 _BEEN_M = 0.3
-#: How much less likely the target is where it would have been found, or where something else stands.
+#: Factor of the probability where the target would have been found, or where an obstacle is.
 _EMPTY = 0.1
-#: Nothing is less likely than this part of what is most likely before any measurement.
+#: Least prior over the largest one.
 _LEAST_PRIOR = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class BeliefConfig:
-    """Size of the grid, and how far measurements are trusted."""
+    """The grid, and the errors of measurements."""
 
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
-    """Carrier frequency; turns power into distance."""
+    """Carrier frequency, which relates power and distance."""
     cell_m: Annotated[float, Range(0.01, 10, "m")] = 0.2
     """Side of a cell [m]."""
     half_side_m: Annotated[float, Range(1, 1000, "m")] = 30.0
-    """Half the side of the grid around the robot's start [m]; it grows where the robot goes, and where a transmitter in
-    line of sight may stand."""
+    """Half the side of the grid around the robot's start [m]; it grows towards the robot and towards a transmitter
+    in line of sight."""
     arrival_deg: Annotated[float, Range(0.01, 180, "degrees")] = 2.5
     """Standard deviation of directions of arrival, with that of the heading [deg]."""
     departure_deg: Annotated[float, Range(0.01, 180, "degrees")] = 2.5
     """Standard deviation of directions of departure [deg]."""
     power_db: Annotated[float, Range(0.01, 200, "dB")] = 2.5
-    """Standard deviation of powers in line of sight [dB]: other paths add to them and take from them."""
+    """Standard deviation of powers in line of sight [dB], by the interference of other paths."""
     doubt: Annotated[float, Range(0, 1)] = 0.05
-    """Probability that a measurement says nothing."""
+    """Probability that a measurement carries no information."""
     weight: Annotated[float, Range(0, 1)] = 0.6
-    """Part of an independent measurement that each one counts as."""
+    """Weight of each measurement, where 1 stands for an independent one."""
     apart_m: Annotated[float, Range(0, 100, "m")] = 0.3
-    """Measurements nearer to the last one do not count [m]."""
+    """Least distance between measurements that count [m]."""
     beyond_m: Annotated[float, Range(0.1, 1e6, "m")] = 5.0
-    """How far beyond what was seen the target may be: every so many metres it is less likely by a factor e [m]."""
+    """Distance from the explored area at which the prior is smaller by a factor of e [m]."""
     look_m: Annotated[float, Range(0, 100, "m")] = 1.2
-    """How far the camera finds the target for sure; 0 if it does not look for it [m]."""
+    """Distance within which the camera surely finds the target [m]; 0 if it does not look for it."""
     look_deg: Annotated[float, Range(0, 360, "degrees")] = 80.0
-    """Width of the camera's view in which it finds it for sure [deg]."""
+    """Width of the view in which it does [deg]."""
     in_sight: Annotated[float, Range(0, 1)] = 0.02
-    """How much less likely the target is where it would be in line of sight, if it is not."""
-    ways: bool = True
-    """Whether arrivals that come round corners tell of the target by the ways that lead there."""
+    """Factor of the probability in line of sight, if the state is another."""
+    routes: bool = True
+    """Whether arrivals around corners are compared with routes to the target."""
     departures: bool = True
-    """Whether directions of departure are known; they are not if the target's beams are not."""
+    """Whether directions of departure are known, which requires the beams of the target."""
     remembers: bool = True
-    """Whether measurements are gathered on the way; if not, the belief is that of the last one alone."""
+    """Whether all measurements count; otherwise the last one alone."""
 
     def __post_init__(self) -> None:
         if self.half_side_m > MOST_CELLS / 2 * self.cell_m:
@@ -90,7 +88,7 @@ class BeliefConfig:
 
 
 class TargetBelief:
-    """A probability for each cell of a grid around where the robot started."""
+    """A probability for each cell of a grid around the robot's start."""
 
     def __init__(self, start: Float[np.ndarray, "2"], config: BeliefConfig | None = None) -> None:
         c = self.config = config or BeliefConfig()
@@ -103,15 +101,15 @@ class TargetBelief:
         self._located = np.zeros((n, n), np.float32)
         self._empty = np.zeros((n, n), bool)
         self._prior = np.zeros((n, n), np.float32)
-        #: Of the cells, x, y [m].
+        #: Centres of the cells (x, y) [m].
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
-        self._survey: Survey | None = None
-        #: What follows from all that is taken in, until more is: it is asked for several times in a decision.
+        self._survey: MapSurvey | None = None
+        #: Cached until the belief changes: it is read several times per decision.
         self._probability: np.ndarray | None = None
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
-        """Of each cell to hold the target; they add up to 1. Not to be written to."""
+        """Probability of each cell; they add up to 1. Read-only."""
         if self._probability is None:
             log = self._prior + self._log + self._located
             p = np.exp(log - log.max())
@@ -120,41 +118,36 @@ class TargetBelief:
         return self._probability
 
     def locate(self, found: Transmitter) -> None:
-        """Take in where the mapper's graph puts the target, in place of what was taken in before.
+        """Set the position of the target by the mapper's pose graph, instead of an earlier one.
 
-        Its directions from many poses, weighed together with the poses' own errors, say more than each of them does.
+        The graph combines directions from many poses with the errors of the poses.
         """
         c, self._probability = self.config, None
-        covariance = _TOLD * found.covariance + c.cell_m**2 / 12 * np.eye(2)
-        off = self.centres - found.xy
-        square = np.einsum("yxi,ij,yxj->yx", off, np.linalg.inv(covariance), off, optimize=True)
-        density = normal(np.exp(-0.5 * square))
+        covariance = _GRAPH_VARIANCES * found.covariance + c.cell_m**2 / 12 * np.eye(2)
+        offset = self.centres - found.xy
+        square = np.einsum("yxi,ij,yxj->yx", offset, np.linalg.inv(covariance), offset, optimize=True)
+        density = normalise(np.exp(-0.5 * square))
         flat = np.float32(c.doubt / density.size)
         self._located = np.log(flat + np.float32(1 - c.doubt) * density)
 
     def add(self, measurement: Measurement, estimate: MapEstimate) -> bool:
-        """Take in a measurement; says whether it counted, being far enough from the last one that did."""
+        """Add a measurement; returns whether it counted, being far enough from the last one that did."""
         c, place = self.config, measurement.pose[:2]
         if self._last is not None and math.hypot(*(place - self._last)) < c.apart_m:
             return False
         self._last, self._probability = place.copy(), None
-        self._make_room(_ends(measurement, c))
+        self._grow(_ends(measurement, c))
         survey = self.survey(estimate)
         surely = in_sight(survey.known, place, self.frame, c.half_side_m, through_unknown=False)
-        off = self.centres - place
-        distance = np.hypot(off[..., 0], off[..., 1])
-        self._look(float(measurement.pose[2]), surely, off, distance)
-        self._prior = self._before(estimate)
-        prior = normal(np.exp(self._prior))
+        offset = self.centres - place
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        self._exclude_seen(float(measurement.pose[2]), surely, offset, distance)
+        self._prior = self._log_prior(estimate)
+        prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
-            measurement,
-            survey,
-            off,
-            distance,
-            frequency_hz=c.frequency_hz,
-            departures=c.departures,
-            ways=c.ways,
-        )
+            measurement, survey, offset, distance, frequency_hz=c.frequency_hz, departures=c.departures,
+            routes=c.routes,
+        )  # fmt: skip
         density = likelihood.density(
             prior,
             np.where(surely, np.float32(c.in_sight), np.float32(1)) * prior,
@@ -163,58 +156,58 @@ class TargetBelief:
             power_db=c.power_db,
             reach_m=c.half_side_m,
         )
-        told = np.log(np.float32(c.doubt) + np.float32(1 - c.doubt) * density / prior)
+        evidence = np.log(np.float32(c.doubt) + np.float32(1 - c.doubt) * density / prior)
         if c.remembers:
-            self._log += np.float32(c.weight) * told
+            self._log += np.float32(c.weight) * evidence
         else:
-            self._log = told
-        # Nothing is ruled out for good.
+            self._log = evidence
+        # No cell is excluded permanently.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
         return True
 
-    def survey(self, estimate: MapEstimate) -> Survey:
-        """A map over the belief's cells: whoever asks in the same decision gets what is worked out already."""
-        kept = self._survey
-        if kept is None or kept.estimate is not estimate or kept.frame is not self.frame:
-            self._survey = kept = Survey(estimate, self.frame)
-        return kept
+    def survey(self, estimate: MapEstimate) -> MapSurvey:
+        """A map over the belief's cells, cached for the decision."""
+        survey = self._survey
+        if survey is None or survey.estimate is not estimate or survey.frame is not self.frame:
+            self._survey = survey = MapSurvey(estimate, self.frame)
+        return survey
 
-    def _look(
+    def _exclude_seen(
         self,
         yaw: float,
         surely: Bool[np.ndarray, "ny nx"],
-        off: Float[np.ndarray, "ny nx 2"],
+        offset: Float[np.ndarray, "ny nx 2"],
         distance: Float[np.ndarray, "ny nx"],
     ) -> None:
-        """The robot is where cells are so far off, and its camera sees no target ahead."""
+        """Exclude cells at the robot, and in the near view of its camera."""
         c = self.config
         if not c.remembers:
             self._empty[:] = False
         self._empty |= distance <= _BEEN_M
         if c.look_m > 0:
             near = surely & (distance <= c.look_m)
-            aside = np.abs(wrap(np.arctan2(off[near, 1], off[near, 0]) - yaw))
-            self._empty[near] |= aside <= math.radians(c.look_deg) / 2
+            angle = np.abs(wrap(np.arctan2(offset[near, 1], offset[near, 0]) - yaw))
+            self._empty[near] |= angle <= math.radians(c.look_deg) / 2
 
-    def _before(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:
-        """Logarithm of the probability of each cell, but for a constant, before anything is measured."""
-        unseen = (share_of(estimate.explored, estimate, self.frame) == 0).astype(np.uint8)
-        away_m = self.config.cell_m * cv2.distanceTransform(unseen, cv2.DIST_L2, 5)
+    def _log_prior(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:
+        """Logarithm of the prior of each cell, up to a constant."""
+        unseen = (cell_shares(estimate.explored, estimate, self.frame) == 0).astype(np.uint8)
+        distance_m = self.config.cell_m * cv2.distanceTransform(unseen, cv2.DIST_L2, 5)
         if unseen.all():
-            away_m[:] = 0
-        prior = np.maximum(-away_m / np.float32(self.config.beyond_m), np.float32(math.log(_LEAST_PRIOR)))
-        prior[self._empty | (filled(estimate, self.frame) > _FULL)] += np.float32(math.log(_EMPTY))
+            distance_m[:] = 0
+        prior = np.maximum(-distance_m / np.float32(self.config.beyond_m), np.float32(math.log(_LEAST_PRIOR)))
+        prior[self._empty | (filled_share(estimate, self.frame) > _FULL)] += np.float32(math.log(_EMPTY))
         return prior
 
-    def _make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
-        """Let the grid grow where points (x, y) [m] come near its edge: as likely there as at the edge."""
+    def _grow(self, points: Float[np.ndarray, "n 2"]) -> None:
+        """Extend the grid by its edge values where points [m] are near the edge."""
         c, (ny, nx) = self.config, self.frame.shape
         cells, ahead = self.frame.to_cells(points), 0.5 * c.half_side_m / c.cell_m
         (column, row), (far_column, far_row) = cells.min(axis=0), cells.max(axis=0)
         pads = [math.ceil(max(0.0, ahead - left)) for left in (column, nx - far_column, row, ny - far_row)]
         if not any(pads) or max(nx + sum(pads[:2]), ny + sum(pads[2:])) > MOST_CELLS:
             return
-        # More at once, so that this is seldom done.
+        # In large parts, so that this is rare.
         left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
@@ -225,13 +218,13 @@ class TargetBelief:
         self.centres = _centres(self.frame)
 
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
-        """The target was looked for at a place, and not found."""
+        """Reduce the belief around a place [m] where the target was not found."""
         near = np.hypot(*(self.centres - place).transpose(2, 0, 1)) <= radius_m
         self._log[near] -= np.float32(strength)
         self._probability = None
 
     def peak(self, radius_m: float = 0.5) -> tuple[Float[np.ndarray, "2"], float]:
-        """The place with the most probability around it [m], and how much that is."""
+        """The place with the most probability within a radius [m], and that probability."""
         p = self.probability()
         n = 2 * round(radius_m / self.config.cell_m) + 1
         around = cv2.boxFilter(p, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT)
@@ -242,7 +235,7 @@ class TargetBelief:
 
 
 def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "n 2"]:
-    """The robot's place (x, y) [m], and where a transmitter stands that is in line of sight for all that is known."""
+    """The robot's place [m], and that of a transmitter which is probably in line of sight."""
     place = measurement.pose[:2]
     if not len(measurement.aoa_rad) or measurement.probability[LinkState.LOS] < 0.5:
         return place[None]

@@ -1,4 +1,4 @@
-"""What a robot makes of what it senses. With the `Observation`, it is all that a goal policy is given."""
+"""The estimates of a robot: with the `Observation`, they are all inputs of a goal policy."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,9 +18,9 @@ class Estimates:
     map: MapEstimate
     """Map and pose."""
     measurement: Measurement | None = None
-    """What the radio measured of the target; None without a radio."""
+    """Radio measurement of the target; None without a radio."""
     anchors: Mapping[str, Measurement] = field(default_factory=dict)
-    """The same of other transmitters, by name."""
+    """Radio measurements of other transmitters, by name."""
     anchor_places: Mapping[str, Float[np.ndarray, "2"]] = field(default_factory=dict)
     """Positions in `map` [m] of those other transmitters whose position the robot knows."""
     locate_transmitters: Callable[[], Mapping[str, Transmitter]] = dict
@@ -33,11 +33,11 @@ class Estimates:
         return self.map.pose
 
     def require_measurement(self) -> Measurement:
-        """What the radio measured, for policies that need one.
+        """The radio measurement, for policies that need one.
 
         Raises:
             ValueError: If there is no radio.
         """
         if self.measurement is None:
-            raise ValueError("This policy needs what a radio measures, but the robot has no radio.")
+            raise ValueError("This policy needs radio measurements, but the robot has no radio.")
         return self.measurement

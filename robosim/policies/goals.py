@@ -1,21 +1,20 @@
-"""Goal policies: where the robot wants to be, given what it knows.
+"""Goal policies, which choose where the robot goes.
 
-A policy is given what the robot has sensed (`Observation`) and what it has estimated from it (`Estimates`): map, pose,
-link state; never the truth. Two are exceptions by name, and the bars that the others' arrival times are
-measured against: the oracle is handed the target; `shortest` is told the building and its pose too. All policies are
-asked once a decision, and all arrive by one rule.
+A policy receives the observation (`Observation`) and the estimates from it (`Estimates`): map, pose, link state; never
+the truth. Two named exceptions are the references for arrival times: the oracle knows the target, `shortest` also the
+building and the pose. All policies are called once per decision, and all arrive by one rule.
 
     oracle         knows the target
     shortest       knows target, building and pose: the physical limit
-    explore        goes where the map ends; does not look for the target
+    explore        goes to frontiers; does not search
     visual         explores until the camera sees the target, then goes there
-    snr            follows the strongest path wherever there is one that is strong enough, else explores
-    los            follows it where the link state is line of sight
-    los-or-first   follows it where the link state is line of sight or first order: the published system
-    fused          goes where radio, camera and map together say that the target is, or will tell most about it
-    learned        a recurrent network chooses the actions from what the robot senses; `fused` goes on where it is stuck
+    snr            follows the strongest path if it is strong enough, else explores
+    los            follows it if the link state is line of sight
+    los-or-first   follows it if the link state is line of sight or first order: the published system
+    fused          goes where radio, camera and map together locate the target, or where they learn most about it
+    learned        a recurrent network chooses the actions from the sensors; falls back to `fused` when it is stuck
 
-A `.safetensors` file of `robosim train search` is one like the last.
+A `.safetensors` file of `robosim train search` is a policy like the last.
 
 Reference: arXiv 2110.14789 for all but `shortest`, `fused` and `learned`.
 """
@@ -40,45 +39,43 @@ from slam.exploration.explorer import Explorer
 from slam.poses import to_map
 from wireless.paths import LinkState
 
-#: Policies that come with this package and look for the target.
+#: Policies of this package that search for the target.
 SEEKERS = tuple(name for name in GOAL.names if name != "explore")
 
 
 @runtime_checkable
 class GoalPolicy(Protocol):
-    """Chooses a goal once a decision; what derives from this class takes what it does not say from here.
+    """Chooses a goal at each decision; a derived class inherits the defaults below.
 
-    One that says why it chose its last goal does so by an attribute `reason`, a `robosim.policies.reason.Reason`.
+    An optional attribute `reason`, a `robosim.policies.reason.Reason`, gives the reason of the last goal.
     """
 
-    #: Whether the policy looks for the target, so that an episode ends on arrival.
+    #: Whether the policy searches for the target, so that an episode ends on arrival.
     seeks_target: bool = True
     #: Whether it needs the radio.
     uses_radio: bool = False
-    #: Whether it needs the target recognised in pictures.
+    #: Whether it needs the recogniser of the target.
     uses_camera: bool = False
-    #: Where it takes the target to be; None if it keeps no such belief.
+    #: The belief over the target's position; None without one.
     belief: TargetBelief | None = None
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
-        """A point of `map` to go to, or None when there is nothing left to do."""
+        """A point of `map` to go to, or None if nothing is left to do."""
         ...
 
 
 @runtime_checkable
 class Driver(Protocol):
-    """A goal policy that chooses actions too; then those of the controller are not done."""
+    """A goal policy that also chooses actions, instead of the controller."""
 
     def action(self) -> Action | None:
-        """What to do now; asked after the goal, in the same decision. None leaves it to the controller."""
+        """The action; called after the goal, in the same decision. None leaves it to the controller."""
         ...
 
 
-class Oracle:
-    """Knows where the target is."""
+class Oracle(GoalPolicy):
+    """Knows the target."""
 
-    seeks_target, uses_radio, uses_camera = True, False, False
-    belief: TargetBelief | None = None
     reason: Reason | None = KNOWN
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
@@ -89,26 +86,24 @@ class Oracle:
         return self._target
 
 
-class Explore:
-    """Goes where the map ends, until it ends nowhere."""
+class Explore(GoalPolicy):
+    """Explores until there are no frontiers."""
 
-    seeks_target, uses_radio, uses_camera = False, False, False
-    belief: TargetBelief | None = None
+    seeks_target = False
     reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
-        """A frontier, or None when all that can be reached is explored."""
+        """A frontier, or None if there is none."""
         return self._explorer.goal(estimated.map)
 
 
-class Visual:
-    """Explores until the target is seen, then goes to where it was seen last."""
+class Visual(GoalPolicy):
+    """Explores until the target is seen, then goes to its last seen position."""
 
-    seeks_target, uses_radio, uses_camera = True, False, True
-    belief: TargetBelief | None = None
+    uses_camera = True
     reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
@@ -116,18 +111,17 @@ class Visual:
         self._seen: np.ndarray | None = None
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
-        """The target if it was ever seen, else a frontier."""
+        """The target if it has been seen, else a frontier."""
         if sensed.target is not None:
             self._seen = to_map(estimated.pose, sensed.target)
             self.reason = SEEN
         return self._explorer.goal(estimated.map) if self._seen is None else self._seen
 
 
-class Wireless:
+class Wireless(GoalPolicy):
     """Follows the strongest path in trusted link states, and explores in others."""
 
-    seeks_target, uses_radio, uses_camera = True, True, False
-    belief: TargetBelief | None = None
+    uses_radio = True
     reason: Reason | None = None
 
     def __init__(self, explorer: Explorer, trusted: tuple[LinkState, ...]) -> None:
@@ -143,24 +137,20 @@ class Wireless:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyContext:
-    """What a goal policy is made from."""
+    """The inputs of a goal policy's constructor."""
 
     explorer: Explorer
-    """Who chooses among frontiers."""
+    """Chooses among frontiers."""
     fused: FusedConfig = field(default_factory=FusedConfig)
-    """How `fused` weighs what it knows."""
+    """Settings of `fused`."""
     control: ControlConfig = field(default_factory=ControlConfig)
-    """The robot's hull, and what its actions do."""
+    """The robot's hull and actions."""
     target: Float[np.ndarray, "2"] | None = None
-    """Where the target truly is: for the oracle alone, and for what is compared with it."""
+    """True position of the target, for the oracle and `shortest` only."""
 
 
 def make_policy(goal: Part, context: PolicyContext) -> GoalPolicy:
-    """A goal policy.
-
-    Args:
-        goal: Its name, `module:Name`, an object, or a class or function that makes one from a `PolicyContext`.
-        context: What it is made from.
+    """A goal policy from a name, `module:Name`, an object, or a class or function of a `PolicyContext`.
 
     Raises:
         ValueError: If there is no such policy.
@@ -170,38 +160,38 @@ def make_policy(goal: Part, context: PolicyContext) -> GoalPolicy:
 
 
 def oracle(context: PolicyContext) -> Oracle:
-    """Knows the target."""
+    """The policy `oracle`."""
     if context.target is None:
-        raise ValueError("target is None, but the oracle has to be told where it is.")
+        raise ValueError("target is None, expected its position: the oracle needs it.")
     return Oracle(context.target)
 
 
 def explore(context: PolicyContext) -> Explore:
-    """Goes where the map ends."""
+    """The policy `explore`."""
     return Explore(context.explorer)
 
 
 def visual(context: PolicyContext) -> Visual:
-    """Explores until the camera sees the target."""
+    """The policy `visual`."""
     return Visual(context.explorer)
 
 
 def snr(context: PolicyContext) -> Wireless:
-    """Follows any strong arrival."""
+    """The policy `snr`."""
     trusted = LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER
     return Wireless(context.explorer, trusted)
 
 
 def los(context: PolicyContext) -> Wireless:
-    """Follows arrivals in line of sight."""
+    """The policy `los`."""
     return Wireless(context.explorer, (LinkState.LOS,))
 
 
 def los_or_first(context: PolicyContext) -> Wireless:
-    """Follows arrivals in line of sight and of first order."""
+    """The policy `los-or-first`."""
     return Wireless(context.explorer, (LinkState.LOS, LinkState.FIRST_ORDER))
 
 
 def fused(context: PolicyContext) -> Fused:
-    """Goes where radio, camera and map together say."""
+    """The policy `fused`."""
     return Fused(context.explorer, context.fused)

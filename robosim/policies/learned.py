@@ -1,11 +1,11 @@
-"""The learned search: a recurrent network chooses each action from what the robot senses, without planner.
+"""The learned search: a recurrent network chooses each action from the sensors, without a planner.
 
-It has learned in invented homes, first from a guide that knows the way, then from its own arrivals
+It is trained in generated homes, first by imitation of a guide that knows the route, then by its own arrivals
 (`robosim.training.search`). Actions are drawn by the third power of their probabilities, likely ones more often than in
-training, so that the robot turns to and fro less; one that always took the likeliest could stand before two doors for
-ever. The draws are the same in every search, so that one seed gives one episode. What it has learned does not always
-lead on: where the robot stays in one place, or drives round without seeing anything new, `fused` takes over for good,
-with the map that was made all along. Actions that end at something which this map shows are not drawn.
+training, so that the robot turns to and fro less; the likeliest action alone could keep it between two doors forever.
+The draws are the same in each search, so that a seed determines the episode. Actions that end at an obstacle of the map
+are not drawn. Where the robot stays in one place, or sees nothing new, `fused` permanently replaces the network, with
+the map of the whole search.
 """
 
 from collections import deque
@@ -14,14 +14,19 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.policies.arrival import Dwelling
+from robosim.policies.arrival import StuckDetector
 from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
 from robosim.policies.reason import Reason
-from robosim.policies.search_network import SearchNetwork, drawn_actions, load_search, no_memory
-from robosim.policies.search_senses import SearchSenses
+from robosim.policies.search_network import (
+    SearchNetwork,
+    SearchSenses,
+    draw_actions,
+    empty_memory,
+    load_search,
+)
 from robosim.simulator import Observation
 from robosim.support.assets import shipped_network
 from slam.actions import TURN_RAD, Action
@@ -29,96 +34,92 @@ from slam.control.guard import Guard
 from slam.grid import MapEstimate
 from slam.poses import to_map
 
-#: Seed of what is drawn.
+#: Seed of the draws.
 _SEED = 28
 #: Actions are drawn by this power of their probabilities.
 _POWER = 3.0
-#: The robot gets no further if it was so near to one place [m] for so many decisions.
-_DWELL_M, _DWELL_STEPS = 0.5, 40
-#: Nor if it has seen less new floor than this [m2] in so many decisions: it drives round.
+#: The robot is stuck within this distance [m] for so many decisions.
+_STUCK_M, _STUCK_STEPS = 0.5, 40
+#: It also is if it has seen less new floor [m2] in so many decisions.
 _NEW_M2, _NEW_STEPS = 1.0, 100
-#: How far ahead the goal is drawn [m].
+#: Distance of the goal in the log [m].
 _AHEAD_M = 0.5
-#: Where the robot looks after an action.
+#: Change of the heading by an action [rad].
 _TURNS = {Action.FORWARD: 0.0, Action.LEFT: TURN_RAD, Action.RIGHT: -TURN_RAD}
 
 
 class Learned:
-    """Chooses actions by a network, and leaves goals to `fused` once it gets no further."""
+    """Chooses actions by a network, and falls back to the goals of `fused` once the robot is stuck."""
 
     seeks_target, uses_radio = True, True
 
     def __init__(self, network: SearchNetwork, fused: Fused, guard: Guard) -> None:
-        """A robot at the start of its search."""
-        self._network, self._senses, self._memory = network, SearchSenses(), no_memory()
+        self._network, self._senses, self._memory = network, SearchSenses(), empty_memory()
         self._rng = np.random.default_rng(_SEED)
-        self._dwelling = Dwelling(_DWELL_STEPS, _DWELL_M)
+        self._stuck = StuckDetector(_STUCK_STEPS, _STUCK_M)
         self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
         self._action: Action | None = None
-        self._fused, self._taken_over = fused, False
+        self._fused, self._has_fallen_back = fused, False
         self._guard = guard
         self.uses_camera = fused.uses_camera
 
     @property
     def belief(self) -> TargetBelief | None:
-        """Where the target may be, once `fused` has taken over."""
+        """The belief of `fused`, after the fallback."""
         return self._fused.belief
 
     @property
     def reason(self) -> Reason | None:
-        """Why the last goal was chosen, once `fused` has taken over."""
+        """The reason of `fused`, after the fallback."""
         return self._fused.reason
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
-        """A point in the direction of the action that it chooses now, for the log; the goal of `fused` later on.
+        """A point in the direction of the chosen action, for the log; after the fallback the goal of `fused`.
 
         Raises:
             ValueError: If the robot has no radio or no camera.
         """
-        pose = estimated.pose
-        self._taken_over |= self._gets_no_further(estimated.map)
-        if self._taken_over:
+        self._has_fallen_back |= self._is_stuck(estimated.map)
+        if self._has_fallen_back:
             self._action = None
             return self._fused.goal(sensed, estimated)
         measured = estimated.require_measurement()
         if not sensed.depth.size:
-            raise ValueError(
-                "The learned search needs the depth that a camera measures, but the robot has none."
-            )
-        told = self._senses.told(
+            raise ValueError("The learned search needs the depth of a camera, but the robot has none.")
+        inputs = self._senses.encode(
             sensed.depth,
             sensed.odometry,
-            # In the robot's frame again, so without the map's error of heading.
+            # In the robot's frame, without the map's error of heading.
             measured.aoa_rad - measured.pose[2],
             measured.snr_db,
             measured.delay_s,
             measured.probability,
         )
-        scores, _, self._memory = self._network(told, self._memory)
+        scores, _, self._memory = self._network(inputs, self._memory)
         bumps = self._guard.bumps(estimated.map)
         if not bumps.all():
             scores[bumps] = -np.inf
-        self._action = Action(int(drawn_actions(_POWER * scores[None], self._rng)[0]))
+        self._action = Action(int(draw_actions(_POWER * scores[None], self._rng)[0]))
         turn = _TURNS[self._action]
-        return to_map(pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
+        return to_map(estimated.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
 
-    def _gets_no_further(self, estimate: MapEstimate) -> bool:
-        """Whether the robot stays in one place, or drives round what it knows."""
+    def _is_stuck(self, estimate: MapEstimate) -> bool:
+        """Whether the robot stays in one place, or sees nothing new."""
         seen_m2 = float(estimate.explored.sum()) * estimate.frame.resolution_m**2
-        drives_round = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
+        sees_nothing_new = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
         self._seen_m2.append(seen_m2)
-        return self._dwelling.at(estimate.pose[:2]) or drives_round
+        return self._stuck.is_stuck(estimate.pose[:2]) or sees_nothing_new
 
     def action(self) -> Action | None:
-        """What it chose with its last goal; None once `fused` has taken over."""
+        """The chosen action; None after the fallback."""
         return self._action
 
 
 def learned(context: PolicyContext) -> Learned:
-    """Chooses actions by the shipped network."""
+    """The policy of the shipped network."""
     return learned_of_file(shipped_network("search"), context)
 
 
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
-    """Chooses actions by the network of a file."""
+    """The policy of the network in a file."""
     return Learned(load_search(path), Fused(context.explorer, context.fused), Guard(context.control))

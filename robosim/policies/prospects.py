@@ -1,9 +1,9 @@
-"""Where a robot may go to look for the target, and how much of the belief lies behind each such place.
+"""Places from which the robot may look for the target, and the part of the belief behind each of them.
 
-Ways to all places around lead through what was not seen yet. What is believed of a place counts for the frontier that
-the way to it passes, over the decisions that the way takes: of two frontiers, who goes to the one with the greater
-share an hour first arrives sooner in the mean (Smith's rule). Frontiers at the robot's own feet are no places to go
-to: what lies behind them counts for the direction in which the ways to it begin.
+Routes to all places enter unexplored cells somewhere. The belief of a place counts for the frontier where the route to
+it does, divided by the decisions for the route: of two tasks, doing the one with the larger probability per time first
+ends sooner on average (Smith's rule). Frontiers at the robot's own place are no goals: the belief behind them counts
+for the direction in which its routes begin.
 
 Reference: Smith, Various optimizers for single-stage production, Naval Research Logistics Quarterly 3 (1956).
 """
@@ -13,42 +13,42 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32
 
-from robosim.policies.leads import Leads
+from robosim.policies.route_directions import RouteDirections
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.frontiers import Frontier
 from slam.grid import GridFrame
 from slam.poses import wrap
 
-#: Frontiers nearer than this are at the robot's feet [m].
-AT_FEET_M = 0.6
-#: Ways that enter the unseen so far from a frontier do not pass it [m].
-_BESIDE_M = 1.5
-#: Narrower frontiers show less of what lies behind them, in proportion [m].
+#: Frontiers nearer than this are at the robot's own place [m].
+AT_ROBOT_M = 0.6
+#: Routes that enter unexplored cells farther from a frontier do not pass it [m].
+_PASSING_M = 1.5
+#: Narrower frontiers show proportionally less of what is behind them [m].
 _WIDE_M = 0.6
-#: Directions that are told apart around the robot, and how many on each side of one count for it.
-_SECTORS, _BESIDE = 24, 2
+#: Directions around the robot, and how many on each side count for one of them.
+_SECTORS, _SIDE_SECTORS = 24, 2
 
 
 class Prospect(NamedTuple):
     """A place to go to."""
 
     goal_xy: Float[np.ndarray, "2"]
-    """Where [m]."""
+    """Position of the goal [m]."""
     near_xy: Float[np.ndarray, "2"]
-    """Where it is looked from [m]."""
+    """Position from which the robot looks [m]."""
     decisions: float
-    """What the way there takes."""
+    """Decisions for the route there."""
     behind: float
-    """Probability that the target lies behind it, each part over the decisions of the way there."""
+    """Probability behind it, each part divided by the decisions for its route."""
     width: float = 1.0
-    """Part of what lies behind it that its width lets one see, 0 to 1."""
+    """Share of what is behind it that its width shows, 0 to 1."""
 
 
-def prospects(
+def find_prospects(
     frontiers: Sequence[Frontier],
-    way: Leads,
+    routes: RouteDirections,
     probability: Float32[np.ndarray, "ny nx"],
     frame: GridFrame,
     pose: Float[np.ndarray, "3"],
@@ -56,71 +56,57 @@ def prospects(
     head_start: float,
     most: int,
 ) -> list[Prospect]:
-    """Places to go to, with what is believed to lie behind them.
+    """Places to go to from the robot's pose, with the belief (of a grid) behind them.
 
-    Args:
-        frontiers: Where what was seen ends.
-        way: Ways from the robot.
-        probability: Of each cell of a grid to hold the target.
-        frame: Of that grid.
-        pose: Of the robot.
-        head_start: Decisions added to each way.
-        most: So many of the nearest frontiers are looked at.
+    `head_start` is added to the decisions of each route; only the nearest `most` frontiers are used.
     """
     here = pose[:2]
-    beyond = [one for one in frontiers if math.hypot(*(one.near_xy - here)) > AT_FEET_M]
+    beyond = [one for one in frontiers if math.hypot(*(one.near_xy - here)) > AT_ROBOT_M]
     far = sorted(beyond, key=lambda one: one.cost_m)[:most]
-    unseen = way.entry >= 0
-    entries, inverse = _numbered(way.entry[unseen], way.entry.size)
-    rows, columns = np.divmod(entries, way.entry.shape[1])
-    places = frame.to_points(np.column_stack([columns + way.columns.start, rows + way.rows.start]) + 0.5)
-    mass = probability[way.rows, way.columns][unseen]
-    decisions = way.way_m[unseen] / FORWARD_M + head_start
-    at_feet = (np.hypot(*(places - here).T) < AT_FEET_M)[inverse]
+    unexplored = routes.entry >= 0
+    # As np.unique with its inverse, but without sorting all cells.
+    number = np.zeros(routes.entry.size, np.int64)
+    number[routes.entry[unexplored]] = 1
+    entries = np.flatnonzero(number)
+    number[entries] = np.arange(len(entries))
+    inverse = number[routes.entry[unexplored]]
+    rows, columns = np.divmod(entries, routes.entry.shape[1])
+    places = frame.to_points(
+        np.column_stack([columns + routes.columns.start, rows + routes.rows.start]) + 0.5
+    )
+    mass = probability[routes.rows, routes.columns][unexplored]
+    decisions = routes.length_m[unexplored] / FORWARD_M + head_start
+    at_robot = (np.hypot(*(places - here).T) < AT_ROBOT_M)[inverse]
     found = []
-    if len(beyond) < len(frontiers) and at_feet.any():
-        found.append(_ahead(mass[at_feet], decisions[at_feet], way.out[unseen][at_feet].astype(float), pose))
+    if len(beyond) < len(frontiers) and at_robot.any():
+        out = routes.out[unexplored][at_robot].astype(float)
+        found.append(_best_direction(mass[at_robot], decisions[at_robot], out, pose))
     if far:
         turns = np.array([_turns(one.near_xy, pose) for one in far])
-        behind = _behind(far, turns, places, inverse, np.where(at_feet, 0, mass), decisions)
-        found += [
-            Prospect(
-                f.goal_xy,
-                f.near_xy,
-                f.cost_m / FORWARD_M + float(turn),
-                float(share),
-                min(1.0, f.length_m / _WIDE_M),
-            )
-            for f, turn, share in zip(far, turns, behind, strict=True)
-        ]
+        behind = _behind(far, turns, places, inverse, np.where(at_robot, 0, mass), decisions)
+        for one, turn, share in zip(far, turns, behind, strict=True):
+            width = min(1.0, one.length_m / _WIDE_M)
+            n_decisions = one.cost_m / FORWARD_M + float(turn)
+            found.append(Prospect(one.goal_xy, one.near_xy, n_decisions, float(share), width))
     return found
 
 
-def _numbered(cells: Int[np.ndarray, " n"], size: int) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " n"]]:
-    """Which cells of a grid of some size there are, rising, and the place of each among them."""
-    number = np.zeros(size, np.int64)
-    number[cells] = 1
-    there = np.flatnonzero(number)
-    number[there] = np.arange(len(there))
-    return there, number[cells]
-
-
-def _ahead(
+def _best_direction(
     mass: Float[np.ndarray, " n"],
     decisions: Float[np.ndarray, " n"],
     out: Float[np.ndarray, "n 2"],
     pose: Float[np.ndarray, "3"],
 ) -> Prospect:
-    """The direction in which most of the belief lies for each decision, turning included."""
+    """The direction with the largest belief per decision, turns included."""
     angles = (np.arange(_SECTORS) + 0.5) * (2 * math.pi / _SECTORS) - math.pi
     sector = np.floor((np.arctan2(out[:, 1], out[:, 0]) + math.pi) * (_SECTORS / (2 * math.pi))).astype(int)
     apart = np.abs(np.arange(_SECTORS)[:, None] - sector % _SECTORS)
-    beside = np.minimum(apart, _SECTORS - apart) <= _BESIDE
+    is_near = np.minimum(apart, _SECTORS - apart) <= _SIDE_SECTORS
     turns = np.abs(wrap(angles - pose[2])) / TURN_RAD
-    share = (beside * mass / (decisions + turns[:, None])).sum(axis=1)
+    share = (is_near * mass / (decisions + turns[:, None])).sum(axis=1)
     best = int(np.argmax(share))
-    goal = pose[:2] + AT_FEET_M * np.array([math.cos(angles[best]), math.sin(angles[best])])
-    return Prospect(goal, goal, AT_FEET_M / FORWARD_M + float(turns[best]), float(share[best]))
+    goal = pose[:2] + AT_ROBOT_M * np.array([math.cos(angles[best]), math.sin(angles[best])])
+    return Prospect(goal, goal, AT_ROBOT_M / FORWARD_M + float(turns[best]), float(share[best]))
 
 
 def _behind(
@@ -131,15 +117,15 @@ def _behind(
     mass: Float[np.ndarray, " n"],
     decisions: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " m"]:
-    """What is believed to lie behind each frontier, over the decisions of the ways."""
+    """Belief behind each frontier, divided by the decisions for the routes."""
     share = np.zeros(len(frontiers))
     if not len(places):
         return share
     goals = np.array([frontier.goal_xy for frontier in frontiers])
-    off_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
-    passed, own = np.argmin(off_m, axis=1), off_m.min(axis=1) < _BESIDE_M
-    which = passed[inverse]
-    np.add.at(share, which, np.where(own[inverse], mass / (decisions + turns[which]), 0))
+    distance_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
+    nearest, passes = np.argmin(distance_m, axis=1), distance_m.min(axis=1) < _PASSING_M
+    which = nearest[inverse]
+    np.add.at(share, which, np.where(passes[inverse], mass / (decisions + turns[which]), 0))
     return share
 
 

@@ -1,4 +1,4 @@
-"""Why a policy chose its goal: recorded with each decision, and shown with it."""
+"""The reason of a goal, which is recorded and shown with each decision."""
 
 import math
 from enum import StrEnum
@@ -12,57 +12,49 @@ from slam.poses import wrap
 
 
 class GoalKind(StrEnum):
-    """What a goal is."""
+    """Kind of a goal."""
 
     KNOWN = "target known"
-    """The target's place, which the policy is given."""
+    """The position of the target, which the policy knows."""
     SEEN = "target seen"
     """Where the camera saw the target."""
     ARRIVAL = "arrival followed"
     """A point ahead along the strongest radio path."""
     BELIEVED = "place believed"
-    """Where the belief has gathered."""
+    """Where the belief is concentrated."""
     LOOK = "place to look from"
-    """Where most of the belief comes in sight, or lies behind, per decision that the path takes."""
+    """Where most of the belief comes in sight, or lies behind, per decision of the path."""
     EXPLORE = "map's edge"
-    """Where the map ends, whatever the radio says."""
-    PREVIOUS = "goal kept"
-    """An earlier goal, since two of them took turns."""
-    OTHER = "not told"
-    """The policy does not say."""
+    """A frontier, chosen without the radio."""
+    PREVIOUS = "goal kept"  # stored name
+    """An earlier goal, since two of them alternated."""
+    OTHER = "not told"  # stored name
+    """The policy gives no reason."""
 
 
 class Reason(NamedTuple):
-    """Why the present goal was chosen, or confirmed at the last review."""
+    """Reason of the present goal at its last review."""
 
     kind: GoalKind
-    """What the goal is."""
     because: str = ""
-    """What was weighed then, in a few words."""
+    """A few words."""
     mass: float = math.nan
-    """Probability that the target was within half a metre of the place most believed then; NaN without a belief."""
+    """Probability within 0.5 m of the belief's peak; NaN without a belief."""
 
 
-#: Of policies that have one reason for a kind of goal.
 KNOWN = Reason(kind=GoalKind.KNOWN, because="the policy is given the place of the target")
 SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
 ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
-#: Of a policy that does not say.
 UNKNOWN_REASON = Reason(kind=GoalKind.OTHER)
-#: Of an earlier goal that the loop detector returns instead of the policy's (`slam.planning.loop_detector`).
+#: Of an earlier goal that the loop detector (`slam.planning.loop_detector`) returns.
 LOOP_DETECTED = Reason(
     kind=GoalKind.PREVIOUS, because="two goals took turns, so the present one stays for a while"
 )
 
 
 def decisions_along(path: Float[np.ndarray, "n 2"], yaw: float) -> float:
-    """Decisions that a path takes if nothing intervenes: steps ahead, and turns at its corners.
-
-    Args:
-        path: Corners of the path (x, y) [m], from the robot on.
-        yaw: Where the robot looks [rad].
-    """
+    """Decisions for a path (corners [m], from the robot on): steps ahead, and turns, the first from the robot's yaw."""
     legs = np.diff(path, axis=0)
     length = np.hypot(legs[:, 0], legs[:, 1])
     legs, length = legs[length > 0], length[length > 0]

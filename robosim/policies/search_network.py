@@ -1,14 +1,24 @@
-"""A small recurrent network that searches: from what is sensed to the next action, in ONNX Runtime.
+"""The recurrent network of the learned search: its inputs, and the network in ONNX Runtime.
 
-One layer of rectified units, a gated recurrent unit that remembers, and two readings of its memory: scores of the three
-actions, and what is still to be earned, which only training asks for.
+Inputs are numbers of about 1 in size, in the robot's own frame. They need neither a map nor the pose of a mapper:
+
+    depth      64 columns from left to right, each as nearness 0.5 m / (0.5 m + d) and as distance d / 10 m, 0 for none
+    paths      5, each as found, cosine and sine of the azimuth of arrival, SNR / 30 dB, delay / 30 ns, 0 for none
+    state      probabilities of outage, line of sight, first order, higher order
+    odometry   forward and left in steps of 0.25 m, turn in steps of 10 degrees
+    trail      how often the robot was in each of 8 directions by 3 distances around it, by odometry
+    start      ahead and left of the robot, in 10 m; number of steps, in 1000
+
+Obstacles below the camera's horizon are not in the inputs. The network has one layer of rectified units, a gated
+recurrent unit as memory, and two linear readings of the memory: scores of the three actions, and the discounted
+reward to come, which only training uses.
 
     e  = relu(x We + be)
     r  = s(e Wr + h Ur + b),  z = s(e Wz + h Uz + b),  n = tanh(e Wn + b + r (h Un + c))
     h' = (1 - z) n + z h
 
 Reference: Cho et al., Learning phrase representations using RNN encoder-decoder, EMNLP 2014, in the form of PyTorch's
-`GRUCell`, whose weights these are, transposed.
+`GRUCell`, with transposed weights.
 """
 
 import math
@@ -18,110 +28,191 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32
 
-from robosim.policies.search_senses import INPUTS
-from slam.actions import PUBLISHED
+from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD
 from slam.networks.onnx_graph import OnnxGraph
 from slam.networks.runtime import OnnxRunner
 from slam.support.weights import Weights, read_weights
 
+COLUMNS, PATHS, STATES = 64, 5, 4
+#: Largest distance [m]; distance with a nearness of one half [m].
+_FAR_M, _NEAR_M = 10.0, 0.5
+_SNR_DB, _DELAY_S, _MOST_DELAYS = 30.0, 30e-9, 3.0
+#: Directions and outer distances [m] of the parts of the trail.
+_SECTORS, _RINGS_M = 8, (0.8, 2.0, 5.0)
+#: Logarithm of the number of visits that becomes 1.
+_TRAIL = 4.0
+_PLACE_M, _STEPS = 10.0, 1000.0
+INPUTS = 2 * COLUMNS + 5 * PATHS + STATES + 3 + _SECTORS * len(_RINGS_M) + 3
 #: Units of the first layer, and of the memory.
 HIDDEN = 128
 
 
-class Answer(NamedTuple):
-    """What the network makes of a step."""
+class SearchSenses:
+    """Encodes the observations of one robot on one search."""
+
+    def __init__(self) -> None:
+        self._pose = np.zeros(3)
+        self._trail = np.zeros((64, 2))
+        self._steps = -1
+
+    def encode(
+        self,
+        depth_m: Float[np.ndarray, "h w"],
+        odometry: Float[np.ndarray, "3"],
+        direction_rad: Float[np.ndarray, " n"],
+        snr_db: Float[np.ndarray, " n"],
+        delay_s: Float[np.ndarray, " n"],
+        probability: Float[np.ndarray, "4"],
+    ) -> Float32[np.ndarray, " k"]:
+        """Inputs of the network; to be called once per step, at the start of the search first.
+
+        Args:
+            depth_m: The camera's depth [m], 0 where nothing was measured.
+            odometry: Measured motion since the last step in the robot's frame: dx [m], dy [m], dyaw [rad].
+            direction_rad: Azimuths of arrival in the robot's frame, the strongest path first.
+            snr_db: SNR of these paths [dB].
+            delay_s: Their delays relative to the strongest [s].
+            probability: Of each link state.
+        """
+        self._move(odometry)
+        ahead = np.minimum(_horizon(depth_m), _FAR_M)
+        n = min(len(direction_rad), PATHS)
+        paths = np.zeros((PATHS, 5), np.float32)
+        paths[:n, 0] = 1
+        paths[:n, 1], paths[:n, 2] = np.cos(direction_rad[:n]), np.sin(direction_rad[:n])
+        paths[:n, 3] = snr_db[:n] / _SNR_DB
+        paths[:n, 4] = np.clip(delay_s[:n] / _DELAY_S, -_MOST_DELAYS, _MOST_DELAYS)
+        parts = (
+            np.where(ahead > 0, _NEAR_M / (_NEAR_M + ahead), 0.0),
+            ahead / _FAR_M,
+            paths.ravel(),
+            probability,
+            odometry / (FORWARD_M, FORWARD_M, TURN_RAD),
+            self._visits(),
+            self._in_own_frame(np.zeros((1, 2)))[0] / _PLACE_M,
+            [self._steps / _STEPS],
+        )
+        return np.concatenate([np.asarray(part, np.float32) for part in parts])
+
+    def _move(self, odometry: Float[np.ndarray, "3"]) -> None:
+        """Add up odometry in the frame of the start, and record the place."""
+        x, y, yaw = self._pose
+        dx, dy, turn = (float(value) for value in odometry)
+        c, s = math.cos(yaw), math.sin(yaw)
+        self._pose = np.array([x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn])
+        self._steps += 1
+        if self._steps == len(self._trail):
+            self._trail = np.concatenate([self._trail, np.zeros_like(self._trail)])
+        self._trail[self._steps] = self._pose[:2]
+
+    def _in_own_frame(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Points in the frame of the start as ahead, left [m]."""
+        c, s = math.cos(self._pose[2]), math.sin(self._pose[2])
+        return (points - self._pose[:2]) @ np.array([[c, -s], [s, c]])
+
+    def _visits(self) -> Float[np.ndarray, " n"]:
+        """Visits around the robot: distance by distance, counter-clockwise from behind."""
+        ahead, left = self._in_own_frame(self._trail[: self._steps]).T
+        ring = np.searchsorted(_RINGS_M, np.hypot(ahead, left))
+        sector = ((np.arctan2(left, ahead) + math.pi) * (_SECTORS / (2 * math.pi))).astype(int) % _SECTORS
+        count = np.bincount(ring * _SECTORS + sector, minlength=_SECTORS * (len(_RINGS_M) + 1))
+        return np.log1p(count[: _SECTORS * len(_RINGS_M)]) / _TRAIL
+
+
+def _horizon(depth_m: Float[np.ndarray, "h w"]) -> Float[np.ndarray, " n"]:
+    """Depth at the height of the camera [m]: the larger one of the two middle rows."""
+    height, width = depth_m.shape
+    columns = ((np.arange(COLUMNS) + 0.5) * (width / COLUMNS)).astype(int)
+    return depth_m[(height - 1) // 2 : height // 2 + 1, columns].max(axis=0)
+
+
+class Output(NamedTuple):
+    """Output of the network."""
 
     scores: Float32[np.ndarray, "*batch 3"]
-    """Logarithm of how likely each action is, but for a constant."""
+    """Logarithm of each action's probability, up to a constant."""
     value: Float32[np.ndarray, "*batch"]
-    """What is still to be earned, discounted."""
+    """Discounted reward to come."""
     memory: Float32[np.ndarray, "*batch hidden"]
     """For the next step."""
 
 
 def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "..."]]:
-    """Weights that know nothing: all actions are about as likely."""
+    """Random weights, with which all actions are about equally likely."""
 
-    def drawn(rows: int, columns: int, gain: float) -> Float32[np.ndarray, "_ _"]:
+    def draw(rows: int, columns: int, gain: float) -> Float32[np.ndarray, "_ _"]:
         return (rng.standard_normal((rows, columns)) * gain / math.sqrt(rows)).astype(np.float32)
 
     zeros = np.zeros
     return {
-        "encoder.weight": drawn(INPUTS, HIDDEN, math.sqrt(2)),
+        "encoder.weight": draw(INPUTS, HIDDEN, math.sqrt(2)),
         "encoder.bias": zeros(HIDDEN, np.float32),
-        "memory.input_weight": drawn(HIDDEN, 3 * HIDDEN, 1.0),
+        "memory.input_weight": draw(HIDDEN, 3 * HIDDEN, 1.0),
         "memory.input_bias": zeros(3 * HIDDEN, np.float32),
-        "memory.own_weight": drawn(HIDDEN, 3 * HIDDEN, 1.0),
+        "memory.own_weight": draw(HIDDEN, 3 * HIDDEN, 1.0),
         "memory.own_bias": zeros(3 * HIDDEN, np.float32),
-        "action.weight": drawn(HIDDEN, len(PUBLISHED), 0.01),
+        "action.weight": draw(HIDDEN, len(PUBLISHED), 0.01),
         "action.bias": zeros(len(PUBLISHED), np.float32),
-        "value.weight": drawn(HIDDEN, 1, 1.0),
+        "value.weight": draw(HIDDEN, 1, 1.0),
         "value.bias": zeros(1, np.float32),
     }
 
 
-def no_memory(*batch: int) -> Float32[np.ndarray, "*batch hidden"]:
-    """Memory at the beginning of a search."""
+def empty_memory(*batch: int) -> Float32[np.ndarray, "*batch hidden"]:
+    """Memory at the start of a search."""
     return np.zeros((*batch, HIDDEN), np.float32)
 
 
 class SearchNetwork:
-    """The network, ready to be asked."""
+    """The network with weights, by the names of `initial_weights`."""
 
     def __init__(self, weights: Weights) -> None:
-        """Take weights by the names of `initial_weights`."""
         self.weights = weights
         self._run = OnnxRunner(_model(weights))
 
     def __call__(
-        self, told: Float32[np.ndarray, "*batch inputs"], memory: Float32[np.ndarray, "*batch hidden"]
-    ) -> Answer:
-        """One step.
-
-        Args:
-            told: Of `SearchSenses`.
-            memory: From the step before; `no_memory` at first.
-        """
-        batch = told.shape[:-1]
-        found = self._run(told=told.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
+        self, inputs: Float32[np.ndarray, "*batch inputs"], memory: Float32[np.ndarray, "*batch hidden"]
+    ) -> Output:
+        """One step from the inputs of `SearchSenses` and the memory of the last step, `empty_memory` at first."""
+        batch = inputs.shape[:-1]
+        found = self._run(inputs=inputs.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
         scores, value, after = np.split(
             found.reshape(*batch, -1), [len(PUBLISHED), len(PUBLISHED) + 1], axis=-1
         )
-        return Answer(scores, value[..., 0], after)
+        return Output(scores, value[..., 0], after)
 
 
 def _model(weights: Weights) -> bytes:
-    """An ONNX model that gives scores, value and memory side by side."""
+    """An ONNX model that gives scores, value and memory, concatenated."""
     graph = OnnxGraph()
 
-    def layer(seen: str, name: str, gate: int | None = None, kind: str = "") -> str:
-        """Weights times what is seen, plus a bias; of one of three gates, which lie side by side."""
+    def layer(values: str, name: str, gate: int | None = None, kind: str = "") -> str:
+        """Weights times values, plus a bias; of all units, or of one of three gates."""
         part = slice(None) if gate is None else slice(gate * HIDDEN, (gate + 1) * HIDDEN)
         weight = graph.weight(weights[f"{name}.{kind}weight"][:, part])
         bias = graph.weight(weights[f"{name}.{kind}bias"][part])
-        return graph.node("Add", graph.node("MatMul", seen, weight), bias)
+        return graph.node("Add", graph.node("MatMul", values, weight), bias)
 
-    seen = graph.node("Relu", layer("told", "encoder"))
-    new = [layer(seen, "memory", gate, "input_") for gate in range(3)]
+    encoded = graph.node("Relu", layer("inputs", "encoder"))
+    new = [layer(encoded, "memory", gate, "input_") for gate in range(3)]
     old = [layer("memory", "memory", gate, "own_") for gate in range(3)]
     reset, keep = (graph.node("Sigmoid", graph.node("Add", new[k], old[k])) for k in range(2))
     fresh = graph.node("Tanh", graph.node("Add", new[2], graph.node("Mul", reset, old[2])))
     # (1 - z) n + z h
-    kept = graph.node("Mul", keep, graph.node("Sub", "memory", fresh))
-    after = graph.node("Add", fresh, kept)
+    after = graph.node("Add", fresh, graph.node("Mul", keep, graph.node("Sub", "memory", fresh)))
     out = graph.node("Concat", layer(after, "action"), layer(after, "value"), after, axis=1)
-    return graph.model({"told": ("robots", INPUTS), "memory": ("robots", HIDDEN)}, out)
+    return graph.model({"inputs": ("robots", INPUTS), "memory": ("robots", HIDDEN)}, out)
 
 
-def likelihood(scores: Float32[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+def action_probabilities(scores: Float32[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
     """Probability of each action."""
     odds = np.exp(scores.astype(float) - scores.max(axis=-1, keepdims=True))
     return odds / odds.sum(axis=-1, keepdims=True)
 
 
-def drawn_actions(scores: Float32[np.ndarray, "n 3"], rng: np.random.Generator) -> np.ndarray:
+def draw_actions(scores: Float32[np.ndarray, "n 3"], rng: np.random.Generator) -> np.ndarray:
     """Actions drawn by their probabilities, (n,) int."""
-    below = np.cumsum(likelihood(scores), axis=-1)
+    below = np.cumsum(action_probabilities(scores), axis=-1)
     return np.minimum((below < rng.random((len(scores), 1))).sum(axis=-1), len(PUBLISHED) - 1)
 
 

@@ -1,8 +1,8 @@
-"""The physical limit of a search: a robot that knows target, building and its own pose, and drives the shortest way.
+"""The physical limit of a search: a robot that knows target, building and pose, and drives the shortest path.
 
-The oracle knows the target alone. What it loses by not knowing the building and by not knowing quite where it is, it
-may lose more of than another policy, so that times relative to it are no efficiencies: those relative to this are.
-Planner, controller, physics and noise of actuation are everybody's.
+The oracle knows only the target. It may lose more by not knowing building and pose than another policy, so that times
+relative to it are no efficiencies; times relative to `shortest` are. Planner, controller, physics and actuation noise
+are the same for all policies.
 """
 
 import math
@@ -21,75 +21,69 @@ from robosim.robot.collision import wall_segments
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
 
-#: Side of the cells [m], that of mappers.
+#: Side of the cells [m], as in mappers.
 _CELL_M = 0.05
-#: Room around the building [cells].
-_RIM = 20
-#: Walls are sampled at such steps, so far behind their faces [m].
+#: Margin around the building [cells].
+_MARGIN = 20
+#: Distance between samples of walls, and their distance behind the faces [m].
 _STEP_M, _BEHIND_M = 0.01, 0.001
 
 
 class Shortest(Oracle):
-    """Knows where the target is; an episode gives its robot a `TrueMapper`."""
+    """Knows the target; an episode gives its robot a `TrueMapper`."""
 
 
 def shortest(context: PolicyContext) -> Shortest:
-    """Knows target, building and pose."""
+    """The policy `shortest`."""
     if context.target is None:
-        raise ValueError("target is None, but shortest has to be told where it is.")
+        raise ValueError("target is None, expected its position: shortest needs it.")
     return Shortest(context.target)
 
 
 class TrueMapper:
-    """Stands for a mapper and tells the truth."""
+    """A mapper that returns the true map and pose."""
 
     collided = False
 
     def __init__(
         self, building: Building, pose: Callable[[], Float[np.ndarray, "3"]], height_m: float | None = None
     ) -> None:
-        """Raster the building.
-
-        Args:
-            building: Its `floor` is what the robot drives on.
-            pose: Tells the true pose: x [m], y [m], yaw [rad] in `map`.
-            height_m: Height of the robot [m]; None for as high as the ceiling.
-        """
+        """Raster the floor of a building for a robot of a height (None: up to the ceiling); `pose` returns its pose."""
         self._pose = pose
         frame = _frame(building)
         obstacle, offset_m = _raster(
             building.floor(building.height_m if height_m is None else height_m), frame
         )
-        nothing = np.zeros(frame.shape, bool)
+        empty = np.zeros(frame.shape, bool)
         self._truth = MapEstimate(
             frame=frame,
             obstacle_probability=obstacle.astype(np.float32),
-            explored=~nothing,
-            blocked=nothing,
+            explored=~empty,
+            blocked=empty,
             pose=np.zeros(3),
             surface_offset_m=offset_m,
         )
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
-        """There is nothing to forget."""
+        """Nothing to do."""
 
     def update(
         self, depth: object, action: Action | None = None, odometry: object = None, laser: object = None
     ) -> MapEstimate:
-        """The truth, whatever was sensed."""
+        """The true map and pose, whatever the sensors measure."""
         return self.estimate()
 
     def estimate(self) -> MapEstimate:
-        """The truth."""
+        """The true map and pose."""
         return replace(self._truth, pose=np.array(self._pose(), float))
 
 
 def _frame(building: Building) -> GridFrame:
-    """Cells around a building, on the lattice of its plan where that is not turned."""
+    """Cells around a building, aligned with an unrotated plan."""
     xmin, ymin, xmax, ymax = building.free.bounds
     x0, y0, _ = building.plan.origin
-    left, below = (math.floor((low - at) / _CELL_M) - _RIM for low, at in ((xmin, x0), (ymin, y0)))
-    right, above = (math.ceil((high - at) / _CELL_M) + _RIM for high, at in ((xmax, x0), (ymax, y0)))
+    left, below = (math.floor((low - at) / _CELL_M) - _MARGIN for low, at in ((xmin, x0), (ymin, y0)))
+    right, above = (math.ceil((high - at) / _CELL_M) + _MARGIN for high, at in ((xmax, x0), (ymax, y0)))
     return GridFrame(
         origin_xy=(x0 + left * _CELL_M, y0 + below * _CELL_M),
         resolution_m=_CELL_M,
@@ -100,14 +94,14 @@ def _frame(building: Building) -> GridFrame:
 def _raster(
     floor: shapely.MultiPolygon, frame: GridFrame
 ) -> tuple[Bool[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx 2"]]:
-    """Cells that are solid at their centres or have a wall in them, and where the nearest wall is, from the centre."""
+    """Cells with a solid centre or a wall, and offsets of their nearest wall from the centre."""
     walls = wall_segments(floor)
     local = (walls - frame.origin_xy) / frame.resolution_m
     obstacle = winding_numbers(local[:, 0], local[:, 1], frame.shape) == 0
     iy, ix = frame.index(_behind(walls))
     obstacle[iy, ix] = True
-    beside = cv2.dilate((~obstacle).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    iy, ix = np.nonzero(obstacle & beside)
+    near_free = cv2.dilate((~obstacle).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    iy, ix = np.nonzero(obstacle & near_free)
     centre = frame.to_points(np.column_stack([ix, iy]) + 0.5)
     nearest = shapely.STRtree(shapely.linestrings(walls)).nearest(shapely.points(centre))
     a, along = walls[nearest, 0], walls[nearest, 1] - walls[nearest, 0]
@@ -118,7 +112,7 @@ def _raster(
 
 
 def _behind(walls: Float[np.ndarray, "n 2 2"]) -> Float[np.ndarray, "m 2"]:
-    """Points just behind the faces of walls, which have free floor on their left."""
+    """Points just behind the faces of walls; the floor is on their left."""
     along = walls[:, 1] - walls[:, 0]
     length = np.hypot(*along.T)
     count = np.ceil(length / _STEP_M).astype(int) + 1

@@ -1,7 +1,7 @@
-"""Rays over a half-known map: what can surely be seen from a place, what may be, where a bent wave may come from.
+"""Rays over a partly known map: cells in sight of a place, and origins of waves that interacted once.
 
-Cells of the map are unknown, free or obstacles; beyond its edge all is unknown. Results are marked on a coarser
-grid. Loops are compiled at their first use.
+Cells of the map are unknown, free or obstacles; beyond its edge all is unknown. Results are on a coarser grid. Loops
+are compiled at their first use.
 """
 
 import math
@@ -15,69 +15,42 @@ from slam.grid import GridFrame, MapEstimate
 from wireless.support.compiled import compiled
 
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
-#: Bit of free cells that lie beside an obstacle, where a wave may bend or bounce.
-BESIDE = 4
-#: Directions in which a wave may have started whose departure is not known.
+#: Bit of free cells next to an obstacle, where a wave may bend or be reflected.
+NEXT_TO = 4
+#: Directions of departure that are tried where none is known.
 _ALL_ROUND = 72
 
 
 class Knowledge(NamedTuple):
-    """What is known of each cell of a map, as rays need it."""
+    """A map for rays."""
 
     frame: GridFrame
     kind: UInt8[np.ndarray, "ny nx"]
 
 
-def knowledge(estimate: MapEstimate, beside_m: float) -> Knowledge:
-    """The map as rays need it.
-
-    Args:
-        estimate: The map.
-        beside_m: Free cells this near to an obstacle are marked [m].
-    """
+def knowledge(estimate: MapEstimate, next_to_m: float) -> Knowledge:
+    """The map for rays; free cells within a distance [m] of an obstacle are marked `NEXT_TO`."""
     obstacle = estimate.obstacle
     kind = np.where(estimate.known_free, FREE, UNKNOWN).astype(np.uint8)
     kind[obstacle] = OBSTACLE
-    n = 2 * round(beside_m / estimate.frame.resolution_m) + 1
+    n = 2 * round(next_to_m / estimate.frame.resolution_m) + 1
     near = cv2.dilate(obstacle.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (n, n)))
-    kind[(near > 0) & (kind == FREE)] |= BESIDE
+    kind[(near > 0) & (kind == FREE)] |= NEXT_TO
     return Knowledge(estimate.frame, kind)
 
 
 def in_sight(
-    known: Knowledge,
-    place: Float[np.ndarray, "2"],
-    onto: GridFrame,
-    reach_m: float,
-    *,
-    through_unknown: bool,
+    known: Knowledge, place: Float[np.ndarray, "2"], onto: GridFrame, reach_m: float, *, through_unknown: bool
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Cells of a coarser grid in sight of a place: surely, through free cells only; or possibly, through unknown too.
-
-    Args:
-        known: The map.
-        place: x, y [m].
-        onto: The coarser grid.
-        reach_m: Length of the rays [m].
-        through_unknown: Whether rays go on through cells of which nothing is known.
-    """
+    """Cells of a coarser grid within reach [m] in sight of a place [m]: surely, or possibly, through unknown cells."""
     seen = np.zeros(onto.shape, bool)
-    rays = math.ceil(2 * math.pi * reach_m / onto.resolution_m)
-    _sweep(
-        known.kind,
-        _lattice(known.frame),
-        _lattice(onto),
-        place[0],
-        place[1],
-        reach_m,
-        rays,
-        through_unknown,
-        seen,
-    )
+    n_rays = math.ceil(2 * math.pi * reach_m / onto.resolution_m)
+    lattices = _lattice(known.frame), _lattice(onto)
+    _sweep(known.kind, *lattices, place[0], place[1], reach_m, n_rays, through_unknown, seen)
     return seen
 
 
-def bent(
+def bent_origins(
     known: Knowledge,
     place: Float[np.ndarray, "2"],
     aoa_rad: float,
@@ -86,20 +59,11 @@ def bent(
     friis_m: float,
     onto: GridFrame,
 ) -> Float32[np.ndarray, "ny nx"]:
-    """Where a wave may have started that met one corner or wall on its way to a place; weights of cells.
+    """Weights of cells from which a wave with one interaction may have departed to a place [m].
 
-    The wave met something at a point along the arrival, beside an obstacle or in the unknown, and came there against
-    its departure, or from anywhere if that is not known. It lost up to 45 dB at that point, so its way is no longer
-    than that of a free wave of its power.
-
-    Args:
-        known: The map.
-        place: Where it is received, x, y [m].
-        aoa_rad: Azimuth of arrival.
-        aod_rad: Azimuth of departure; None if it is not known.
-        spread_rad: Standard deviation of the departure.
-        friis_m: Length of a free wave of the same power [m].
-        onto: The grid of the weights.
+    The interaction is at a point along the arrival, next to an obstacle or in an unknown cell. It loses up to 45 dB, so
+    the path is at most as long as that of a free wave of the same power (`friis_m`). The departure has a standard
+    deviation `spread_rad`, or is unknown (None).
     """
     weight = np.zeros(onto.shape, np.float32)
     spread = np.arange(-4, 5) / 2  # in standard deviations
@@ -107,18 +71,8 @@ def bent(
     share = np.ones(_ALL_ROUND)
     if aod_rad is not None:
         leaving, share = aod_rad + spread * spread_rad, np.exp(-0.5 * spread**2)
-    _bend(
-        known.kind,
-        _lattice(known.frame),
-        _lattice(onto),
-        place[0],
-        place[1],
-        aoa_rad,
-        leaving,
-        share,
-        friis_m,
-        weight,
-    )
+    lattices = _lattice(known.frame), _lattice(onto)
+    _bend(known.kind, *lattices, place[0], place[1], aoa_rad, leaving, share, friis_m, weight)
     return weight
 
 
@@ -129,9 +83,9 @@ def _lattice(frame: GridFrame) -> tuple[float, float, float]:
 
 @compiled
 def _cell(lattice: tuple[float, float, float], x: float, y: float) -> tuple[int, int]:
-    """Row and column of a point's cell, which may lie outside of the grid.
+    """Row and column of a point's cell, perhaps outside the grid.
 
-    No function that the loops below call takes an array: each step would take six times as long.
+    Compiled loops that pass arrays to functions take six times as long.
     """
     return math.floor((y - lattice[1]) / lattice[2]), math.floor((x - lattice[0]) / lattice[2])
 
@@ -180,7 +134,7 @@ def _bend(
 ) -> None:
     step = 2 * fine[2]
     (ny, nx), (nv, nu) = kind.shape, weight.shape
-    into = 0  # samples inside of the obstacle that ends the arrival's ray
+    into = 0  # samples inside the obstacle that ends the ray
     for i in range(2, int(min(friis_m, 20.0) / step)):
         t = i * step
         cx, cy = x + t * math.cos(aoa), y + t * math.sin(aoa)
@@ -194,7 +148,7 @@ def _bend(
                 break
         share = 0.3 if here == UNKNOWN else 1.0
         last = int((friis_m - t) / step)
-        # The loss at the point falls along the way from it.
+        # The loss at the point decreases along the path from it.
         first = 1
         while first < last and 20 * math.log10(friis_m / (t + first * step)) > 45:
             first += 1
@@ -204,7 +158,7 @@ def _bend(
             for j in range(1, last):
                 s = j * step
                 px, py = cx + s * dx, cy + s * dy
-                # The first steps leave the surface that the wave met.
+                # The first steps leave the surface.
                 if s > 0.3:
                     iy, ix = _cell(fine, px, py)
                     if 0 <= iy < ny and 0 <= ix < nx and kind[iy, ix] == OBSTACLE:

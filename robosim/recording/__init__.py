@@ -1,1 +1,1 @@
-"""Logs of decisions, and what is drawn from them afterwards."""
+"""Recorded steps of episodes, and their replay."""

@@ -1,8 +1,8 @@
-"""File of a recorded episode: one NumPy archive, written whole at the end, by `robosim episode` and `robosim evaluate`.
+"""File of a recorded episode: one NumPy archive, written at the end of `robosim episode` and of `robosim evaluate`.
 
 It holds result, walls and all steps, so that an episode can be drawn without running it again and without its floor
-plan: some 12 kB per step with pictures, some 200 bytes without. Columns of entries of any length are one array of all
-entries and their lengths. Without pictures, the only map is that in the end.
+plan: some 12 kB per step with pictures, some 200 bytes without. A column of entries of any length is one array of all
+entries and their lengths. Without pictures, the final map is the only one.
 """
 
 import json
@@ -45,19 +45,19 @@ EPISODE = "episode.npz"
 #: Number of this format; earlier versions of robosim wrote files without one.
 _FORMAT = 2
 _WHAT, _REMEDY = "a recorded episode", "Delete it and run the episode again."
-#: Columns that have an entry for the end of the episode too, after the last decision.
+#: Columns with an additional entry for the end of the episode.
 _TO_THE_END = ("pose", "estimate", "coverage", "map_frame", "map_corner", "map")
 #: Integer columns of fixed length.
 _INTEGERS = ("action", "true_state")
-#: Columns in which NaN stands for nothing.
+#: Columns with NaN for missing values.
 _MAY_LACK = ("map_frame", "belief_frame", "mass", "true_aoa_rad", "state_probability", "coverage")
-#: Positions are at most so far from the target, or they could not be drawn in whole pixels; smallest building [m].
+#: Largest distance of positions from the target, which can be drawn in whole pixels, and smallest building [m].
 _FARTHEST_M, _NARROWEST_M = 1e5, 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """What is known of an episode as a whole."""
+    """Result of an episode."""
 
     row: dict[str, Any]
     """Identity (plan, policy, seed ...) and scores: the same for the same seed."""
@@ -73,11 +73,9 @@ class EpisodeWriter:
     """Collects the steps of an episode."""
 
     def __init__(self, rings: Sequence[Float[np.ndarray, "_ 2"]], *, pictures: bool = True) -> None:
-        """Begin without steps.
+        """Begin without steps; outlines of the building are from `robosim.drawing.plan_view.building_rings` [m].
 
-        Args:
-            rings: Outlines of the building's free space, of `robosim.drawing.picture.building_rings` [m].
-            pictures: Whether camera, map and belief of each step are recorded.
+        Without pictures, camera, map and belief of the steps are not recorded.
         """
         self._rings, self._pictures = rings, pictures
         self._rows: list[dict[str, Any]] = []
@@ -97,14 +95,7 @@ class EpisodeWriter:
         self._rows.append(row)
 
     def content(self, head: Head, pose: Float[np.ndarray, "3"], coverage: float, end: MapEstimate) -> bytes:
-        """Content of the file.
-
-        Args:
-            head: Result of the episode.
-            pose: True pose in the end.
-            coverage: Part of the floor seen in the end.
-            end: Map and estimated pose in the end.
-        """
+        """Content of the file, with the final true pose, coverage and map."""
         last = {"pose": pose, "estimate": end.pose, "coverage": coverage}
         last |= encode_map(layer_of_map(end), self._map)
         rows = {name: [row[name] for row in self._rows] for name in (*FIXED, *TEXTS, *RAGGED)}
@@ -126,11 +117,9 @@ class RecordedEpisode:
     """An episode as read from its file, with n + 1 poses for n decisions."""
 
     path: Path
-    """The file."""
     head: Head
-    """Its result."""
     rings: list[Float[np.ndarray, "_ 2"]]
-    """Outlines of the building's free space, and of what stands in it [m]."""
+    """Outlines of the building's free space and of furniture [m]."""
     columns: Mapping[str, Any]
     """One entry per step, and one at the end for poses, coverage and map; entries of any length as lists."""
 
@@ -185,7 +174,7 @@ class RecordedEpisode:
         return any(len(one) for one in self.columns["rgb"])
 
     def anticipates(self) -> bool:
-        """Whether the mapper anticipated what it had not seen; unpacks all steps.
+        """Whether the mapper anticipated unseen cells; unpacks all steps.
 
         Raises:
             FileError: If the picture or the map of one is damaged.
@@ -204,7 +193,7 @@ class RecordedEpisode:
             yield step
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """All steps as rows that can be decoded alone: each with its whole map and belief.
+        """All steps as rows that can be decoded independently, each with its whole map and belief.
 
         Raises:
             FileError: If the picture or the map of one is damaged.
@@ -220,7 +209,7 @@ class RecordedEpisode:
             yield {**row, **columns, "belief": belief}
 
     def _rows(self) -> Iterator[tuple[dict[str, Any], Layer, Layer | None]]:
-        """Row, map and belief of each step; without pictures the map is that in the end."""
+        """Row, map and belief of each step; without pictures the map is the final one."""
         map_ = belief = None
         for i in range(len(self)):
             with naming(self.path, _WHAT, _REMEDY):
@@ -237,7 +226,7 @@ class RecordedEpisode:
 
 
 def _expected() -> dict[str, Array]:
-    """Arrays of the file, as they must be: n decisions, m = n + 1 poses."""
+    """Types and shapes of the arrays in the file: n decisions, m = n + 1 poses."""
     expected = {"ring": Array("f", "corners 2", FAR), "ring_count": Array("i", "rings")}
     for name, shape in FIXED.items():
         axes = " ".join(["m" if name in _TO_THE_END else "n", *map(str, shape)])
@@ -251,11 +240,7 @@ def _expected() -> dict[str, Array]:
 
 
 def read_head(path: Path, check: Callable[[Head], None] = lambda head: None) -> Head:
-    """Read the result of an episode.
-
-    Args:
-        path: The file.
-        check: Raises a ValueError of a few words if something is wrong with it.
+    """Read the result of an episode; `check` may raise a ValueError of a few words.
 
     Raises:
         FileError: If the file is no episode, damaged, or of an earlier version.
@@ -265,11 +250,7 @@ def read_head(path: Path, check: Callable[[Head], None] = lambda head: None) -> 
 
 
 def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) -> RecordedEpisode:
-    """Read an episode; pictures are unpacked later, one by one.
-
-    Args:
-        path: The file, or the folder of `robosim episode`.
-        check: As for `read_head`.
+    """Read an episode from its file or folder; pictures are unpacked later, one by one.
 
     Raises:
         FileError: As `read_head` does.
@@ -315,7 +296,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _check(episode: RecordedEpisode) -> None:
-    """Raise a ValueError for what no episode has and nothing can draw."""
+    """Raise a ValueError for values that no episode has and that cannot be drawn."""
     corners = np.vstack([np.zeros((0, 2)), *episode.rings])
     if not len(corners) or np.ptp(corners, axis=0).min() < _NARROWEST_M:
         raise ValueError("no outline of a building")

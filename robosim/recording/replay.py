@@ -16,22 +16,14 @@ _WIDEST, _COLUMNS = 2400, 3
 
 
 def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
-    """Draw `replay.mp4`, the same video as of the episode, and `sheet.png`.
-
-    Args:
-        folder: An episode's.
-        out: Where the files will be.
-        frames: How many frames the sheet shows, evenly over the episode from the first to the last.
-
-    Returns:
-        The files.
+    """Draw `replay.mp4`, the video of the episode, and `sheet.png` with evenly distributed frames; returns the files.
 
     Raises:
         ValueError: If the folder holds no episode, or one without decisions.
     """
     episode = read_episode(folder)
     if not len(episode):
-        raise ValueError(f"{folder}: the episode ended where it began, without a decision to draw.")
+        raise ValueError(f"{folder}: the episode ended at its start, without a step to draw.")
     picture = picture_of(episode)
     chosen = set(np.linspace(0, len(episode) - 1, min(frames, len(episode))).round().astype(int).tolist())
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"
@@ -55,7 +47,7 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
 
 
 def picture_of(episode: RecordedEpisode) -> Picture:
-    """What draws the steps of a recorded episode; all of it is unpacked first, so that damage is found before.
+    """A picture for the steps of a recorded episode, all of which are unpacked first, so that damage is found early.
 
     Raises:
         FileError: If a step is damaged.

@@ -1,9 +1,9 @@
-"""An episode for the Rerun viewer: everything of every step, on one time line, in 3D.
+"""An episode for the Rerun viewer: all data of all steps, on one time line, in 3D.
 
     world/walls, world/target        once
     world/camera                     RGB and depth where the camera truly is
     world/true, world/estimated      the robot, at its true and at its estimated pose
-    world/built, anticipated, belief the map, what the mapper anticipates beyond it, where the target may be
+    world/built, anticipated, belief the map, the anticipated map, and the belief
     world/goal, world/path           goal of the robot, and its path
     world/rays                       true radio paths, by kind
     world/arrivals                   estimated angles of arrival
@@ -63,13 +63,6 @@ class RerunRecording:
         self, path: Path, building: Building, task: Task, camera: CameraConfig, radio_height_m: float
     ) -> None:
         """Open the file and record what does not change.
-
-        Args:
-            path: Where the recording will be.
-            building: Where the robot is.
-            task: What it does.
-            camera: Its camera.
-            radio_height_m: Height of the antennas [m].
 
         Raises:
             ValueError: If the Rerun SDK is not installed.
@@ -177,7 +170,7 @@ class RerunRecording:
         form = rr.components.ImageFormat(
             width=columns, height=rows, color_model="RGBA", channel_datatype="U8"
         )
-        # Its first row is drawn farthest from the corner, as of a picture; ours is the nearest.
+        # Rerun draws the first row farthest from the corner, as in a picture.
         data = np.ascontiguousarray(rgba[::-1]).tobytes()
         corner = [*frame.origin_xy, 0.001 * draw_order]
         grid = rr.GridMap(

@@ -1,4 +1,4 @@
-"""A step as a row of small arrays, the same for files, for pipes between processes and in memory.
+"""A step as a row of small arrays, for files, pipes between processes and memory.
 
 Pictures are PNG: that of the camera, its depth in millimetres, the rectangle of the map that changed, and the belief in
 64 levels. A video is drawn from the same rounded values, so that a replay is the same video.
@@ -34,7 +34,7 @@ TEXTS = ("goal_kind", "because")
 RAGGED: dict[str, tuple[int, ...]] = {
     "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,)
 }  # fmt: skip
-#: Link state of a robot without a radio.
+#: Link state without a radio.
 NO_RADIO = -1
 NO_FRAME: Float[np.ndarray, "5"] = np.full(5, np.nan)
 NO_BYTES: UInt8[np.ndarray, "0"] = np.zeros(0, np.uint8)
@@ -44,12 +44,7 @@ Row = Mapping[str, Any]
 
 
 def encode_step(step: Step, previous: Layer | None = None) -> dict[str, Any]:
-    """All columns of a step.
-
-    Args:
-        step: The step.
-        previous: Map of the step before, relative to which the map is encoded; None to encode it whole.
-    """
+    """All columns of a step, with the map relative to the previous one, or whole without one."""
     belief, sensed = step.belief_layer, step.sensed
     return encode_without_pictures(step) | {
         **encode_map(step.map_layer, previous),
@@ -100,13 +95,7 @@ def _arrivals(step: Step) -> Float[np.ndarray, "n 5"]:
 
 
 def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Step:
-    """The step of a row.
-
-    Args:
-        number: Actions done before it.
-        row: Its columns.
-        map_: Its map, of `decode_map`.
-        belief: Its belief, of `decode_belief`.
+    """The step of a row, with its map and belief by `decode_map` and `decode_belief`.
 
     Raises:
         ValueError: If a picture is damaged.
@@ -163,7 +152,7 @@ def encode_map(layer: Layer, previous: Layer | None) -> dict[str, Any]:
 
 
 def decode_map(row: Row, previous: Layer | None) -> Layer | None:
-    """The map of a row; that of the step before if the row has none.
+    """The map of a row, or the previous one if the row has none.
 
     Raises:
         ValueError: If its picture is damaged, or lies outside of the map.
@@ -182,7 +171,7 @@ def decode_map(row: Row, previous: Layer | None) -> Layer | None:
 
 
 def decode_belief(row: Row, previous: Layer | None) -> Layer | None:
-    """The belief of a row; that of the step before if the row has a place for it only.
+    """The belief of a row, or the previous one if the row has only its frame.
 
     Raises:
         ValueError: If its picture is damaged, or does not fit its frame.
@@ -207,7 +196,7 @@ def _frame_of(numbers: Float[np.ndarray, "5"]) -> GridFrame:
 
 
 def _on_frame(layer: Layer | None, frame: GridFrame) -> UInt8[np.ndarray, "ny nx"]:
-    """Values of a layer on a frame of the same lattice, cut where it ends; 0 beyond the layer, or for other cells."""
+    """Values of a layer on another frame; 0 beyond the layer, or if the cells have another size."""
     values = np.zeros(frame.shape, np.uint8)
     if layer is not None and layer.frame.resolution_m == frame.resolution_m:
         corner = np.subtract(layer.frame.origin_xy, frame.origin_xy) / frame.resolution_m

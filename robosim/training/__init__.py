@@ -1,1 +1,1 @@
-"""Training of all that is learnt: link states, mapper, pose, explorer, steering."""
+"""Training of link-state classifiers, mapper, pose, explorer, steering and search."""

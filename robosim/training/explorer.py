@@ -1,10 +1,9 @@
-"""Train the learned choice among frontiers: walks through invented homes, improved by what they showed.
+"""Train the learned choice among frontiers on walks through generated homes.
 
-Each round walks through new homes with the weights so far, choosing at random by their odds; then the weights are
-improved by proximal policy optimisation. Every few rounds the surest choices are walked through homes that were held
-out, the same each time; the best weights are kept. In the end they are compared with the hand-made ratings in further
-homes that nobody has seen. Homes, starts and choices depend on the seed and their number alone, so any number of
-workers gives the same weights.
+Each round walks through new homes with the present weights, drawing choices by their probabilities; then proximal
+policy optimisation improves the weights. Every few rounds the most likely choices are evaluated on the same held-out
+homes; the best weights are used. At the end they are compared with the hand-made ratings in further homes. Homes,
+starts and choices depend only on the seed and their number, so that the number of workers does not change the weights.
 """
 
 import time
@@ -13,39 +12,44 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import torch
 from jaxtyping import Float, Float32
 from rich.console import Console
-from safetensors.numpy import save
 
 from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
 from robosim.simulator import SimulatorConfig
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.checks import SEED, Range, checked
-from robosim.support.figures import save_figure
-from robosim.support.files import write_json, write_whole
+from robosim.support.files import write_json
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.training.grid_walk import GridWalk
+from robosim.training.policy_weights import (
+    as_arrays,
+    as_tensors,
+    count_parameters,
+    restore_weights,
+    write_policy,
+)
+from robosim.training.training_plots import plot_coverage
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.exploration.explorer import ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve
 from slam.learning.restoring import check_weights, restore_optimiser
 from slam.planning.cost_map import CostConfig
+from slam.support.weights import Weights
 
-Weights = dict[str, Float32[np.ndarray, "..."]]
-#: Numbers of the homes to choose the best weights by, and of those to compare in the end; learning begins behind.
+#: Numbers of the first homes for the choice of weights, for the comparison, and for training.
 _HELD_OUT, _TEST, _LEARN = 0, 10_000, 20_000
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class ExplorerRecipe:
-    """How the choice is trained."""
+    """Recipe of the learned choice among frontiers."""
 
     rounds: Annotated[int, Range(1, 100_000)] = 60
     """Rounds of walks and improvement."""
@@ -54,13 +58,13 @@ class ExplorerRecipe:
     decisions: Annotated[int, Range(1, 100_000)] = 300
     """Decisions of a walk."""
     held_out: Annotated[int, Range(1, _TEST - _HELD_OUT, "homes")] = 40
-    """Homes that the best weights are chosen by, and as many others for the comparison in the end."""
+    """Homes for the choice of weights, and for the comparison."""
     every: Annotated[int, Range(1, 100_000, "rounds")] = 5
     """Rounds between validations."""
     seed: Annotated[int, SEED] = 0
     """Seed of homes, starts, weights and choices."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
-    """How weights are improved."""
+    """Proximal policy optimisation."""
 
 
 def walk_home(
@@ -68,12 +72,11 @@ def walk_home(
     recipe: ExplorerRecipe,
     rating: ExplorerName,
     choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
-    on_decision: Callable[[int], None] = lambda decisions: None,
+    coverage: list[float] | None = None,
 ) -> tuple[Float[np.ndarray, " m"], bool]:
-    """Explore one invented home on the grid.
+    """Explore a generated home; returns the coverage before each decision and after the last, and whether it ended.
 
-    Returns:
-        The part of the floor seen before each decision and after the last, and whether nothing was left to see.
+    A walk ends early if no frontier is left. A given list of `coverage` grows during the walk.
     """
     building = home_building(CollectConfig(seed=recipe.seed), home)
     robot = SimulatorConfig().robot
@@ -85,35 +88,31 @@ def walk_home(
     )
     config = ExplorerConfig(rating=rating, cost=CostConfig(radius_m=robot.radius_m))
     explorer = FrontierExplorer(config, choose)
-    coverage = [walk.coverage]
+    coverage = [] if coverage is None else coverage
+    coverage.append(walk.coverage)
     while len(coverage) <= recipe.decisions:
-        on_decision(len(coverage) - 1)
         if not walk.decide(explorer):
             return np.array(coverage), True
         coverage.append(walk.coverage)
     return np.array(coverage), False
 
 
-def chance_walk(weights: Weights, home: int, recipe: ExplorerRecipe) -> Walk:
-    """A walk whose choices are drawn by their odds, kept to learn from."""
+def random_walk(weights: Weights, home: int, recipe: ExplorerRecipe) -> Walk:
+    """A walk whose choices are drawn by their probabilities, for training."""
     rng = np.random.default_rng([recipe.seed, home, 3])
-    told: list[tuple[Float32[np.ndarray, "n k"], int, float, float, int]] = []
-    now = 0
-
-    def count(decisions: int) -> None:
-        nonlocal now
-        now = decisions
+    choices: list[tuple[Float32[np.ndarray, "n k"], int, float, float, int]] = []
+    growing: list[float] = []
 
     def choose(features: Float32[np.ndarray, "n k"]) -> int:
         logits, value = evaluate(weights, features, np.ones((len(features), 1), np.float32))
         odds = np.exp(logits - logits.max(), dtype=np.float64)
         odds /= odds.sum()
         taken = int(rng.choice(len(odds), p=odds))
-        told.append((features, taken, float(np.log(odds[taken])), float(value), now))
+        choices.append((features, taken, float(np.log(odds[taken])), float(value), len(growing) - 1))
         return taken
 
-    coverage, ended = walk_home(home, recipe, "learned", choose, count)
-    features, taken, log_odds, value, at = zip(*told, strict=True) if told else ((), (), (), (), ())
+    coverage, ended = walk_home(home, recipe, "learned", choose, growing)
+    features, taken, log_odds, value, at = zip(*choices, strict=True) if choices else ((), (), (), (), ())
     return Walk(
         features=list(features),
         taken=np.array(taken, int),
@@ -128,13 +127,13 @@ def chance_walk(weights: Weights, home: int, recipe: ExplorerRecipe) -> Walk:
 def mean_coverage(
     home: int, recipe: ExplorerRecipe, rating: ExplorerName, weights: Weights | None = None
 ) -> float:
-    """Mean part of the floor that had been seen over the decisions of a walk; the last value is held."""
+    """Mean coverage over the decisions of a walk; the last value continues to the end."""
     coverage, _ = walk_home(home, recipe, rating, Chooser(weights) if weights is not None else None)
-    return _held_mean(coverage, recipe.decisions)
+    return _mean_over(coverage, recipe.decisions)
 
 
-def _held_mean(coverage: Float[np.ndarray, " m"], decisions: int) -> float:
-    """Mean of a coverage over so many decisions; its last value is held."""
+def _mean_over(coverage: Float[np.ndarray, " m"], decisions: int) -> float:
+    """Mean coverage over a number of decisions; the last value continues to the end."""
     return float(np.append(coverage, np.full(decisions, coverage[-1]))[:decisions].mean())
 
 
@@ -147,28 +146,17 @@ def train_explorer(
     console: Console,
     about: str = "",
 ) -> dict[str, Any]:
-    """Train, compare and write explorer.safetensors with its card, result.json and the curve.
+    """Train, compare and write explorer.safetensors with its card, result.json and the curve; returns the card.
 
-    Args:
-        out: Folder for everything, and to go on from.
-        recipe: How.
-        workers: Processes that walk; the result does not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
-        about: The command that does it again, for the card.
-
-    Returns:
-        The card.
+    `out` may hold an unfinished run. The result does not depend on the number of workers; `cluster` is the address of
+    a dask scheduler, `about` the command for the card.
 
     Raises:
         FolderError: If the folder holds a run of another recipe.
-        WorkerLost: If a process was killed; what was learnt until then is kept.
+        WorkerLost: If a process was killed; finished rounds are stored.
     """
     start = time.perf_counter()
-    with (
-        run_folder(out, "train explorer", asdict(recipe)),
-        Workers(workers, cluster, what="walks") as pool,
-    ):
+    with run_folder(out, "train explorer", asdict(recipe)), Workers(workers, cluster, what="walks") as pool:
         best, curve = _learn(Checkpoint(out / "checkpoint.pt"), recipe, pool, console)
         homes = range(_TEST, _TEST + recipe.held_out)
         ratings: tuple[ExplorerName, ...] = ("nearest", "cheapest", "gain", "learned")
@@ -179,20 +167,19 @@ def train_explorer(
                 calls = [(home, recipe, rating, weights) for home in homes]
                 scores[rating] = pool.in_order(mean_coverage, calls)
         card: dict[str, Any] = {
-            "data": f"{recipe.rounds * recipe.homes} invented homes, one walk each",
+            "data": f"{recipe.rounds * recipe.homes} generated homes, one walk each",
             "command": about,
             "recipe": asdict(recipe),
             "features": FEATURES,
-            "parameters": sum(int(np.size(value)) for value in best.values()),
+            "parameters": count_parameters(best),
             "test_homes": recipe.held_out,
             "mean_coverage": {rating: round(float(np.mean(values)), 4) for rating, values in scores.items()},
             "better_than_gain": _interval(np.array(scores["learned"]) - scores["gain"]),
             "seconds": round(time.perf_counter() - start, 1),
         }
-        write_whole(out / "explorer.safetensors", save(best))
-        write_json(out / "explorer.json", card)
+        write_policy(out, "explorer", best, card)
         write_json(out / "result.json", {**card, "curve": curve, "scores": scores})
-        _plot(curve, out / "curves.png")
+        plot_coverage(curve, out / "curves.png")
     return card
 
 
@@ -201,29 +188,24 @@ def _learn(
 ) -> tuple[Weights, list[dict[str, float]]]:
     """The best weights, and one row of the curve for each round."""
     torch.manual_seed(recipe.seed)
-    first = initial_weights(np.random.default_rng([recipe.seed, 4]))
-    weights = {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in first.items()}
+    weights = as_tensors(initial_weights(np.random.default_rng([recipe.seed, 4])))
     optimiser = torch.optim.Adam(weights.values(), lr=recipe.ppo.rate)
     state: dict[str, Any] = {"round": 0, "curve": [], "best": None, "score": -np.inf}
     state |= resume(checkpoint, recipe, weights, optimiser)
-
-    def now() -> Weights:
-        return {name: value.detach().numpy().copy() for name, value in weights.items()}
-
     with tracked(range(state["round"], recipe.rounds), "rounds", console) as rounds:
         for n in rounds:
             if n % recipe.every == 0:
-                _validate(state, now(), recipe, pool)
+                _validate(state, as_arrays(weights), recipe, pool)
             homes = range(_LEARN + n * recipe.homes, _LEARN + (n + 1) * recipe.homes)
-            walks = pool.in_order(chance_walk, [(now(), home, recipe) for home in homes])
+            walks = pool.in_order(random_walk, [(as_arrays(weights), home, recipe) for home in homes])
             rng = np.random.default_rng([recipe.seed, n, 5])
-            told = improve(weights, optimiser, [walk for walk in walks if len(walk.taken)], recipe.ppo, rng)
-            seen = [_held_mean(walk.coverage, recipe.decisions) for walk in walks]
+            losses = improve(weights, optimiser, [walk for walk in walks if len(walk.taken)], recipe.ppo, rng)
+            seen = [_mean_over(walk.coverage, recipe.decisions) for walk in walks]
             state["round"] = n + 1
-            state["curve"].append({"round": n + 1, "coverage": float(np.mean(seen)), **told})
-            learnt = {name: value.detach() for name, value in weights.items()}
-            checkpoint.save({"weights": learnt, "optimiser": optimiser.state_dict(), "state": state})
-    _validate(state, now(), recipe, pool)
+            state["curve"].append({"round": n + 1, "coverage": float(np.mean(seen)), **losses})
+            detached = {name: value.detach() for name, value in weights.items()}
+            checkpoint.save({"weights": detached, "optimiser": optimiser.state_dict(), "state": state})
+    _validate(state, as_arrays(weights), recipe, pool)
     return {name: value.numpy() for name, value in state["best"].items()}, state["curve"]
 
 
@@ -233,41 +215,33 @@ def resume(
     weights: dict[str, torch.Tensor],
     optimiser: torch.optim.Optimizer,
 ) -> dict[str, Any]:
-    """Put weights and optimiser into the state of a checkpoint; how far the training had come, if it had begun.
+    """Restore weights and optimiser from a checkpoint, and return the progress of the training; empty without one.
 
     Raises:
-        FileError: If it is damaged.
+        FileError: If the checkpoint is damaged.
     """
-    state: dict[str, Any] = {}
+    progress: dict[str, Any] = {}
 
-    def put(kept: dict[str, Any]) -> None:
-        check_weights(kept["weights"])
-        restore_optimiser(optimiser, kept["optimiser"])
-        state.update(_checked(kept["state"], recipe, weights))
-        with torch.no_grad():
-            for name, value in weights.items():
-                value.copy_(kept["weights"][name])
+    def restore(stored: dict[str, Any]) -> None:
+        restore_weights(weights, stored["weights"])
+        restore_optimiser(optimiser, stored["optimiser"])
+        state = stored["state"]
+        best, curve, rounds = state["best"], state["curve"], state["round"]
+        is_valid = isinstance(rounds, int) and 0 <= rounds <= recipe.rounds
+        is_valid &= isinstance(state["score"], float) and isinstance(curve, list)
+        is_valid &= all(isinstance(row.get("round"), int) for row in curve)
+        check_weights(best or {})
+        shapes = {name: value.shape for name, value in weights.items()}
+        if not is_valid or (best is not None and {k: v.shape for k, v in best.items()} != shapes):
+            raise ValueError("it does not contain the progress of a training")
+        progress.update(state)
 
-    checkpoint.restore(put)
-    return state
-
-
-def _checked(
-    state: dict[str, Any], recipe: ExplorerRecipe, weights: dict[str, torch.Tensor]
-) -> dict[str, Any]:
-    """What a checkpoint says of the training so far, if it is such a thing."""
-    best, curve, rounds = state["best"], state["curve"], state["round"]
-    good = isinstance(rounds, int) and 0 <= rounds <= recipe.rounds and isinstance(state["score"], float)
-    good &= isinstance(curve, list) and all(isinstance(row.get("round"), int) for row in curve)
-    check_weights(best or {})
-    good &= best is None or {k: v.shape for k, v in best.items()} == {k: v.shape for k, v in weights.items()}
-    if not good:
-        raise ValueError("its state is none of a training")
-    return state
+    checkpoint.restore(restore)
+    return progress
 
 
 def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, pool: Workers) -> None:
-    """Score weights on the homes held out, and keep them if they are the best so far."""
+    """Score weights on the held-out homes, and store them if they are the best so far."""
     homes = range(_HELD_OUT, _HELD_OUT + recipe.held_out)
     scores = pool.in_order(mean_coverage, [(home, recipe, "learned", weights) for home in homes])
     score = float(np.mean(scores))
@@ -279,27 +253,9 @@ def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, p
 
 
 def _interval(difference: Float[np.ndarray, " n"]) -> dict[str, float]:
-    """Mean of differences home by home, with the interval of 95 % from drawing the homes anew."""
+    """Mean of differences over homes, with the 95 % interval of a bootstrap over homes."""
     rng = np.random.default_rng(0)
     means = difference[rng.integers(len(difference), size=(2000, len(difference)))].mean(axis=1)
     low, high = np.quantile(means, (0.025, 0.975))
-    return {
-        "mean": round(float(difference.mean()), 4),
-        "low": round(float(low), 4),
-        "high": round(float(high), 4),
-    }
-
-
-def _plot(curve: list[dict[str, float]], path: Path) -> None:
-    """Mean coverage over the rounds, as walked to learn and on the homes held out."""
-    figure, axes = plt.subplots(figsize=(6, 4))
-    for key, style, label in (
-        ("coverage", "-", "walks to learn from"),
-        ("held_out", "o-", "homes held out, surest choices"),
-    ):
-        points = [(row["round"], row[key]) for row in curve if key in row]
-        axes.plot(*zip(*points, strict=True), style, label=label)
-    axes.set_xlabel("round")
-    axes.set_ylabel("mean part of the floor seen")
-    axes.legend()
-    save_figure(figure, path)
+    values = {"mean": difference.mean(), "low": low, "high": high}
+    return {name: round(float(value), 4) for name, value in values.items()}

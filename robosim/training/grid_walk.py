@@ -1,8 +1,8 @@
-"""A robot that explores a building without physics, noise or pictures: thousands of decisions a second, to learn from.
+"""Exploration of a building without physics, noise and pictures: thousands of decisions per second, for training.
 
-The explorer and the planner are the real ones. The map is made by rays over the plan's cells, as a perfect camera and
-mapper would make it; the robot turns by 10 degrees and then goes straight along the planned way. What is left out is
-what costs time: rendering, odometry, scan matching, bumps, the controller's choice among ways.
+Explorer and planner are those of episodes. Rays over the plan's cells make the map of a perfect camera and mapper; the
+robot turns by 10 degrees and then goes straight along the planned path. Rendering, odometry, scan matching, collisions
+and the controller are left out, since they take most of the time.
 """
 
 import math
@@ -21,40 +21,33 @@ from slam.planning.planner import Plan, Planner
 from slam.poses import wrap
 from wireless.support.compiled import compiled
 
-#: Range to which floor is seen to be free [m], as the classical mapper has it.
+#: Range within which the map becomes free [m], as in the classical mapper.
 _FREE_RANGE_M = 5.0
 _FREE, _WALL = np.float32(0.05), np.float32(0.95)
-#: The way is planned anew after so many decisions.
+#: Decisions after which the path is planned again.
 _REPLAN = 8
-#: Headings nearer to the way than this are good enough to go [rad].
+#: Largest difference between heading and path at which the robot goes ahead [rad].
 _AIM_RAD = 0.51 * TURN_RAD
 
 
 class GridWalk:
-    """One robot on its way through one building."""
+    """One robot in one building."""
 
     def __init__(self, building: Building, places: Reach, rng: np.random.Generator, hfov_rad: float) -> None:
-        """Put the robot somewhere on the largest part of the floor.
-
-        Args:
-            building: Where.
-            places: Where its hull can be.
-            rng: Draws place and heading.
-            hfov_rad: The camera's horizontal field of view [rad].
-        """
+        """Put the robot at a random pose on the largest part of the floor where its hull fits."""
         plan = building.plan
         cell = plan.resolution_m
         centres = plan.to_map(np.indices(plan.shape)[::-1].reshape(2, -1).T + 0.5)
         shapely.prepare(building.free)
         free = shapely.contains_xy(building.free, centres).reshape(plan.shape)
-        # A rim of walls around the plan's own grid, whose axes are those of the walk.
+        # A margin of walls around the plan's own grid, whose axes are those of the walk.
         self._wall = np.pad(~free, 1, constant_values=True)
         self._region = np.pad(places.swept(1), 1)
         self._frame = GridFrame(origin_xy=(-cell, -cell), resolution_m=cell, shape=self._wall.shape)
         self._n_region = int(self._region.sum())
         self._probability = np.full(self._wall.shape, 0.5, np.float32)
         self._explored = np.zeros(self._wall.shape, bool)
-        self._nothing = np.zeros(self._wall.shape, bool)
+        self._not_blocked = np.zeros(self._wall.shape, bool)
         self._half_rad = hfov_rad / 2
         home = np.argwhere(np.pad(places.parts, 1) == 1)
         row, column = home[rng.integers(len(home))] + 0.5
@@ -67,27 +60,27 @@ class GridWalk:
 
     @property
     def coverage(self) -> float:
-        """Part of the floor in the robot's reach that was seen."""
+        """Share of the reachable floor that has been seen."""
         return np.count_nonzero(self._explored & self._region) / self._n_region
 
     def decide(self, explorer: FrontierExplorer) -> bool:
-        """Do what takes one decision; False if the explorer finds nothing left to see."""
+        """Make one decision; returns False if no frontier is left."""
         estimate = MapEstimate(
             frame=self._frame,
             obstacle_probability=self._probability,
             explored=self._explored,
-            blocked=self._nothing,
+            blocked=self._not_blocked,
             pose=self.pose,
         )
         goal = explorer.goal(estimate)
         if goal is None:
             return False
-        self._move(self._way(estimate, goal))
+        self._move(self._path(estimate, goal))
         self._look()
         return True
 
-    def _way(self, estimate: MapEstimate, goal: Float[np.ndarray, "2"]) -> Plan:
-        """The way to a goal, kept for some decisions."""
+    def _path(self, estimate: MapEstimate, goal: Float[np.ndarray, "2"]) -> Plan:
+        """The plan for a goal, cached for some decisions."""
         self._age += 1
         if self._plan is None or self._age >= _REPLAN or math.hypot(*(goal - self._plan.asked_xy)) > 0.02:
             self._plan, self._age = self._planner.plan(estimate, goal, look=True), 0
@@ -101,7 +94,7 @@ class GridWalk:
             self._corners.pop(0)
         ahead = (self._corners[0] if self._corners else plan.asked_xy) - (x, y)
         distance = math.hypot(*ahead)
-        # At the end of the way it turns to what was asked for, and on, to look around.
+        # At the end of the path it turns towards the goal, and then on, to look around.
         off = wrap(math.atan2(ahead[1], ahead[0]) - yaw) if distance > 0.02 else math.pi
         if abs(off) > _AIM_RAD or not self._corners:
             self.pose = np.array([x, y, wrap(yaw + math.copysign(TURN_RAD, off))])
@@ -110,7 +103,7 @@ class GridWalk:
         self.pose = np.array([x + step * ahead[0], y + step * ahead[1], yaw])
 
     def _look(self) -> None:
-        """Mark what the camera sees."""
+        """Update the map by the camera's view."""
         column, row = self._frame.to_cells(self.pose[:2])
         _mark(
             self._wall,
@@ -158,7 +151,7 @@ def _mark(
                 probability[iy, ix] = solid
                 break
             probability[iy, ix] = free
-    # What lies at the robot's feet it has driven over.
+    # The robot stands on free floor.
     for iy in range(max(int(row) - 3, 0), min(int(row) + 4, ny)):
         for ix in range(max(int(column) - 3, 0), min(int(column) + 4, nx)):
             if not wall[iy, ix]:

@@ -1,12 +1,14 @@
-"""Train classifiers of link states on public measurements: folds of held-out buildings, then all of them.
+"""Train classifiers of link states on public measurements: on folds with held-out buildings, then on all buildings.
 
-Every network of every fold is one job, and so is every network of the shipped classifier, which sees all
-buildings (`robosim.training.link_jobs`). Held-out buildings give the scores and the temperature;
-the scores take each building's temperature from other buildings.
+Each network of each fold is a job, and so is each network of the final classifier, which is trained on all buildings.
+Jobs run in processes of one thread. The same jobs in the same folder continue after their last finished epoch, and give
+the same weights for any number of processes. Held-out buildings give the scores and the temperature; the temperature
+for the scores of a building comes from other buildings.
 """
 
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,24 +17,43 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.text import Text
 
+from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
+from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
-from robosim.training.link_jobs import Job, links_of, run_jobs
-from robosim.training.link_state_plots import plot_curves, plot_scores
-from robosim.training.link_ways import score_ways, train_ways
-from robosim.training.made_links import make_homes
+from robosim.support.workers import Workers
+from robosim.training.generated_links import generate_homes, read_homes
+from robosim.training.link_routes import add_route_network, score_routes
+from robosim.training.policy_weights import median_call_ms
+from robosim.training.training_plots import plot_epochs, plot_scores
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, read_links
+from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.learning.networks import weights_of
-from wireless.linkstate.learning.training import Recipe
+from wireless.linkstate.learning.training import Recipe, train
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
 from wireless.support.counting import counted
 
-#: States that a link with paths can be told to be in.
 _NAMES = ("outage", "LOS", "first-order", "higher-order")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One network."""
+
+    name: str
+    data: Path
+    """Folder of measurements."""
+    held_out: tuple[int, ...]
+    """Numbers of buildings outside its training."""
+    homes: int
+    """Number of generated homes in its training, from OUT/homes."""
+    recipe: Recipe
+    out: Path
+    """Folder of the run, in which processes of a cluster store checkpoints."""
 
 
 def train_link_state(
@@ -50,30 +71,16 @@ def train_link_state(
     command: str,
     console: Console,
 ) -> dict[str, Any]:
-    """Train, score and write a classifier.
+    """Train, score and write a classifier on public measurements; returns its card.
 
-    Args:
-        data: Folder of public measurements.
-        out: Folder for everything, and to go on from.
-        recipe: How each network is trained; member i takes the seed plus i. Inputs that were not measured are
-            left out.
-        test: Folder of measurements to score the classifier on in the end.
-        folds: How many folds to hold out, one after the other.
-        of: How many folds the buildings are dealt into.
-        members: Networks of a classifier.
-        homes: Generated homes that every network sees besides, see `robosim.training.made_links`.
-        workers: Processes.
-        cluster: Address of a dask scheduler that is used instead; its processes have to see the folders.
-        command: What was asked for, for the card.
-        console: Where to print.
-
-    Returns:
-        The card.
+    Inputs of the recipe that were not measured are left out. Its seed is increased by the number of the member. `folds`
+    of `of` folds are held out one after the other; a run in `out` can continue with more folds, members or tests. Each
+    training also has `homes` generated homes. Processes of the dask scheduler `cluster` must see the folders.
 
     Raises:
         ValueError: If there are too few buildings, or neither held-out nor test buildings.
         FolderError: If the folder holds networks of another recipe or of other data.
-        WorkerLost: If a process was killed, when what could be done without it is.
+        WorkerLost: If a process was killed, after the other jobs have ended.
     """
     start = time.perf_counter()
     links = links_of(data)
@@ -88,7 +95,7 @@ def train_link_state(
     console.print(
         Text(f"{counted(len(links.state), 'link')} of {counted(len(links.names), 'building')} in {data}")
     )
-    # More folds, members and tests may be asked for of the same networks.
+    # The same networks may be used with more folds, members and tests.
     settings = {
         "data": f"{data.name}: {', '.join(links.names)}",
         "links": len(links.state),
@@ -112,11 +119,11 @@ def train_link_state(
             ]
             for name, part in held.items()
         }
-        fresh = not any(out.glob("jobs/*"))
-        make_homes(homes, out / "homes", workers=workers, cluster=cluster, console=console)
+        is_new = not any(out.glob("jobs/*"))
+        generate_homes(homes, out / "homes", workers=workers, cluster=cluster, console=console)
         every = [job for group in jobs.values() for job in group]
         trained = run_jobs(every, workers=workers, cluster=cluster, console=console)
-        made = {
+        classifiers = {
             name: LinkStateClassifier(
                 [weights_of(trained[job.name][0]) for job in group],
                 model=recipe.model,
@@ -126,23 +133,24 @@ def train_link_state(
             )
             for name, group in jobs.items()
         }
-        plot_curves({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
-        final = made["all"]
-        told = _told({f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links)
-        validation = _validate(told, parts, links, out, console)
-        known = ~np.isnan(told[:, 0]) & reached(links.tokens)
-        final.temperature = fit_temperature(told[known], links.state[known].astype(int))
+        plot_epochs({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
+        final = classifiers["all"]
+        # Probabilities of each held-out link by the fold without its building; NaN for other links.
+        held_out = np.full((len(links.state), 4), np.nan)
+        for i, part in enumerate(parts):
+            rows = links.within(part)
+            held_out[rows] = classifiers[f"fold{i}"].predict_tokens(links.tokens[rows])
+        validation = _validate(held_out, parts, links, out, console)
+        known = ~np.isnan(held_out[:, 0]) & reached(links.tokens)
+        final.temperature = fit_temperature(held_out[known], links.state[known].astype(int))
         if len(parts) > 1:
-            fitted = np.where(np.isnan(told), np.nan, scaled(np.nan_to_num(told, nan=1.0), final.temperature))
-            way, validation["ways"] = train_ways(
-                links, fitted, parts, recipe.inputs, final.states, recipe.seed
-            )
-            if validation["ways"]["fused"]["accuracy"] > validation["ways"]["alone"]["accuracy"]:
-                final.way = dict(weights_of(way))
+            fitted = scaled(np.nan_to_num(held_out, nan=1.0), final.temperature)
+            fitted = np.where(np.isnan(held_out), np.nan, fitted)
+            routes = add_route_network(final, links, fitted, parts, recipe.seed)
+            validation["ways"] = routes  # stored name
             for name in ("alone", "fused"):
-                _print(
-                    validation["ways"][name], f"places along ways through held-out buildings, {name}", console
-                )
+                _print(routes[name], f"places along routes through held-out buildings, {name}", console)
+        one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
         card: dict[str, Any] = {
             "command": command,
             "data": f"{data.name}: {', '.join(links.names)}",
@@ -152,50 +160,85 @@ def train_link_state(
             "members": members,
             "parameters": final.parameters,
             "validation": validation,
-            "single_call_ms": _call_ms(final, links),
-            # A run that goes on does not know how long the first part took.
-            "seconds": round(time.perf_counter() - start, 1) if fresh else None,
+            "single_call_ms": median_call_ms(lambda: final.predict_tokens(one), 200),
+            # The duration of a continued run is unknown.
+            "seconds": round(time.perf_counter() - start, 1) if is_new else None,
             "versions": {name: package_version(name) for name in ("robosim", "torch", "numpy")},
         }
         if test is not None:
-            there = read_links(test)
-            card["test"] = _score(final.predict_tokens(there.tokens), there, out / "test.png")
-            card["test"]["ways"] = score_ways(final, there)
-            for name, found in card["test"]["ways"].items():
+            others = read_links(test)
+            card["test"] = _score(final.predict_tokens(others.tokens), others, out / "test.png")
+            routes = score_routes(final, others)
+            card["test"]["ways"] = routes  # stored name
+            for name, found in routes.items():
                 rates = [f"{how} {found[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in found]
-                console.print(f"ways {name} in test buildings, {found['places']} places: {', '.join(rates)}")
-            _print(card["test"], f"test buildings: {', '.join(there.names)}", console)
+                console.print(
+                    f"routes {name} in test buildings, {found['places']} places: {', '.join(rates)}"
+                )
+            _print(card["test"], f"test buildings: {', '.join(others.names)}", console)
         final.card = card
         write_files(out, final.files("link-state"))
         write_json(out / "result.json", card)
     return card
 
 
+def run_jobs(
+    jobs: list[Job], *, workers: int, cluster: str | None = None, console: Console
+) -> dict[str, tuple[Any, list[Epoch]]]:
+    """Networks and epochs of all jobs, by name, from worker processes or from those of a dask scheduler.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C, at once: finished epochs are stored.
+        WorkerLost: If a process was killed, after the other networks are trained.
+    """
+    trained = {}
+    with (
+        Workers(min(workers, len(jobs)), cluster, what="networks", resumable=True) as pool,
+        unit_progress(console, "networks", len(jobs)) as advance,
+    ):
+        for number, found in pool.run(run_job, [(job,) for job in jobs]):
+            trained[jobs[number].name] = found
+            advance(jobs[number].name)
+    return trained
+
+
+def run_job(job: Job) -> tuple[Any, list[Epoch]]:
+    """Train one network, and score it on its held-out buildings after each epoch."""
+    links = links_of(job.data)
+    held_out = links.within(job.held_out)
+    tokens, state = links.tokens[~held_out], links.state[~held_out]
+    if job.homes:
+        home_tokens, home_state = read_homes(job.homes, job.out / "homes")
+        tokens, state = np.concatenate([tokens, home_tokens]), np.concatenate([state, home_state])
+    return train(
+        tokens,
+        state,
+        job.recipe,
+        watch=(links.tokens[held_out], links.state[held_out]),
+        checkpoint=Checkpoint(job.out / "jobs" / f"{job.name}.pt"),
+    )
+
+
+@cache
+def links_of(data: Path) -> Links:
+    """Links of a folder, read once per process."""
+    return read_links(data)
+
+
 def deal(buildings: int, of: int) -> list[tuple[int, ...]]:
-    """Buildings in random folds, the same for everybody.
+    """Numbers of buildings in random folds that depend only on their count.
 
     Raises:
         ValueError: If there are fewer buildings than folds.
     """
     if not 1 <= of <= buildings:
-        raise ValueError(f"{of} folds asked for, expected 1 to the {buildings} buildings that there are.")
+        raise ValueError(f"{of} folds, expected 1 to {buildings}, the number of buildings.")
     order = np.random.default_rng(0).permutation(buildings)
     return [tuple(sorted(int(i) for i in part)) for part in np.array_split(order, of)]
 
 
-def _told(
-    made: dict[str, LinkStateClassifier], parts: list[tuple[int, ...]], links: Links
-) -> Float[np.ndarray, "n 4"]:
-    """Probabilities of each held-out link by the fold that did not see it; NaN of others."""
-    told = np.full((len(links.state), 4), np.nan)
-    for classifier, part in zip(made.values(), parts, strict=True):
-        rows = links.within(part)
-        told[rows] = classifier.predict_tokens(links.tokens[rows])
-    return told
-
-
 def _validate(
-    told: Float[np.ndarray, "n 4"],
+    held_out: Float[np.ndarray, "n 4"],
     parts: list[tuple[int, ...]],
     links: Links,
     out: Path,
@@ -206,7 +249,7 @@ def _validate(
     for i, part in enumerate(parts):
         rows = links.within(part)
         held = links[rows]
-        judged = calibrated_across(told[rows], held.state, reached(held.tokens), held.building)
+        judged = calibrated_across(held_out[rows], held.state, reached(held.tokens), held.building)
         result[f"fold{i}"] = _score(judged, held, out / f"fold{i}.png")
         _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in part)}", console)
     if result:
@@ -218,18 +261,18 @@ def _validate(
 
 
 def _score(probability: Float[np.ndarray, "n 4"], links: Links, picture: Path) -> dict[str, Any]:
-    """Scores of links, drawn too."""
+    """Scores of links, with a plot."""
     with_paths = reached(links.tokens)
     plot_scores(probability[with_paths], links.state[with_paths], picture)
     return scores(probability, links.state, with_paths, links.building, links.names)
 
 
 def _print(score: dict[str, Any], title: str, console: Console) -> None:
-    """Confusion matrix and a line of scores."""
+    """Print the confusion matrix and a line of scores."""
     matrix = np.array(score["confusion"], float)
     shares = matrix / np.maximum(matrix.sum(1, keepdims=True), 1)
     console.print(title)
-    console.print(f"{'true / told':>14}" + "".join(f"{name:>14}" for name in _NAMES) + f"{'links':>10}")
+    console.print(f"{'true / found':>14}" + "".join(f"{name:>14}" for name in _NAMES) + f"{'links':>10}")
     for name, row, count in zip(_NAMES, shares, matrix.sum(1), strict=True):
         console.print(
             f"{name:>14}" + "".join(f"{share:14.3f}" for share in row) + f"{count:10.0f}", highlight=False
@@ -240,14 +283,3 @@ def _print(score: dict[str, Any], title: str, console: Console) -> None:
         f"{score['calibration_error_with_paths']:.4f}",
         highlight=False,
     )
-
-
-def _call_ms(classifier: LinkStateClassifier, links: Links) -> float:
-    """Median time of a call for one link [ms]."""
-    one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
-    taken = []
-    for _ in range(300):
-        before = time.perf_counter()
-        classifier.predict_tokens(one)
-        taken.append(time.perf_counter() - before)
-    return round(1e3 * float(np.median(taken[100:])), 3)

@@ -1,16 +1,14 @@
-"""Learning to search from steps that were done: imitation of a guide, and proximal policy optimisation.
+"""Training of the learned search on segments: imitation of a guide, and proximal policy optimisation.
 
-Robots walk side by side through segments of some steps. Each segment is learnt from for some passes, a few robots at a
-time, from the memory that they began it with: gradients go back through the whole segment and no further. A search
-that ends within a segment begins another with an empty memory.
-
-The loss of a step is
+Robots walk side by side through segments of some steps. Each segment is used for some passes, a few robots at a time,
+from the memory at its beginning: gradients go back through the whole segment and no further. A search that ends within
+a segment is followed by another with an empty memory. The loss of a step is
 
     advice * cross entropy with the guide's action
-    + clipped surrogate of the policy's advantage     (only where the policy itself drove)
-    + value * squared error of what was still to be earned - entropy * undecidedness
+    + clipped surrogate of the policy's advantage     (only if the policy itself drove)
+    + value * squared error of the discounted reward - entropy * entropy of the policy
 
-with advantages generalised over steps, cut off at arrivals and not where time ran out.
+with generalised advantages, cut off at arrivals but not at time limits.
 
 Reference: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347, and Generalized advantage
 estimation, ICLR 2016; Schmitt et al., Kickstarting deep reinforcement learning, arXiv:1803.03835.
@@ -26,68 +24,61 @@ from jaxtyping import Bool, Float, Float32, Int
 from torch import Tensor
 
 from slam.learning.ppo import PpoConfig, descend, surrogate
-from slam.support.weights import Weights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Segment:
-    """Steps of robots side by side: what was sensed and done, and what came of it."""
+    """Steps of robots side by side."""
 
-    told: Float32[np.ndarray, "steps robots inputs"]
-    """What the network was told."""
+    inputs: Float32[np.ndarray, "steps robots inputs"]
+    """Inputs of the network."""
     begins: Bool[np.ndarray, "steps robots"]
-    """Whether a search begins with the step: then the memory is empty."""
+    """Whether a search begins with the step, with an empty memory."""
     counts: Bool[np.ndarray, "steps robots"]
-    """Whether the step was one of a search, rather than the pause between two."""
+    """Whether the step belongs to a search, rather than to the pause between two."""
     advised: Int[np.ndarray, "steps robots"]
-    """What the guide would have done."""
+    """Action of the guide."""
     taken: Int[np.ndarray, "steps robots"]
-    """What was done."""
+    """Action taken."""
     log_odds: Float[np.ndarray, "steps robots"]
-    """Logarithm of the probability that the policy gave it."""
+    """Logarithm of its probability by the policy."""
     reward: Float[np.ndarray, "steps robots"]
-    """What it earned."""
     arrived: Bool[np.ndarray, "steps robots"]
-    """Whether it ended the search at the target."""
+    """Whether the step ended the search at the target."""
     late: Bool[np.ndarray, "steps robots"]
-    """Whether time ran out with it."""
+    """Whether the step was the last within the time limit."""
     value: Float[np.ndarray, "later robots"]
-    """What was expected before each step, and after the last."""
+    """Expected discounted reward before each step, and after the last."""
     memory: Float32[np.ndarray, "robots hidden"]
-    """Of the policy before the first step."""
+    """Memory of the policy before the first step."""
 
 
 def advantages(
     segment: Segment, config: PpoConfig
 ) -> tuple[Float[np.ndarray, "steps robots"], Float[np.ndarray, "steps robots"]]:
-    """By how much each step was better than expected, and what it was worth."""
+    """Advantage and discounted reward of each step."""
     reward = segment.reward
     found, after = np.zeros_like(reward), np.zeros(reward.shape[1])
     for t in reversed(range(len(reward))):
-        going_on = ~(segment.arrived[t] | segment.late[t])
+        continues = ~(segment.arrived[t] | segment.late[t])
         error = reward[t] + config.discount * segment.value[t + 1] * ~segment.arrived[t] - segment.value[t]
-        # Nothing comes of a pause: the step before it is the last of its search.
-        after = np.where(segment.counts[t], error + config.discount * config.trace * going_on * after, 0.0)
+        # The step before a pause is the last of its search.
+        after = np.where(segment.counts[t], error + config.discount * config.trace * continues * after, 0.0)
         found[t] = after
     return found, found + segment.value[:-1]
 
 
-def as_tensors(weights: Weights) -> dict[str, Tensor]:
-    """Weights to be learnt."""
-    return {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in weights.items()}
-
-
 def forward(
     weights: Mapping[str, Tensor],
-    told: Float[Tensor, "steps robots inputs"],
+    inputs: Float[Tensor, "steps robots inputs"],
     begins: Bool[Tensor, "steps robots"],
     memory: Float[Tensor, "robots hidden"],
 ) -> tuple[Float[Tensor, "steps robots 3"], Float[Tensor, "steps robots"]]:
     """`SearchNetwork` over a segment: scores of actions and values."""
     w = weights
-    seen = torch.relu(told @ w["encoder.weight"] + w["encoder.bias"])
-    kept = []
-    for new, begin in zip(seen @ w["memory.input_weight"] + w["memory.input_bias"], begins, strict=True):
+    encoded = torch.relu(inputs @ w["encoder.weight"] + w["encoder.bias"])
+    memories = []
+    for new, begin in zip(encoded @ w["memory.input_weight"] + w["memory.input_bias"], begins, strict=True):
         memory = memory * ~begin[:, None]
         old = memory @ w["memory.own_weight"] + w["memory.own_bias"]
         new_r, new_z, new_n = new.chunk(3, dim=-1)
@@ -95,8 +86,8 @@ def forward(
         keep = torch.sigmoid(new_z + old_z)
         fresh = torch.tanh(new_n + torch.sigmoid(new_r + old_r) * old_n)
         memory = (1 - keep) * fresh + keep * memory
-        kept.append(memory)
-    after = torch.stack(kept)
+        memories.append(memory)
+    after = torch.stack(memories)
     scores = after @ w["action.weight"] + w["action.bias"]
     return scores, (after @ w["value.weight"] + w["value.bias"])[..., 0]
 
@@ -111,38 +102,32 @@ def learn(
     own: bool,
     rng: np.random.Generator,
 ) -> dict[str, float]:
-    """Improve the weights by one segment.
+    """Improve the weights by one segment; a batch of the configuration counts robots.
 
-    Args:
-        weights: Of the policy, which the optimiser was made for.
-        optimiser: Of Adam's kind.
-        segment: The steps.
-        config: How; a batch counts robots.
-        advice: Weight of the guide's advice.
-        own: Whether the policy itself drove all the way, so that its surrogate may be climbed.
-        rng: Deals the robots into groups.
+    `advice` is the weight of the cross entropy with the guide's actions; `own` adds the surrogate, for which the policy
+    must have driven all the time.
 
     Returns:
         Means over the segment: `advice` (cross entropy), `value` (squared error), `entropy`, `agreed` (share of the
         guide's actions that are the most likely ones).
     """
-    gained, worth = advantages(segment, config)
-    counted = gained[segment.counts]
-    gained = (gained - counted.mean()) / (counted.std() + 1e-6)
-    robots, told = segment.told.shape[1], dict[str, list[float]]()
+    advantage, worth = advantages(segment, config)
+    counted = advantage[segment.counts]
+    advantage = (advantage - counted.mean()) / (counted.std() + 1e-6)
+    robots, columns = segment.inputs.shape[1], dict[str, list[float]]()
     for _ in range(config.passes):
         for group in np.array_split(rng.permutation(robots), max(1, round(robots / config.batch))):
-            loss, means = _loss(weights, segment, gained, worth, group, config, advice=advice, own=own)
+            loss, means = _loss(weights, segment, advantage, worth, group, config, advice=advice, own=own)
             descend(loss, weights, optimiser)
             for name, value in means.items():
-                told.setdefault(name, []).append(value)
-    return {name: float(np.mean(values)) for name, values in told.items()}
+                columns.setdefault(name, []).append(value)
+    return {name: float(np.mean(values)) for name, values in columns.items()}
 
 
 def _loss(
     weights: Mapping[str, Tensor],
     segment: Segment,
-    gained: np.ndarray,
+    advantage: np.ndarray,
     worth: np.ndarray,
     group: np.ndarray,
     config: PpoConfig,
@@ -150,13 +135,13 @@ def _loss(
     advice: float,
     own: bool,
 ) -> tuple[Tensor, dict[str, float]]:
-    """The loss of some robots' steps, and what it is made of."""
+    """The loss of some robots' steps, and its parts."""
 
     def of(array: np.ndarray, kind: Any = None) -> Tensor:
         return torch.as_tensor(array[:, group], dtype=kind)
 
     memory = torch.from_numpy(segment.memory[group])
-    scores, value = forward(weights, of(segment.told), of(segment.begins), memory)
+    scores, value = forward(weights, of(segment.inputs), of(segment.begins), memory)
     counts = of(segment.counts)
     log_odds = torch.log_softmax(scores, dim=-1)[counts]
     advised, taken = of(segment.advised)[counts], of(segment.taken)[counts]
@@ -165,7 +150,7 @@ def _loss(
     entropy = -(log_odds.exp() * log_odds).sum(dim=-1).mean()
     loss = advice * imitation + config.value * error - config.entropy * entropy
     if own:
-        before, gain = of(segment.log_odds, torch.float32)[counts], of(gained, torch.float32)[counts]
+        before, gain = of(segment.log_odds, torch.float32)[counts], of(advantage, torch.float32)[counts]
         ratio = torch.exp(log_odds.gather(1, taken[:, None])[:, 0] - before)
         loss = loss - surrogate(ratio, gain, config.clip)
     agreed = (log_odds.argmax(dim=-1) == advised).float().mean()

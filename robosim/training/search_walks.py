@@ -1,7 +1,7 @@
-"""Searches to learn from: many robots in invented homes, driven by a network, a guide beside them.
+"""Searches for training: many robots in generated homes, driven by a network or a guide that knows the route.
 
-Radio comes from tables, which are traced once for a place of a transmitter and kept in files. Depth is measured along
-the horizon only.
+Radio comes from tables, which are traced once per position of a transmitter and stored in files. Depth is measured
+along the horizon only.
 """
 
 from dataclasses import dataclass
@@ -14,45 +14,50 @@ from robosim.camera.model import CameraConfig
 from robosim.environments.route_guide import route_action
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
-from robosim.policies.search_network import SearchNetwork, drawn_actions, likelihood, no_memory
-from robosim.policies.search_senses import INPUTS, SearchSenses
+from robosim.policies.search_network import (
+    INPUTS,
+    SearchNetwork,
+    SearchSenses,
+    action_probabilities,
+    draw_actions,
+    empty_memory,
+)
 from robosim.radio.link import RadioLinkConfig
 from robosim.simulator import SimulatorConfig
 from robosim.training.search_learning import Segment
 from slam.actions import Action
 
-#: What a search is rewarded for.
+#: Rewards of a search.
 REWARDS = {"arrival": 10.0, "progress": 1.0, "step": -0.01, "collision": -0.05}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walks:
-    """Which searches are walked."""
+    """Searches of several robots."""
 
     robots: int
-    """Robots side by side."""
     homes: int
-    """Different homes."""
+    """Number of different homes."""
     first: int
     """Number of the first home."""
     targets: int
-    """Places of targets in each."""
+    """Number of target positions in each home."""
     difficulty: float
     """See `robosim.environments.curriculum`."""
     steps: int
-    """Steps after which a search is given up."""
+    """Largest number of steps of a search."""
     seed: int
-    """Of starts, targets and noise."""
+    """Seed of starts, targets and noise."""
     tables: Path
-    """Folder where tables of radio are kept."""
+    """Folder of radio tables."""
 
 
 class Robots:
-    """Robots on their searches; one whose search has ended begins another with its next step."""
+    """Robots on their searches; after the end of one, the next step begins another."""
 
     def __init__(self, walks: Walks) -> None:
-        """Put each at the start of a search."""
-        # Eight rows are the fewest that a camera has; two of them are looked at.
+        """Begin a search of each robot."""
+        # Eight rows are the fewest of a camera; two of them are used.
         simulator = SimulatorConfig(
             physics="kinematic",
             camera="plan",
@@ -76,30 +81,26 @@ class Robots:
         self._senses = [SearchSenses() for _ in range(walks.robots)]
         self._steps = np.zeros(walks.robots, int)
         self.over = np.zeros(walks.robots, bool)
-        """Whose search has ended."""
+        """Whether the search of each robot has ended."""
         self.begins = np.ones(walks.robots, bool)
-        """Whose search begins with the next step."""
-        self.told = np.empty((walks.robots, INPUTS), np.float32)
-        """What networks are told."""
+        """Whether the next step begins its search."""
+        self.inputs = np.empty((walks.robots, INPUTS), np.float32)
+        """Inputs of the network."""
         self.infos: list[dict[str, Any]] = [{}] * walks.robots
-        """What robots must not know."""
+        """The truth, which the network does not receive."""
         for i in range(walks.robots):
             self._begin(i, walks.seed + i)
 
-    def advised(self) -> np.ndarray:
-        """What a guide that knows the way would do, (robots,) int."""
+    def guide_actions(self) -> np.ndarray:
+        """Actions along the routes to the targets, (robots,) int."""
         known = zip(self._envs, self.infos, strict=True)
         return np.array([int(route_action(env.place, info["pose"], info["target"])) for env, info in known])
 
     def step(self, actions: np.ndarray, *, again: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Do one action with each.
-
-        Args:
-            actions: Of each robot.
-            again: Whether those whose search has ended begin another, instead of resting.
+        """One action of each robot; robots whose search has ended begin another, or rest without `again`.
 
         Returns:
-            Rewards, arrivals, and whose time ran out.
+            Rewards, arrivals, and which robots ran out of time.
         """
         reward = np.zeros(self.count)
         arrived, late = np.zeros(self.count, bool), np.zeros(self.count, bool)
@@ -110,26 +111,25 @@ class Robots:
                 self._steps[i] += 1
                 late[i] = self._steps[i] >= self._most
                 self.over[i], self.begins[i] = arrived[i] or late[i], False
-                self._tell(i, seen)
+                self._encode(i, seen)
             elif again:
                 self._begin(i, None)
         return reward, arrived, late
 
     def close(self) -> None:
-        """Free the cameras."""
+        """Release the cameras."""
         for env in self._envs:
             env.close()
 
     def _begin(self, i: int, seed: int | None) -> None:
-        """A new search of a robot."""
         seen, self.infos[i] = self._envs[i].reset(seed=seed)
         self._senses[i], self._steps[i] = SearchSenses(), 0
         self.over[i], self.begins[i] = False, True
-        self._tell(i, seen)
+        self._encode(i, seen)
 
-    def _tell(self, i: int, seen: dict[str, np.ndarray]) -> None:
+    def _encode(self, i: int, seen: dict[str, np.ndarray]) -> None:
         n = int(seen["path_found"].sum())
-        self.told[i] = self._senses[i].told(
+        self.inputs[i] = self._senses[i].encode(
             seen["depth"][..., 0],
             seen["odometry"],
             seen["path_direction"][:n],
@@ -147,86 +147,60 @@ def walk(
     guided: float,
     rng: np.random.Generator,
 ) -> tuple[Segment, np.ndarray]:
-    """Walk a segment.
+    """A segment of steps from the present state of the robots, and their memories (robots, hidden) after it.
 
-    Args:
-        robots: Where they are; they go on from there.
-        network: The policy.
-        memory: Of each robot, (robots, hidden).
-        steps: How many.
-        guided: Share of the steps in which the guide drives.
-        rng: Draws actions, and who drives.
-
-    Returns:
-        The segment, and the memories after it.
+    The guide drives in a share `guided` of the steps.
     """
     rows: list[dict[str, Any]] = []
     first = memory
     for _ in range(steps):
         memory = np.where(robots.begins[:, None], np.float32(0), memory)
-        told, begins, counts, advised = (
-            robots.told.copy(),
-            robots.begins.copy(),
-            ~robots.over,
-            robots.advised(),
-        )
-        scores, value, memory = network(told, memory)
-        own = drawn_actions(scores, rng)
-        taken = np.where(rng.random(robots.count) < guided, advised, own)
-        odds = np.log(likelihood(scores)[np.arange(robots.count), taken])
-        reward, arrived, late = robots.step(taken)
-        rows.append(
-            {
-                "told": told,
-                "begins": begins,
-                "counts": counts,
-                "advised": advised,
-                "taken": taken,
-                "log_odds": odds,
-                "reward": reward,
-                "arrived": arrived,
-                "late": late,
-                "value": value,
-            }
-        )
+        row: dict[str, Any] = {
+            "inputs": robots.inputs.copy(), "begins": robots.begins.copy(), "counts": ~robots.over,
+            "advised": robots.guide_actions(),
+        }  # fmt: skip
+        scores, row["value"], memory = network(row["inputs"], memory)
+        own = draw_actions(scores, rng)
+        row["taken"] = np.where(rng.random(robots.count) < guided, row["advised"], own)
+        probability = action_probabilities(scores)[np.arange(robots.count), row["taken"]]
+        row["log_odds"] = np.log(probability)
+        row["reward"], row["arrived"], row["late"] = robots.step(row["taken"])
+        rows.append(row)
     columns = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
-    after = network(robots.told, np.where(robots.begins[:, None], np.float32(0), memory)).value
+    after = network(robots.inputs, np.where(robots.begins[:, None], np.float32(0), memory)).value
     columns["value"] = np.vstack([columns["value"], after]).astype(float)
     return Segment(**columns, memory=first), memory
 
 
-def judge(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False) -> dict[str, float]:
-    """How well searches go, one of each robot.
-
-    Args:
-        driver: A network; or "guide", which knows the way; or "random", three of five actions forward.
-        walks: Which.
-        most_likely: Whether the network's most likely actions are done, instead of drawn ones.
+def evaluate_driver(
+    driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False
+) -> dict[str, float]:
+    """Scores of one search of each robot by a network, "guide" or "random" (three of five actions forward).
 
     Returns:
         `arrived`: share of the searches. `spl`: success weighted by path length, the mean of the shortest drive over
-        the drive that was driven, 0 for who did not arrive (Anderson et al., On evaluation of embodied navigation
-        agents, arXiv:1807.06757). `steps`: of those that arrived, their mean; `bumps`: a search.
+        the actual drive, 0 without arrival (Anderson et al., On evaluation of embodied navigation agents,
+        arXiv:1807.06757). `steps`: mean of the searches with arrival; `bumps`: mean of all searches.
     """
     robots, rng = Robots(walks), np.random.default_rng([walks.seed, 2])
-    n, memory = robots.count, no_memory(robots.count)
+    n, memory = robots.count, empty_memory(robots.count)
     shortest = np.array([info["distance_m"] for info in robots.infos])
     driven, bumps, steps, arrived = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, bool)
     while not robots.over.all():
-        going_on = ~robots.over
+        is_running = ~robots.over
         if isinstance(driver, SearchNetwork):
-            scores, _, memory = driver(robots.told, memory)
-            actions = scores.argmax(axis=-1) if most_likely else drawn_actions(scores, rng)
+            scores, _, memory = driver(robots.inputs, memory)
+            actions = scores.argmax(axis=-1) if most_likely else draw_actions(scores, rng)
         elif driver == "guide":
-            actions = robots.advised()
+            actions = robots.guide_actions()
         else:
             actions = rng.choice([Action.FORWARD] * 3 + [Action.LEFT, Action.RIGHT], n)
         before = np.array([info["pose"] for info in robots.infos])
         arrived |= robots.step(actions, again=False)[1]
         after = np.array([info["pose"] for info in robots.infos])
         driven += np.hypot(*(after - before)[:, :2].T)
-        bumps += going_on * np.array([info["collided"] for info in robots.infos])
-        steps += going_on
+        bumps += is_running * np.array([info["collided"] for info in robots.infos])
+        steps += is_running
     robots.close()
     return {
         "arrived": float(arrived.mean()),

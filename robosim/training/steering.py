@@ -1,9 +1,9 @@
-"""Train the learned local policy by imitation: it drives, the deterministic controller says what it would have done.
+"""Train the learned local policy by imitation of the deterministic controller.
 
-In the first round the deterministic controller drives through invented homes, to targets that the planner is told;
-in later ones the network does so more and more often, so that it learns from where it gets to by itself (DAgger). After
-each round it is trained anew on all that was seen. In the end both drive to the same targets in homes held out. A run
-that was interrupted goes on with the round it was in.
+In the first round the deterministic controller drives through generated homes to targets that the planner knows; in
+later rounds the network drives an increasing share, so that it also learns from its own positions (DAgger). After each
+round it is trained from scratch on all data. At the end both drive to the same targets in held-out homes. An
+interrupted run continues with its round.
 
 Reference: Ross, Gordon and Bagnell, A reduction of imitation learning to no-regret online learning, AISTATS 2011.
 """
@@ -18,7 +18,6 @@ import numpy as np
 import torch
 from jaxtyping import Float, Float32, Int
 from rich.console import Console
-from safetensors.numpy import save
 
 from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
@@ -32,35 +31,36 @@ from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Truth
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, STEPS, Range, checked
-from robosim.support.files import npz_bytes, write_json, write_whole
+from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import tracked
 from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
+from robosim.training.policy_weights import as_arrays, as_tensors, count_parameters, write_policy
 from slam.actions import PUBLISHED, Action
 from slam.control.controller import ControlConfig, Controller
 from slam.control.learned import HIDDEN, INPUTS, LearnedController, initial_weights
 from slam.planning.planner import Plan
 from slam.support.weights import Weights
 
-#: Number of the first home to compare in; homes to learn from begin at 0.
+#: Number of the first home of the comparison; training homes begin at 0.
 _TEST = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class SteeringRecipe:
-    """How the local policy is trained."""
+    """Recipe of the local policy."""
 
     rounds: Annotated[int, Range(1, 1000)] = 5
     """Rounds of driving and learning."""
     homes: Annotated[int, Range(1, _TEST)] = 60
     """Homes of a round, a drive to one target in each."""
     epochs: Annotated[int, Range(1, 10_000)] = 30
-    """Passes over all that was seen, after each round."""
+    """Passes over all data, after each round."""
     held_out: Annotated[int, Range(1, 100_000, "homes")] = 60
-    """Homes for the comparison in the end."""
+    """Homes of the comparison."""
     max_steps: Annotated[int, STEPS] = 300
     """Actions of a drive."""
     rate: Annotated[float, Range(1e-8, 1)] = 2e-3
@@ -80,31 +80,24 @@ class SteeringRecipe:
             )
 
 
-class Watched(LearnedController):
-    """Asks the deterministic controller at every decision, keeps its answer, and follows it or the network."""
+class SupervisedController(LearnedController):
+    """Records the action of the deterministic controller at each decision, and follows it or the network."""
 
     def __init__(self, weights: Weights, own: float, rng: np.random.Generator, config: ControlConfig) -> None:
-        """A pupil.
-
-        Args:
-            weights: Of the network.
-            own: Probability of following the network.
-            rng: Draws whom to follow.
-            config: How actions are chosen.
-        """
+        """Follow the network with probability `own`, drawn by `rng`."""
         super().__init__(weights, config)
         self._own, self._rng = own, rng
-        self.told: list[tuple[Float32[np.ndarray, " n"], Action]] = []
+        self.records: list[tuple[Float32[np.ndarray, " n"], Action]] = []
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         advised = Controller._best(self, pose, plan)
         senses = self.senses(pose, plan)
-        self.told.append((senses, advised))
+        self.records.append((senses, advised))
         return Action(int(np.argmax(self.scores(senses)))) if self._rng.random() < self._own else advised
 
 
 def drive_home(home: int, recipe: SteeringRecipe, controller: Controller) -> dict[str, float]:
-    """Drive to a target in one invented home; whether the robot arrived, decisions, and forward steps stopped short."""
+    """Drive to a target in a generated home; returns arrival, decisions and collisions."""
     building = home_building(CollectConfig(seed=recipe.seed), home)
     config = SimulatorConfig(physics="kinematic", noise=recipe.noise)
     rng = np.random.default_rng([recipe.seed, home, 6])
@@ -114,7 +107,7 @@ def drive_home(home: int, recipe: SteeringRecipe, controller: Controller) -> dic
 
     def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
         log.add_pose(true.motion, true.pose, estimated.pose, 0.0)
-        # One that starts beside its target has something to show all the same.
+        # A drive that starts at its target has one step.
         return log.steps < recipe.max_steps and not (log.arrived and log.steps)
 
     controller.reset()
@@ -127,22 +120,22 @@ def drive_home(home: int, recipe: SteeringRecipe, controller: Controller) -> dic
 def lesson(
     home: int, recipe: SteeringRecipe, weights: Weights, own: float
 ) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
-    """What was sensed on a drive, and what the deterministic controller advised."""
+    """Inputs of the network on a drive, and actions of the deterministic controller."""
     robot = SimulatorConfig().robot
     rng = np.random.default_rng([recipe.seed, home, 7])
-    pupil = Watched(weights, own, rng, ControlConfig(radius_m=robot.radius_m, reverses=False))
+    pupil = SupervisedController(weights, own, rng, ControlConfig(radius_m=robot.radius_m, reverses=False))
     drive_home(home, recipe, pupil)
-    senses = np.array([senses for senses, _ in pupil.told], np.float32).reshape(-1, INPUTS)
-    return senses, np.array([int(advised) for _, advised in pupil.told], np.int64)
+    senses = np.array([senses for senses, _ in pupil.records], np.float32).reshape(-1, INPUTS)
+    return senses, np.array([int(advised) for _, advised in pupil.records], np.int64)
 
 
 def learn(
     senses: Float32[np.ndarray, "n k"], advised: Int[np.ndarray, " n"], recipe: SteeringRecipe, round_: int
 ) -> dict[str, Float32[np.ndarray, "..."]]:
-    """Weights that do as was advised: cross entropy, Adam, a cosine from the highest rate to zero."""
+    """Weights that imitate the advised actions: cross entropy, AdamW, a cosine from the highest rate to zero."""
     rng = np.random.default_rng([recipe.seed, round_, 8])
     torch.manual_seed(recipe.seed)
-    weights = {name: torch.from_numpy(value).requires_grad_() for name, value in initial_weights(rng).items()}
+    weights = as_tensors(initial_weights(rng))
     steps = max(1, round(len(senses) / recipe.batch)) * recipe.epochs
     optimiser = torch.optim.AdamW(weights.values(), lr=recipe.rate, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
@@ -157,7 +150,7 @@ def learn(
         loss.backward()
         optimiser.step()
         schedule.step()
-    return {name: value.detach().numpy() for name, value in weights.items()}
+    return as_arrays(weights)
 
 
 def read_round(path: Path) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
@@ -185,28 +178,14 @@ def train_steering(
     console: Console,
     about: str = "",
 ) -> dict[str, Any]:
-    """Train, compare and write steering.safetensors with its card.
-
-    Args:
-        out: Folder for everything.
-        recipe: How.
-        workers: Processes that drive; the result does not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
-        about: The command that does it again, for the card.
-
-    Returns:
-        The card.
+    """Train, compare and write steering.safetensors with its card; arguments as of `train_explorer`.
 
     Raises:
         FolderError: If the folder holds a run of another recipe.
-        WorkerLost: If a process was killed; rounds that were finished are kept.
+        WorkerLost: If a process was killed; finished rounds are stored.
     """
     start = time.perf_counter()
-    with (
-        run_folder(out, "train steering", asdict(recipe)),
-        Workers(workers, cluster, what="drives") as pool,
-    ):
+    with run_folder(out, "train steering", asdict(recipe)), Workers(workers, cluster, what="drives") as pool:
         weights: Weights = initial_weights(np.random.default_rng(recipe.seed))
         senses, advised, curve = np.zeros((0, INPUTS), np.float32), np.zeros(0, np.int64), []
         with tracked(range(recipe.rounds), "rounds", console) as rounds:
@@ -226,29 +205,28 @@ def train_steering(
             drives = pool.in_order(drive_home, [(home, recipe, controller) for home in homes])
             scores[name] = {key: round(float(np.mean([row[key] for row in drives])), 4) for key in drives[0]}
         card: dict[str, Any] = {
-            "data": f"{len(senses)} decisions in {recipe.rounds * recipe.homes} invented homes",
+            "data": f"{len(senses)} decisions in {recipe.rounds * recipe.homes} generated homes",
             "command": about,
             "recipe": asdict(recipe),
             "hidden": HIDDEN,
-            "parameters": sum(int(np.size(value)) for value in weights.values()),
+            "parameters": count_parameters(weights),
             "agreement": curve,
             "test_homes": recipe.held_out,
             "mean_of_drives": scores,
             "seconds": round(time.perf_counter() - start, 1),
         }
-        write_whole(out / "steering.safetensors", save(dict(weights)))
-        write_json(out / "steering.json", card)
+        write_policy(out, "steering", weights, card)
     return card
 
 
 def _round(
-    kept: Path, n: int, recipe: SteeringRecipe, weights: Weights, pool: Workers
+    path: Path, n: int, recipe: SteeringRecipe, weights: Weights, pool: Workers
 ) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
-    """What the drives of a round showed; from its file, if it was driven before."""
-    if not kept.exists():
+    """Inputs and advised actions of a round, from its file if it exists."""
+    if not path.exists():
         homes = range(n * recipe.homes, (n + 1) * recipe.homes)
         own = n / max(1, recipe.rounds - 1)
         seen = pool.in_order(lesson, [(home, recipe, weights, own) for home in homes])
         senses, advised = (np.concatenate(part) for part in zip(*seen, strict=True))
-        write_whole(kept, npz_bytes({"senses": senses, "advised": advised}))
-    return read_round(kept)
+        write_whole(path, npz_bytes({"senses": senses, "advised": advised}))
+    return read_round(path)

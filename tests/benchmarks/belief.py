@@ -82,7 +82,7 @@ def variants(base: BeliefConfig) -> dict[str, BeliefConfig]:
     """The whole belief, and with one part left out at a time."""
     return {
         "whole": base,
-        "without routes": replace(base, ways=False),
+        "without routes": replace(base, routes=False),
         "without departures": replace(base, departures=False),
         "last measurement alone": replace(base, remembers=False),
         "no measurement": replace(base, weight=0.0),

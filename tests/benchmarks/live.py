@@ -19,11 +19,9 @@ import numpy as np
 from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
-from robosim.live.link_model import LinkSettings
 from robosim.live.page import Page
-from robosim.live.search_process import GO, SearchJob, SearchProcess
+from robosim.live.search_process import RUN, SearchJob, SearchProcess
 from robosim.plans.floorplan import FloorPlan
 from tests.benchmarks.harness import DEFAULT, Options, plans_of
 from tests.benchmarks.results import Results
@@ -97,8 +95,8 @@ def measure(plan: FloorPlan, config: EpisodeConfig, moves: int, results: Results
             results.add("drags", f"{plan.name}, {name}", words, delay, "ms", digits=0, cases=len(delays_s))
 
     with Page("127.0.0.1", 0, "bench") as page, _reader(page):
-        radio = page.explore(plan, BuildingConfig(), LinkSettings())
-        searches = page.search(config, BuildingConfig())
+        radio = page.explore(plan)
+        searches = page.search(config)
         radio.settle(_SETTLE_S)
         add("nothing else goes on", _drag(page, moves))
         radio.show_floor("received power")
@@ -114,8 +112,8 @@ def measure(plan: FloorPlan, config: EpisodeConfig, moves: int, results: Results
             add(name, delays_s)
     results.add("searches", plan.name, "alone", _decisions_per_s(plan, config), "decisions/s", digits=1)
     with Page("127.0.0.1", 0, "bench") as page, _reader(page):
-        page.explore(plan, BuildingConfig(), LinkSettings()).settle(_SETTLE_S)
-        searches = page.search(config, BuildingConfig())
+        page.explore(plan).settle(_SETTLE_S)
+        searches = page.search(config)
         page.show("Search")
         searches.start()
         results.add("searches", plan.name, "watched", _rate(searches.searches[0]), "decisions/s", digits=1)
@@ -136,7 +134,7 @@ def _drag(page: Page, moves: int) -> Float[np.ndarray, " n"]:
 
 
 def _decisions_per_s(plan: FloorPlan, config: EpisodeConfig) -> float:
-    search = SearchProcess("alone", SearchJob(plan=plan, config=config), lambda one: None, GO)
+    search = SearchProcess("alone", SearchJob(plan=plan, config=config), lambda one: None, RUN)
     try:
         return _rate(search)
     finally:
@@ -145,11 +143,11 @@ def _decisions_per_s(plan: FloorPlan, config: EpisodeConfig) -> float:
 
 def _rate(search: SearchProcess) -> float:
     """Decisions a second, from the first to the last."""
-    _wait(lambda: not search.alive or (search.recording is not None and len(search.recording) > 0))
+    _wait(lambda: not search.is_alive or (search.recording is not None and len(search.recording) > 0))
     begin, first = time.perf_counter(), len(search.recording or ())
-    _wait(lambda: not search.alive)
-    if search.trouble or search.recording is None:
-        raise ValueError(f"the search did not end: {search.trouble}")
+    _wait(lambda: not search.is_alive)
+    if search.error or search.recording is None:
+        raise ValueError(f"the search did not end: {search.error}")
     return (len(search.recording) - first) / (time.perf_counter() - begin)
 
 
@@ -212,7 +210,7 @@ def _timed_moves(page: Page, tab: "Tab") -> tuple[Float[np.ndarray, " n"], Float
     radio = page.radio
     assert radio is not None
     camera = list(page.server.get_clients().values())[-1].camera
-    x, y = pixel_of(camera, np.array([*radio.places["transmitter"], radio.model.settings.height_m]))
+    x, y = pixel_of(camera, np.array([*radio.places["transmitter"], radio.model.config.height_m]))
     tab.evaluate(_TIMER)
     tab.mouse.move(x, y)
     time.sleep(_REST_S)

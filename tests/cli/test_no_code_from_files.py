@@ -163,3 +163,16 @@ def test_an_older_configuration_keeps_its_meaning_of_walls(folder):
     (folder / "result.json").write_text(json.dumps({"config": values}))
     tracer = read_config(folder / "result.json").simulator.radio.tracer
     assert (tracer.max_transmissions, tracer.wall_passage) == (1, "face")
+
+
+def test_former_names_of_fields_are_read(folder):
+    """Settings of `fused` in files of version 0.2."""
+    values = to_dict(EpisodeConfig())
+    fused = values["fused"]
+    fused["belief"]["ways"] = not fused["belief"].pop("routes")  # stored name
+    for part, steps in ((fused, 17), (fused["in_sight"], 19)):
+        del part["stuck_steps"]
+        part["dwell_steps"] = steps
+    (folder / "result.json").write_text(json.dumps({"config": values}))
+    config = read_config(folder / "result.json").fused
+    assert (config.belief.routes, config.stuck_steps, config.in_sight.stuck_steps) == (False, 17, 19)

@@ -77,7 +77,7 @@ def test_the_whole_run(folders, tmp_path, capsys):
     assert lines[-1] == f"test accuracy {result['test']['accuracy']:.4f} (200 links)"
     above = "\n".join(lines[-9:-1])
     assert "test buildings: Dora" in above
-    assert "true / told" in above
+    assert "true / found" in above
     assert result["test"]["accuracy"] > 0.8
     assert np.sum(result["test"]["confusion"]) == 200
     assert result["test"]["confusion"][0] == [50, 0, 0, 0]
@@ -117,7 +117,7 @@ def test_a_baseline_without_departures(folders, tmp_path):
 def test_what_cannot_be_is_told(folders, tmp_path, capsys):
     for more, message in (
         (["--folds", "0"], "nothing would be scored"),
-        (["--n-folds", "4"], "4 folds asked for"),
+        (["--n-folds", "4"], "4 folds, expected 1 to 3"),
         (["--n-folds", "1", "--folds", "1"], "leaves none to train on"),
         (["--homes", "-1"], "homes is -1"),
         (["--workers", "0"], "workers is 0"),
@@ -188,7 +188,7 @@ def test_a_search_goes_on_after_a_break_and_drives(tmp_path):
     assert weights[0] == weights[1]
     card = json.loads((tmp_path / "one" / "search.json").read_text())
     assert set(card["scores"]) == {"learned", "learned, most likely actions", "guide", "random"}
-    assert card["data"] == "256 steps in 2 invented homes"
+    assert card["data"] == "256 steps in 2 generated homes"
     curve = json.loads((tmp_path / "one" / "curve.json").read_text())["epochs"]
     assert [row["epoch"] for row in curve] == [1, 2]
     path = tmp_path / "one" / "search.safetensors"

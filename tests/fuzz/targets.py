@@ -24,7 +24,7 @@ from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.own_plan import MOST_BYTES, plan_of
-from robosim.live.recorded import read_recording, read_searches
+from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
@@ -41,9 +41,8 @@ from robosim.support.checkpoint import Checkpoint
 from robosim.support.run_folder import read_settings, run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume
-from robosim.training.made_links import read_homes
-from robosim.training.mapper import read_frames
-from robosim.training.pose import read_pairs
+from robosim.training.generated_links import read_homes
+from robosim.training.mapper import read_frames, read_pairs
 from robosim.training.search import Training as SearchTraining
 from robosim.training.steering import read_round
 from slam.control.controller import ControlConfig
@@ -125,7 +124,7 @@ def _looked_back(folder: Path, file: Path) -> None:
 
 
 def _looked_back_on_many(folder: Path, file: Path) -> None:
-    for searched in read_searches(folder):
+    for searched in read_evaluation(folder):
         searched.read()
 
 
@@ -251,7 +250,7 @@ def _train_mapper(folder: Path, file: Path) -> None:
 
 def _train_link_state(folder: Path, file: Path) -> None:
     with (
-        _only_reading("robosim.training.link_state.make_homes"),
+        _only_reading("robosim.training.link_state.generate_homes"),
         patch("robosim.training.link_state.links_of", read_links),
     ):
         main(
@@ -311,14 +310,14 @@ def _scans(folder: Path, file: Path) -> None:
 def _slam(folder: Path, file: Path) -> None:
     """All of it: what is read goes on to be mapped."""
     with (
-        patch("robosim.drawing.log_maps.draw_maps", lambda *a: None),
-        patch("robosim.drawing.log_maps.draw_trajectories", lambda *a: None),
+        patch("robosim.drawing.plots.draw_maps", lambda *a: None),
+        patch("robosim.drawing.plots.draw_trajectories", lambda *a: None),
     ):
         main(["slam", str(file), "--out", str(folder / "out")])
 
 
 def _calibrate(folder: Path, file: Path) -> None:
-    with patch("robosim.drawing.odometry_errors.draw_errors", lambda *a: None):
+    with patch("robosim.drawing.plots.draw_errors", lambda *a: None):
         main(["calibrate", str(file), "--out", str(folder / "out")])
 
 

@@ -129,22 +129,22 @@ def test_time_lines_show_what_was_measured():
     """Of 150 decisions the first 60 without a path: no SNR there, states in their colours, at twice the first span."""
     line = Timeline(474, 132, STATE_COLOURS)
     for i in range(150):
-        heard = i >= 60
+        is_reached = i >= 60
         line.add(
-            30.0 if heard else np.nan,
-            LinkState.LOS if heard else LinkState.OUTAGE,
-            LinkState.FIRST_ORDER if heard else LinkState.OUTAGE,
+            30.0 if is_reached else np.nan,
+            LinkState.LOS if is_reached else LinkState.OUTAGE,
+            LinkState.FIRST_ORDER if is_reached else LinkState.OUTAGE,
             0.5,
         )
     image = line.draw()
     x = [74 + round(i * (474 - 74 - 12) / 200) for i in (30, 100, 180)]
-    told, true = 132 - 18 - 36 + 7, 132 - 18 - 18 + 7
-    assert [tuple(image[told, at]) for at in x[:2]] == [
+    estimated, true = 132 - 18 - 36 + 7, 132 - 18 - 18 + 7
+    assert [tuple(image[estimated, at]) for at in x[:2]] == [
         STATE_COLOURS[LinkState.OUTAGE], STATE_COLOURS[LinkState.LOS],
     ]  # fmt: skip
     assert tuple(image[true, x[1]]) == STATE_COLOURS[LinkState.FIRST_ORDER]
-    assert tuple(image[told, x[2]]) == (255, 255, 255)
+    assert tuple(image[estimated, x[2]]) == (255, 255, 255)
     blue = (image[8:70].astype(int) @ (-1, 0, 1)) > 60
     assert not blue[:, 74 : x[0]].any() and blue[:, x[1]].any() and not blue[:, x[2]].any()
-    # 30 dB of -10 to 60: 4/7 of the way up.
+    # 30 dB of -10 to 60: 4/7 of the height.
     assert np.flatnonzero(blue[:, x[1]]).mean() + 8 == pytest.approx(72 - 4 / 7 * 64, abs=1.5)

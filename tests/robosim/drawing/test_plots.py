@@ -1,4 +1,4 @@
-"""Plans that explain themselves: legend, scale bar, and what a robot that only explores is told of."""
+"""Plots of plans and episodes: legend and scale bar."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def _log(seeks: bool) -> EpisodeLog:
 
 
 @pytest.mark.parametrize("seeks", [True, False])
-def test_the_map_names_walls_map_and_ways(drawn, tmp_path, seeks):
+def test_the_legend_names_walls_map_and_trajectories(drawn, tmp_path, seeks):
     building = make_building(two_rooms(0.8))
     frame = GridFrame(origin_xy=(0.0, 0.0), shape=(60, 120))
     nothing = np.zeros(frame.shape, bool)
@@ -66,7 +66,7 @@ def test_the_map_names_walls_map_and_ways(drawn, tmp_path, seeks):
     assert "25 % seen" in title and ("shortest" in title) == seeks
 
 
-def test_parts_of_the_floor_are_told_by_their_areas(drawn, tmp_path):
+def test_parts_of_the_floor_are_labelled_by_their_areas(drawn, tmp_path):
     """Two rooms without a door wide enough: two parts, each of the cells in its colour, the larger first."""
     plan = two_rooms(0.1)
     places = reach(make_building(plan), 0.1)
@@ -98,8 +98,8 @@ def test_a_scale_bar_is_as_long_as_it_says(width_m):
     axes.set(xlim=(-2.0, width_m - 2.0), ylim=(5.0, 9.0))
     explain(axes, wall_keys(furnished=True))
     bar = axes.lines[0].get_xdata()
-    (told,) = (text.get_text() for text in axes.texts if text.get_text().endswith(" m"))
-    assert np.ptp(bar) == pytest.approx(float(told[:-2]))
+    (label,) = (text.get_text() for text in axes.texts if text.get_text().endswith(" m"))
+    assert np.ptp(bar) == pytest.approx(float(label[:-2]))
     assert np.all(axes.lines[0].get_ydata() < 5.0), "below the plan"
     plt.close(figure)
 

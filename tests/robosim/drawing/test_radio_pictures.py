@@ -77,7 +77,7 @@ def test_power_is_in_decibels_and_says_so(axes, building, grid, paths):
     assert "transmitter" in labels(axes)
 
 
-def test_titles_tell_frequency_and_heights(axes, building, grid, paths):
+def test_titles_contain_frequency_and_heights(axes, building, grid, paths):
     """On every picture; heights of receivers from the lowest to the highest."""
     about = "28 GHz; transmitter 1.5 m, receivers 1.5 m high"
     for draw in (
@@ -127,7 +127,7 @@ def test_states_have_their_colours_and_shares(axes, building, grid, paths):
 
 
 def test_arrows_point_to_the_transmitter_where_it_is_in_sight(axes, building, grid, paths):
-    """An arrow at a receiver in sight lies along the way to the transmitter, within 1e-9; black over white."""
+    """An arrow at a receiver in sight points to the transmitter, within 1e-9; black over white."""
     draw_arrival(axes, building, grid, first(paths), TX[0])
     white, black = (c for c in axes.collections if isinstance(c, Quiver))
     assert (white.U == black.U).all()
@@ -135,8 +135,10 @@ def test_arrows_point_to_the_transmitter_where_it_is_in_sight(axes, building, gr
     state = {tuple(p): s for p, s in zip(grid.position[:, :2], paths.link_state()[0], strict=True)}
     sight = np.array([state[tuple(p)] == LinkState.LOS for p in at])
     assert sight.sum() > 10
-    way = TX[0, :2] - at[sight]
-    assert arrow[sight] == pytest.approx(way / np.linalg.norm(way, axis=1, keepdims=True), abs=1e-9)
+    direction = TX[0, :2] - at[sight]
+    assert arrow[sight] == pytest.approx(
+        direction / np.linalg.norm(direction, axis=1, keepdims=True), abs=1e-9
+    )
     _, mesh = cells(axes, grid)
     assert mesh.get_clim() == (-180, 180)
     assert np.array(mesh.cmap(0.0)) == pytest.approx(np.array(mesh.cmap(1.0)), abs=0.01)
@@ -168,7 +170,7 @@ def test_the_link_chosen_is_out_of_sight_and_rich(paths):
 
 
 def test_pictures_are_drawn_of_nothing_too(building, grid, paths, tmp_path):
-    """A transmitter that nothing hears: five pictures, at least 500 pixels wide, and no error."""
+    """A transmitter without paths: five pictures, at least 500 pixels wide, and no error."""
     none = paths.select(np.zeros(len(paths), bool))
     files = plot_grid(
         tmp_path, "_tx1", building, grid, none, 0, tx_power_dbm=23.0, threshold_db=-np.inf, link=(none, 0, 0)

@@ -28,6 +28,6 @@ def test_a_video_without_frames_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_odd_sizes_are_refused(tmp_path):
+def test_odd_sizes_are_rejected(tmp_path):
     with pytest.raises(ValueError, match="even"):
         VideoWriter(tmp_path / "a.mp4", (63, 32))

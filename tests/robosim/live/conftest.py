@@ -1,4 +1,4 @@
-"""What tests of the page share: a plan, a quick episode, a served page, and a real browser to look at it."""
+"""Fixtures of tests of the page: a quick episode, a served page, and a browser."""
 
 import ctypes
 import shutil
@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.building.building import BuildingConfig
 from robosim.camera.model import CameraConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.suite import Suite, SuiteTask
-from robosim.live.link_model import LinkSettings
 from robosim.plans.files import write_ros
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
@@ -24,12 +22,12 @@ from tests.benchmarks.live import ALL_PIXELS
 from tests.plans import two_rooms
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: WebGL without a graphics card, as root, and nothing that phones home.
+#: WebGL without a graphics card, as root, without connections to other hosts.
 BROWSER_OPTIONS = (
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--disable-background-networking", "--disable-component-update",
 )  # fmt: skip
-#: A browser without a graphics card, on a machine with other work, takes its time [ms].
+#: Timeout of a browser without a graphics card on a busy machine [ms].
 LONG_MS = 300_000
 START, TARGET = np.array([0.7, 0.7, 0.0]), np.array([5.4, 2.3])
 
@@ -51,16 +49,11 @@ def recorded(quick, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def evaluated(quick, tmp_path_factory) -> Path:
-    """Two tasks by two policies: the oracle arrives, `explore` stops when it is out of steps."""
+    """Two tasks by two policies, of which only the oracle arrives."""
     folder = tmp_path_factory.mktemp("evaluated")
     write_ros(two_rooms(0.8), folder / "pair.yaml")
     tasks = tuple(
-        SuiteTask(
-            plan="pair",
-            number=k,
-            start=(0.7, 0.7, 0.0),
-            target=target,
-        )
+        SuiteTask(plan="pair", number=k, start=(0.7, 0.7, 0.0), target=target)
         for k, target in enumerate([(2.2, 0.7), (2.2, 1.5)])
     )
     suite = Suite(plans={"pair": folder / "pair.yaml"}, tasks=tasks, seed=0)
@@ -73,7 +66,7 @@ def evaluated(quick, tmp_path_factory) -> Path:
 
 @pytest.fixture
 def page() -> Iterator:
-    """A page without anything on it."""
+    """An empty page."""
     pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
     from robosim.live.page import Page
 
@@ -83,8 +76,8 @@ def page() -> Iterator:
 
 @pytest.fixture
 def explored(page):
-    """A page on which two rooms are explored, its paths and estimates drawn."""
-    page.explore(two_rooms(0.8), BuildingConfig(), LinkSettings())
+    """A page with the tab `Radio` of two rooms."""
+    page.explore(two_rooms(0.8))
     assert page.radio.settle(120)
     return page
 
@@ -111,7 +104,7 @@ def chromium() -> Iterator:
 
 @pytest.fixture
 def window(chromium) -> Iterator[Callable]:
-    """Opens windows of a size at an address; in the end no error may be on any console."""
+    """Opens windows of a size at an address; no error may be on any console at the end."""
     errors, contexts = [], []
 
     def open_window(url: str, width: int = 900, height: int = 560, *, offline: bool = False):
@@ -128,5 +121,5 @@ def window(chromium) -> Iterator[Callable]:
     yield open_window
     for context in contexts:
         context.close()
-    # Chromium's word on a listener of viser's own, at the first touch of its space.
+    # Chromium reports a listener of viser at the first touch.
     assert [error for error in errors if "preventDefault inside passive event" not in error] == []

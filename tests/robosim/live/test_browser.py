@@ -1,4 +1,4 @@
-"""The page in a real browser: opened, dragged, searched, scrubbed, exported; on a desk and on a phone."""
+"""The page in a browser: drags, searches, replays, exports; also on a phone."""
 
 import io
 import time
@@ -9,12 +9,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from robosim.building.building import BuildingConfig
-from robosim.live.client import COVERED
-from robosim.live.lean import TOLD
-from robosim.live.link_model import LinkSettings
-from robosim.live.recorded import read_searches
-from robosim.live.search_panel import BY_HAND_NAME
+from robosim.live.client import COVERED, SOFTWARE_NOTICE
+from robosim.live.recordings import read_evaluation
+from robosim.live.search_panel import BY_HAND
 from tests.benchmarks.live import pixel_of
 from tests.plans import room
 
@@ -41,7 +38,7 @@ def press(tab, label: str) -> None:
 def camera_of(page, tab):
     """The camera of a window, once it has been turned to the plan."""
 
-    # Told by its height: windows connect in any order, and anew on a machine with other work.
+    # Identified by its height: windows connect in any order, and again on a busy machine.
     def turned() -> list:
         cameras = [client.camera for client in page.server.get_clients().values()]
         of_tab = [one for one in cameras if one.image_height == tab.viewport_size["height"]]
@@ -56,10 +53,10 @@ def drag(page, tab, by: tuple[float, float]) -> None:
     before = page.radio.places["transmitter"]
     rest_s = 0.3
     while np.array_equal(page.radio.places["transmitter"], before):
-        assert rest_s < LONG_S, "the page takes no notice of the pointer"
-        x, y = pixel_of(camera_of(page, tab), np.array([*before, page.radio.model.settings.height_m]))
+        assert rest_s < LONG_S, "the page does not react to the pointer"
+        x, y = pixel_of(camera_of(page, tab), np.array([*before, page.radio.model.config.height_m]))
         tab.mouse.move(x, y)
-        # The page looks from time to time what is under the pointer; on a machine with other work, seldom.
+        # The page checks at intervals what is under the pointer.
         time.sleep(rest_s)
         tab.mouse.down()
         for share in np.linspace(0, 1, 5):
@@ -71,7 +68,7 @@ def drag(page, tab, by: tuple[float, float]) -> None:
 
 
 def test_the_transmitter_is_dragged_and_the_paths_follow(explored, window):
-    """The list of paths in the page is another after the drag, and is that of the place that it was dragged to."""
+    """The list of paths is that of the new place."""
     tab = window(explored.url)
     paths = tab.get_by_text("the strongest first")
     paths.wait_for()
@@ -83,8 +80,8 @@ def test_the_transmitter_is_dragged_and_the_paths_follow(explored, window):
     assert np.hypot(*(explored.radio.places["transmitter"] - place)) > 0.3
     assert explored.radio.settle(LONG_S)
     model, places = explored.radio.model, explored.radio.places
-    expected = model.paths(places["transmitter"], places["robot"]).power_db[0] + model.settings.tx_power_dbm
-    wait_for(lambda: f"{expected:.1f}" in table.inner_text(), "the power at the place that it was dragged to")
+    expected = model.paths(places["transmitter"], places["robot"]).power_db[0] + model.config.tx_power_dbm
+    wait_for(lambda: f"{expected:.1f}" in table.inner_text(), "the power at the new place")
 
 
 def test_two_windows_drag_and_see_the_same(explored, window):
@@ -101,22 +98,22 @@ def test_two_windows_drag_and_see_the_same(explored, window):
     power = (
         explored.radio.model.paths(np.array([1.0, 1.0]), explored.radio.places["robot"]).power_db[0] + 23.0
     )
-    wait_for(lambda: f"{power:.1f}" in tables.inner_text(), "what remains to be seen by the first")
+    wait_for(lambda: f"{power:.1f}" in tables.inner_text(), "the first window")
 
 
-def test_a_plan_is_dropped_in_and_a_bad_one_is_told(explored, window, tmp_path):
+def test_a_plan_is_opened_and_a_bad_one_reported(explored, window, tmp_path):
     tab = window(explored.url)
-    tab.get_by_text("Your own plan").click()
+    tab.get_by_text("Open a plan").click()
     damaged = tmp_path / "damaged.npy"
     damaged.write_bytes(b"nothing")
     chooser = tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy")
     with tab.expect_file_chooser() as chosen:
         chooser.click()
     chosen.value.set_files(damaged)
-    told = tab.get_by_text("damaged.npy: ")
-    told.last.wait_for()
-    assert told.count() == 2, "at the panel's head, and beside the button"
-    button, line = chooser.bounding_box(), told.last.bounding_box()
+    message = tab.get_by_text("damaged.npy: ")
+    message.last.wait_for()
+    assert message.count() == 2, "at the head of the panel and next to the button"
+    button, line = chooser.bounding_box(), message.last.bounding_box()
     assert 0 < line["y"] - button["y"] < 3 * button["height"]
     assert explored.radio.model.plan.name == "two rooms", "nothing is lost"
     np.save(tmp_path / "hall.npy", room(5.0, 4.0).occupancy)
@@ -127,11 +124,11 @@ def test_a_plan_is_dropped_in_and_a_bad_one_is_told(explored, window, tmp_path):
     assert explored.radio.model.building.free.area == pytest.approx(20.0, abs=0.1)
 
 
-def test_what_a_reader_warns_of_is_told_in_the_page(explored, window, tmp_path):
+def test_warnings_of_a_reader_are_shown(explored, window, tmp_path):
     """A box with its faces outwards is read as a room inside out, which is a warning."""
     trimesh.creation.box((4, 3, 2.5)).export(tmp_path / "box.stl")
     tab = window(explored.url)
-    tab.get_by_text("Your own plan").click()
+    tab.get_by_text("Open a plan").click()
     with tab.expect_file_chooser() as chosen:
         tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy").click()
     chosen.value.set_files(tmp_path / "box.stl")
@@ -140,59 +137,61 @@ def test_what_a_reader_warns_of_is_told_in_the_page(explored, window, tmp_path):
 
 
 def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, window):
-    """It is started by a click, shown, and goes on to its end when the window is closed in the middle."""
-    searches = explored.search(quick, BuildingConfig())
+    """It continues to its end when the window is closed."""
+    searches = explored.search(quick)
     tab = window(explored.url)
     press(tab, "Search")
     press(tab, "Start")
-    tab.get_by_text("floor seen").wait_for()
+    tab.get_by_text("coverage").wait_for()
     tab.close()
     wait_for(
-        lambda: searches.searches and not any(one.alive for one in searches.searches), "the end of the search"
+        lambda: searches.searches and not any(one.is_alive for one in searches.searches),
+        "the end of the search",
     )
     recording = searches.searches[0].recording
-    assert searches.searches[0].trouble == "" and len(recording) == 12
+    assert searches.searches[0].error == "" and len(recording) == 12
     again = window(explored.url)
     again.get_by_text(recording.ended).wait_for()
 
 
-def test_a_search_that_is_ended_by_hand_says_so(explored, quick, window):
-    """Though no decision comes with its end: it waits for a key that nobody presses."""
-    searches = explored.search(quick, BuildingConfig())
+def test_a_stopped_search_shows_it(explored, quick, window):
+    """No step comes with its end: it waits for a key."""
+    searches = explored.search(quick)
     tab = window(explored.url)
     press(tab, "Search")
-    choose(tab, "policy", BY_HAND_NAME)
+    choose(tab, "policy", BY_HAND)
     press(tab, "Start")
-    tab.get_by_text("floor seen").wait_for()
+    tab.get_by_text("coverage").wait_for()
     count = len(searches.searches[0].recording)
     tab.keyboard.press("i")
     wait_for(lambda: len(searches.searches[0].recording) > count, "the decision of the key")
-    press(tab, "End it")
-    tab.get_by_text("ended by you").wait_for()
+    press(tab, "Stop")
+    tab.get_by_text("stopped by you").wait_for()
 
 
 def test_start_and_target_are_set_by_clicks(explored, quick, window):
-    """What is clicked on the floor is where the search begins, and where its target stands, to 5 cm."""
-    searches = explored.search(quick, BuildingConfig())
+    """The search begins, and its target stands, within 5 cm of the clicks."""
+    searches = explored.search(quick)
     tab = window(explored.url)
     press(tab, "Search")
     camera = camera_of(explored, tab)
     places = {"start": np.array([1.0, 1.0]), "target": np.array([5.0, 2.0])}
     for what, place in places.items():
         press(tab, f"set {what}")
-        tab.get_by_text("Click on the floor where").wait_for()
+        tab.get_by_text("Click on the floor at").wait_for()
         tab.mouse.click(*pixel_of(camera, np.array([*place, 0.0])))
-        wait_for(lambda what=what: what in searches.picker.places, f"the {what}")
-        assert searches.picker.places[what] == pytest.approx(place, abs=0.05)
+        wait_for(lambda what=what: what in searches.places, f"the {what}")
+        assert searches.places[what] == pytest.approx(place, abs=0.05)
     press(tab, "Start")
     wait_for(
-        lambda: searches.searches and not any(one.alive for one in searches.searches), "the end of the search"
+        lambda: searches.searches and not any(one.is_alive for one in searches.searches),
+        "the end of the search",
     )
     recording = searches.searches[0].recording
-    assert searches.searches[0].trouble == ""
-    assert recording.target == pytest.approx(searches.picker.places["target"])
+    assert searches.searches[0].error == ""
+    assert recording.target == pytest.approx(searches.places["target"])
     pose = recording[0].true.pose
-    assert pose[:2] == pytest.approx(searches.picker.places["start"])
+    assert pose[:2] == pytest.approx(searches.places["start"])
     assert pose[2] == pytest.approx(np.arctan2(1.0, 4.0), abs=0.03), "it looks to the target"
 
 
@@ -203,10 +202,10 @@ def middle_of(tab) -> np.ndarray:
 
 
 def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
-    """Its last decision is asked for by the slider's number; the file that is saved plays without a network."""
-    page.look_back(recorded)
+    """The slider's number selects the last step; the saved file plays without a network."""
+    page.replay(recorded)
     tab = window(page.url)
-    tab.get_by_text("floor seen").wait_for()
+    tab.get_by_text("coverage").wait_for()
     number = tab.locator(
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first
@@ -214,15 +213,15 @@ def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
     number.press("Enter")
     tab.get_by_text("ended").wait_for()
     with tab.expect_download() as saved:
-        press(tab, "Save as a page that plays by itself (.html)")
+        press(tab, "Save as a standalone page (.html)")
     saved.value.save_as(tmp_path / "saved.html")
     tab.close()
     file = window(f"file://{tmp_path}/saved.html", offline=True)
     file.get_by_text("explore, two rooms").first.wait_for()
     file.locator("canvas").first.wait_for()
     file.get_by_text("anticipated obstacle").wait_for()
-    sought = file.locator("input").first
-    wait_for(lambda: float(sought.input_value()) > 0.5, "the film to go on")
+    slider = file.locator("input").first
+    wait_for(lambda: float(slider.input_value()) > 0.5, "the film to go on")
     file.set_viewport_size({"width": 390, "height": 844})
     file.reload()
     file.locator("canvas").first.wait_for()
@@ -232,8 +231,8 @@ def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
 
 def test_each_row_of_an_evaluation_opens_its_episode(page, evaluated, window):
     """The first, a failure if there is one, is open from the beginning; a click on a row opens that row's."""
-    searches = read_searches(evaluated)
-    page.look_back(evaluated)
+    searches = read_evaluation(evaluated)
+    page.replay(evaluated)
     tab = window(page.url)
     rows = tab.locator("table").filter(has_text="x fastest").locator("tr")
     wide, content = tab.locator("div.wide").first.evaluate("table => [table.clientWidth, table.scrollWidth]")
@@ -250,7 +249,7 @@ def test_each_row_of_an_evaluation_opens_its_episode(page, evaluated, window):
 
 def sees_all(page, tab, right: float, bottom: float) -> bool:
     """Whether all corners of the building, up to its walls' tops, lie left of and above some pixels."""
-    walls = page.radio.scenery
+    walls = page.radio.building
     camera = camera_of(page, tab)
     places = [
         pixel_of(camera, np.array([x, y, z]))
@@ -261,8 +260,8 @@ def sees_all(page, tab, right: float, bottom: float) -> bool:
     return all(0 < x < right and 0 < y < bottom for x, y in places)
 
 
-def test_all_of_the_plan_is_seen_beside_the_panel(explored, window):
-    """Though the panel takes its part of a wide window after the view was set; and again when the window is another."""
+def test_all_of_the_plan_is_in_view_next_to_the_panel(explored, window):
+    """The panel appears after the view was set; then the window changes its size."""
     tab = window(explored.url, 1280, 720)
     tab.get_by_text("the strongest first").wait_for()
     space = tab.locator("canvas[data-engine]")
@@ -274,15 +273,15 @@ def test_all_of_the_plan_is_seen_beside_the_panel(explored, window):
             "all of the plan",
         )
         camera = camera_of(explored, tab)
-        walls = explored.radio.scenery
+        walls = explored.radio.building
         left = pixel_of(camera, np.array([walls.low[0], walls.low[1], walls.height_m]))[0]
         assert left < 0.1 * space.bounding_box()["width"], "it is as large as it can be"
 
 
-def test_a_view_that_somebody_turned_stays_when_the_window_is_another(explored, window):
+def test_a_turned_view_stays_when_the_window_changes_its_size(explored, window):
     tab = window(explored.url)
     tab.get_by_text("the strongest first").wait_for()
-    press(tab, "See it over the robot's shoulder")
+    press(tab, "View over the robot's shoulder")
     clients = explored.server.get_clients().values()
     wait_for(lambda: all(one.camera.position[2] < 2.5 for one in clients), "the eye at the robot's shoulder")
     before = next(iter(clients)).camera.position
@@ -294,8 +293,8 @@ def test_a_view_that_somebody_turned_stays_when_the_window_is_another(explored, 
 
 @pytest.mark.parametrize("deep_m", [3.0, 9.0])
 def test_it_can_be_used_on_a_phone(page, window, deep_m):
-    """All of a wide and of a deep plan lies above the panel, which is as wide as the window: no table is cut off."""
-    page.explore(room(6.2, deep_m), BuildingConfig(), LinkSettings())
+    """Wide and deep plans are above the panel, which is as wide as the window, so that no table is cut off."""
+    page.explore(room(6.2, deep_m))
     tab = window(page.url, 390, 844)
     tab.get_by_text("the strongest first").wait_for()
     tab.get_by_text("of the strongest estimated path").wait_for()
@@ -319,23 +318,22 @@ DROP = """([name, content]) => {
 }"""
 
 
-def test_a_file_that_is_dropped_onto_the_page_is_opened(explored, window):
-    """A plan is shown; one that cannot be read is told in a line, and the page stays where it is."""
+def test_a_dropped_file_is_opened(explored, window):
+    """A plan is shown; a bad file is reported, and the page stays."""
     tab = window(explored.url)
     tab.get_by_text("the strongest first").wait_for()
-    drop = DROP
-    tab.evaluate(drop, ["damaged.npy", list(b"nothing")])
+    tab.evaluate(DROP, ["damaged.npy", list(b"nothing")])
     tab.get_by_text("damaged.npy: ").first.wait_for()
     content = io.BytesIO()
     np.save(content, room(5.0, 4.0).occupancy)
-    tab.evaluate(drop, ["hall.npy", list(content.getvalue())])
+    tab.evaluate(DROP, ["hall.npy", list(content.getvalue())])
     wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
     assert explored.radio.settle(LONG_S)
 
 
-def test_the_tab_is_named_after_the_plan_and_says_what_is_assumed(explored, quick, window):
-    """Before and after a drop, in windows that come later too; what is wrong is said in any mode."""
-    explored.search(quick, BuildingConfig())
+def test_the_head_shows_plan_and_assumptions(explored, quick, window):
+    """Before and after a drop, also in later windows; errors are shown in each tab."""
+    explored.search(quick)
     tab = window(explored.url)
     tab.get_by_text("two rooms: 18.2 m² of floor, cells of 0.05 m. Assumed: ceiling at 2.5 m").wait_for()
     wait_for(lambda: tab.title() == "robosim live: two rooms", "the title")
@@ -344,7 +342,7 @@ def test_the_tab_is_named_after_the_plan_and_says_what_is_assumed(explored, quic
     tab.evaluate(DROP, ["hall.npy", list(content.getvalue())])
     tab.get_by_text("hall: 20.0 m² of floor").wait_for()
     tab.get_by_text(
-        "Assumed: 0.05 m per pixel (set it under 'Your own plan', and open hall.npy again)"
+        "Assumed: 0.05 m per pixel (set it under 'Open a plan', and open hall.npy again)"
     ).wait_for()
     wait_for(lambda: tab.title() == "robosim live: hall", "the title")
     assert not tab.get_by_text("two rooms").is_visible()
@@ -355,28 +353,28 @@ def test_the_tab_is_named_after_the_plan_and_says_what_is_assumed(explored, quic
     later.evaluate(DROP, ["notes.docx", list(b"hello")])
     later.get_by_text("notes.docx: expected one file that refers to no other").first.wait_for()
     press(later, "Search")
-    later.get_by_text("What is searched").wait_for()
+    later.get_by_text("start and target").wait_for()
     assert later.get_by_text("notes.docx: expected one file").first.is_visible()
     later.evaluate(DROP, ["hall.npy", list(content.getvalue())])
     later.get_by_text("Files can be opened under Radio").wait_for()
     assert explored.radio.model.plan.name == "hall"
 
 
-def test_a_drop_where_nothing_can_be_opened_is_answered(page, recorded, window):
-    page.look_back(recorded)
+def test_a_drop_without_an_upload_button_is_answered(page, recorded, window):
+    page.replay(recorded)
     tab = window(page.url)
-    tab.get_by_text("floor seen").wait_for()
+    tab.get_by_text("coverage").wait_for()
     tab.evaluate(DROP, ["hall.npy", [1, 2, 3]])
     tab.get_by_text("Files can be opened under Radio").wait_for()
 
 
-def test_without_a_graphics_card_edges_are_not_smoothed_and_it_says_so(explored, window):
-    """This browser draws by software: its space has no multisampling, and one line tells it, which takes no clicks."""
+def test_there_is_no_antialiasing_without_a_graphics_card(explored, window):
+    """This browser draws by software: one line says so, and takes no clicks."""
     tab = window(explored.url)
     tab.get_by_text("the strongest first").wait_for()
-    line = tab.get_by_text(TOLD)
+    line = tab.get_by_text(SOFTWARE_NOTICE)
     line.wait_for()
     assert line.evaluate("one => getComputedStyle(one).pointerEvents") == "none"
-    asked = "() => document.querySelector('canvas[data-engine]').getContext('webgl2').getContextAttributes().antialias"
-    assert tab.evaluate(asked) is False
+    script = "() => document.querySelector('canvas[data-engine]').getContext('webgl2').getContextAttributes().antialias"
+    assert tab.evaluate(script) is False
     assert not tab.get_by_text("Software WebGL rendering detected").is_visible()

@@ -1,4 +1,4 @@
-"""The link that is explored: its places, its paths, and the map of radio over the floor."""
+"""The link of the page: places, paths and radio maps."""
 
 from dataclasses import replace
 
@@ -7,9 +7,10 @@ import pytest
 import shapely
 
 from robosim.building.building import BuildingConfig
-from robosim.live.link_model import CLEARANCE_M, LinkModel, LinkSettings
-from robosim.live.radio_map import fields
-from robosim.live.scene_colours import linear, power_colours
+from robosim.live.link_model import CLEARANCE_M, LinkModel
+from robosim.live.radio_view import radio_maps
+from robosim.live.scene_nodes import linear, power_colours
+from robosim.radio.scene import RadioConfig
 from slam.poses import wrap
 from tests.plans import two_rooms
 from wireless.tracing.tracer import Tracer
@@ -17,20 +18,20 @@ from wireless.tracing.tracer import Tracer
 
 @pytest.fixture(scope="module")
 def model() -> LinkModel:
-    return LinkModel(two_rooms(0.8), BuildingConfig(), LinkSettings())
+    return LinkModel(two_rooms(0.8), RadioConfig())
 
 
-def test_a_handle_in_a_wall_stands_before_it(model):
-    """From within the wall between the rooms to 0.05 m before it; from far away to the nearest room."""
+def test_a_handle_in_a_wall_stops_next_to_it(model):
+    """From inside the wall between the rooms to 0.05 m from it; from far away to the nearest room."""
     assert model.nearest_free(np.array([1.0, 2.0])) == pytest.approx([1.0, 2.0])
-    moved = model.nearest_free(np.array([3.05, 0.5]))
-    assert moved == pytest.approx([3.0 - CLEARANCE_M, 0.5], abs=1e-6)
+    place = model.nearest_free(np.array([3.05, 0.5]))
+    assert place == pytest.approx([3.0 - CLEARANCE_M, 0.5], abs=1e-6)
     far = model.nearest_free(np.array([100.0, 1.0]))
     assert model.building.free.covers(shapely.Point(far))
     assert np.isfinite(model.nearest_free(np.array([np.nan, 1.0]))).all()
 
 
-def test_it_begins_with_a_link_that_has_something_to_show(model):
+def test_the_first_link_has_several_paths(model):
     tx = model.first_place()
     assert len(model.paths(tx, model.place_out_of_sight(tx))) > 1
 
@@ -38,55 +39,55 @@ def test_it_begins_with_a_link_that_has_something_to_show(model):
 def test_settings_change_the_paths_as_the_tracer_does(model):
     """Behind a wall nothing arrives but by reflection and diffraction; ten times the frequency costs 20 dB (Friis)."""
     tx, rx = np.array([1.0, 1.5]), np.array([5.0, 1.5])  # through the door
-    bare = replace(model.settings.tracer, max_reflections=0, diffraction=False)
-    one = model.changed(replace(model.settings, tracer=bare))
-    assert one.building is model.building, "only walls make another building"
+    bare = replace(model.config.tracer, max_reflections=0, diffraction=False)
+    one = model.with_config(replace(model.config, tracer=bare))
+    assert one.building is model.building, "only the wall material changes the building"
     assert len(one.paths(tx, rx)) == 1
     assert len(one.paths(tx, np.array([5.0, 0.3]))) == 0
-    low = one.changed(replace(one.settings, frequency_hz=2.8e9))
+    low = one.with_config(replace(one.config, frequency_hz=2.8e9))
     gain = low.paths(tx, rx).power_db[0] - one.paths(tx, rx).power_db[0]
     assert gain == pytest.approx(20.0, abs=1e-6)
-    glass = model.changed(replace(model.settings, wall_material="glazing"))
+    glass = model.with_config(replace(model.config, building=BuildingConfig(wall_material="glazing")))
     assert glass.building is not model.building
     assert "glazing" in glass.building.materials
 
 
-def test_antennas_above_the_ceiling_are_refused(model):
+def test_antennas_above_the_ceiling_are_rejected(model):
     with pytest.raises(
         ValueError, match=r"height is 3 m, expected antennas between floor and ceiling, 0 to 2\.5 m"
     ):
-        model.changed(replace(model.settings, height_m=3.0))
+        model.with_config(replace(model.config, height_m=3.0))
 
 
-def test_the_map_of_radio_gets_finer_and_says_what_the_tracer_does(model):
-    """Each level has smaller cells; of the finest one the colours are those of an independent trace of all places."""
+def test_radio_maps_become_finer_and_match_the_tracer(model):
+    """Colours of the finest map equal those of an independent trace of all places."""
     tx = np.array([1.0, 1.5])
-    levels = list(fields(model, tx, "received power", lambda: False))
+    levels = list(radio_maps(model, tx, "received power", lambda: False))
     steps = [level.step_m for level in levels]
     assert steps == sorted(steps, reverse=True) and len(steps) >= 3
     last = levels[-1]
     paths = Tracer(model.building).trace(np.array([[*tx, 1.5]]), last.grid.position)
     first = paths.select(paths.rank == 0)
     row, column = last.grid.cell[first.rx].T
-    expected = power_colours(model.settings.tx_power_dbm + first.power_db)
+    expected = power_colours(model.config.tx_power_dbm + first.power_db)
     assert np.array_equal(last.rgba[row, column, :3], expected)
     assert (last.rgba[..., 3] > 0).sum() == len(first)
 
 
-def test_a_map_that_nobody_wants_any_more_is_given_up(model):
-    assert list(fields(model, np.array([1.0, 1.5]), "link state", lambda: True)) == []
+def test_a_stale_map_is_aborted(model):
+    assert list(radio_maps(model, np.array([1.0, 1.5]), "link state", lambda: True)) == []
 
 
-def test_the_receiver_hears_what_was_traced(model):
+def test_the_receiver_measures_the_traced_paths(model):
     """In line of sight the strongest estimate is within a degree of the direct path, and the same for the same seed."""
     tx, pose = np.array([0.6, 0.6]), np.array([2.6, 1.9, 0.3])
-    received = model.receive(tx, pose, seed=0)
+    measurement, _ = model.measure(tx, pose, seed=0)
     direct = np.arctan2(*(tx - pose[:2])[::-1])
-    assert abs(np.degrees(wrap(received.measurement.aoa_rad[0] - direct))) < 1.0
-    again = model.receive(tx, pose, seed=0)
-    assert np.array_equal(again.measurement.aoa_rad, received.measurement.aoa_rad)
+    assert abs(np.degrees(wrap(measurement.aoa_rad[0] - direct))) < 1.0
+    again, _ = model.measure(tx, pose, seed=0)
+    assert np.array_equal(again.aoa_rad, measurement.aoa_rad)
 
 
-def test_light_of_colours_is_as_srgb_has_it():
-    """IEC 61966-2-1 by its ends, and by the middle grey: 188 of sRGB is half of the light."""
+def test_linear_colours_follow_srgb():
+    """IEC 61966-2-1 at both ends, and at half of the light, which is 188 in sRGB."""
     assert linear(np.array([[0, 255, 188]], np.uint8)).tolist() == [[0, 255, 128]]

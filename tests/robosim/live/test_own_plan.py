@@ -1,4 +1,4 @@
-"""Plans that are put onto the page."""
+"""Uploaded plans."""
 
 import io
 
@@ -17,8 +17,8 @@ def test_a_picture_is_a_plan_of_its_name():
     picture[5:25, 5:45] = 255
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "png")
-    plan, warned = plan_of("C:\\homes\\my home.png", buffer.getvalue(), 0.1)
-    assert (plan.name, warned) == ("my home", "")
+    plan, warning = plan_of("C:\\homes\\my home.png", buffer.getvalue(), 0.1)
+    assert (plan.name, warning) == ("my home", "")
     assert plan.free.sum() * plan.resolution_m**2 == pytest.approx(8.0)
 
 
@@ -39,11 +39,11 @@ def test_a_mesh_is_a_plan():
         ("two\nlines.png", b"", r"the file's name is 'two\nlines.png', expected printable text"),
         ("", b"", "the file's name is '', expected printable text"),
         ("folder/ .png", b"", "the file's name is ' .png'"),
-        ("beside.gltf", b"{}", "beside.gltf: expected one file"),
+        ("scene.gltf", b"{}", "scene.gltf: expected one file"),
     ],
 )
-def test_what_is_no_plan_is_refused_by_its_own_name(name, content, words):
-    with pytest.raises(MapError) as refused:
+def test_a_bad_file_is_rejected_by_its_own_name(name, content, words):
+    with pytest.raises(MapError) as raised:
         plan_of(name, content, 0.05)
-    assert words in str(refused.value)
-    assert "robosim-live-" not in str(refused.value), "the folder that it was read in is nobody's business"
+    assert words in str(raised.value)
+    assert "robosim-live-" not in str(raised.value)

@@ -1,4 +1,4 @@
-"""Searches in processes of their own: the same as without a page, and as obedient as they should be."""
+"""Searches in processes of their own."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ import pytest
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import run_episode
-from robosim.live.search_process import BY_HAND, GO, WAIT, SearchJob, SearchProcess
+from robosim.live.search_process import MANUAL, RUN, WAIT, SearchJob, SearchProcess
 from robosim.task.tasks import make_task
 from slam.actions import Action
 from tests.plans import two_rooms
@@ -31,7 +31,7 @@ def search(quick) -> Iterator[Callable]:
     yield start
     for one in started:
         one.close()
-        assert not one.alive
+        assert not one.is_alive
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
@@ -46,10 +46,10 @@ def decisions(one: SearchProcess) -> int:
 
 
 def test_a_search_is_the_episode_without_a_page(search, quick):
-    """The same poses, to the last bit, as `run_episode` makes of the same task and seed."""
-    one = search(GO)
-    wait_for(lambda: not one.alive)
-    assert one.trouble == ""
+    """Its poses equal those of `run_episode` for the same task and seed."""
+    one = search(RUN)
+    wait_for(lambda: not one.is_alive)
+    assert one.error == ""
     building = make_building(two_rooms(0.8), config=quick.building)
     places = reach(building, *quick.simulator.robot.hull_m)
     task = make_task(places, np.random.default_rng([quick.seed, 0]), start=START, target=TARGET)
@@ -60,21 +60,21 @@ def test_a_search_is_the_episode_without_a_page(search, quick):
     assert len(shown) == log.steps
 
 
-def test_a_search_that_waits_goes_step_by_step(search):
+def test_a_waiting_search_makes_single_steps(search):
     one = search(WAIT)
     wait_for(lambda: decisions(one) == 1)
     time.sleep(0.3)
     assert decisions(one) == 1
     one.step()
     wait_for(lambda: decisions(one) == 2)
-    one.set_mode(GO)
-    wait_for(lambda: not one.alive)
+    one.set_mode(RUN)
+    wait_for(lambda: not one.is_alive)
     assert one.recording.ended
 
 
-def test_a_person_drives(search):
-    """Two turns to the left and one step forward, and nothing that is not asked for."""
-    one = search(BY_HAND)
+def test_a_person_can_drive(search):
+    """Two turns to the left and one step forward, and nothing else."""
+    one = search(MANUAL)
     for k, action in enumerate((Action.LEFT, Action.LEFT, Action.FORWARD)):
         wait_for(lambda k=k: decisions(one) == k + 1)
         one.press(action)
@@ -85,18 +85,18 @@ def test_a_person_drives(search):
     assert np.hypot(*(poses[3] - poses[2])[:2]) > 0.15, "a step forward is some 0.25 m"
 
 
-def test_what_goes_wrong_is_told(search):
-    """A start within a wall: the message that the command has, and the process is gone."""
-    one = search(GO, start=np.array([3.1, 0.5, 0.0]))
-    wait_for(lambda: not one.alive)
-    assert "does not fit at the start (3.1, 0.5) m" in one.trouble
+def test_an_error_is_reported(search):
+    """A start inside a wall gives the message of the command and ends the process."""
+    one = search(RUN, start=np.array([3.1, 0.5, 0.0]))
+    wait_for(lambda: not one.is_alive)
+    assert "does not fit at the start (3.1, 0.5) m" in one.error
     assert one.recording is None
 
 
-def test_a_search_that_is_killed_is_told_and_keeps_what_it_did(search):
+def test_a_killed_search_reports_it_and_keeps_its_steps(search):
     one = search(WAIT)
     wait_for(lambda: decisions(one) == 1)
     one._process.kill()
-    wait_for(lambda: not one.alive)
-    assert one.trouble == "the search was ended from outside"
+    wait_for(lambda: not one.is_alive)
+    assert one.error == "the process of the search was killed"
     assert len(one.recording) == 1 and one.recording.ended

@@ -1,4 +1,4 @@
-"""The page's server: where it may be, what it serves, and to whom it speaks."""
+"""The server of the page: addresses, content and rejected requests."""
 
 import http.client
 import socket
@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from robosim.live.server import check_address, own_name, same_page, viser_module
+from robosim.live.server import check_address, is_own_name, is_same_page, viser_module
 
 
 def test_a_port_in_use_is_one_line():
@@ -14,9 +14,9 @@ def test_a_port_in_use_is_one_line():
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        with pytest.raises(ValueError) as refused:
+        with pytest.raises(ValueError) as raised:
             check_address("127.0.0.1", port)
-    assert str(refused.value) == (
+    assert str(raised.value) == (
         f"port {port} at 127.0.0.1 is in use by another program. Give another, such as --port {port + 1}, or --port 0 "
         "for any that is free."
     )
@@ -31,13 +31,13 @@ def test_a_port_in_use_is_one_line():
         ("no such host", 0, "host is 'no such host', which is no address of this machine"),
     ],
 )
-def test_an_address_that_cannot_be_had_is_one_line(host, port, words):
-    with pytest.raises(ValueError) as refused:
+def test_a_bad_address_is_one_line(host, port, words):
+    with pytest.raises(ValueError) as raised:
         check_address(host, port)
-    assert words in str(refused.value) and "\n" not in str(refused.value)
+    assert words in str(raised.value) and "\n" not in str(raised.value)
 
 
-def test_without_viser_the_fix_is_named(monkeypatch):
+def test_without_viser_the_remedy_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(ValueError, match=r"pip install .*\[live\]"):
         viser_module()
@@ -55,12 +55,12 @@ def test_without_viser_the_fix_is_named(monkeypatch):
         ("http://localhost:8080", None, False),
     ],
 )
-def test_only_the_page_itself_may_speak_to_it(origin, host, same):
-    assert same_page(origin, host) is same
+def test_only_the_page_itself_may_connect(origin, host, same):
+    assert is_same_page(origin, host) is same
 
 
 @pytest.mark.parametrize(
-    ("asked", "own"),
+    ("requested", "own"),
     [
         ("127.0.0.1:8080", True),
         ("192.168.1.7:8080", True),
@@ -79,9 +79,9 @@ def test_only_the_page_itself_may_speak_to_it(origin, host, same):
         (None, False),
     ],
 )
-def test_only_its_own_names_are_answered(asked, own):
-    """A name that DNS may bend to this machine is none; a number and what was given as --host is."""
-    assert own_name(asked, "lab-pc") is own
+def test_only_its_own_names_are_answered(requested, own):
+    """Names that DNS may rebind are rejected; numbers and the value of --host are accepted."""
+    assert is_own_name(requested, "lab-pc") is own
 
 
 def get(page, path: str, host: str = "localhost") -> tuple[int, bytes]:
@@ -109,8 +109,8 @@ def test_nothing_but_the_page_is_served(page):
         assert status == 404 and b"root:" not in content
 
 
-def test_a_foreign_page_is_refused_and_the_own_one_heard(page):
-    """A connection of another page, or under another name, is refused before it is told anything."""
+def test_a_foreign_page_is_rejected(page):
+    """A connection from another page or under another name gets no message."""
     import viser
     from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
@@ -129,24 +129,24 @@ def test_a_foreign_page_is_refused_and_the_own_one_heard(page):
             return connection.recv(timeout=30)
 
     assert first_word(f"http://127.0.0.1:{page.server.get_port()}")
-    with pytest.raises(InvalidStatus) as refused:
+    with pytest.raises(InvalidStatus) as raised:
         first_word("https://example.org")
-    assert refused.value.response.status_code == 403
-    bent = f"example.org:{page.server.get_port()}"
-    with pytest.raises(InvalidStatus) as refused:
-        first_word(f"http://{bent}", "example.org")
-    assert refused.value.response.status_code == 421
+    assert raised.value.response.status_code == 403
+    foreign = f"example.org:{page.server.get_port()}"
+    with pytest.raises(InvalidStatus) as raised:
+        first_word(f"http://{foreign}", "example.org")
+    assert raised.value.response.status_code == 421
 
 
-def test_a_name_that_was_bent_to_this_machine_is_refused(page):
-    """DNS rebinding: the browser asks for a foreign name at our address, and gets nothing of the page."""
+def test_a_rebound_name_is_rejected(page):
+    """DNS rebinding: a request for a foreign name at our address gets nothing of the page."""
     status, content = get(page, "/", "example.org:8080")
     assert status == 421 and b"<html" not in content and b"127.0.0.1" in content
     assert get(page, "/", "127.0.0.1:1")[0] == 200, "as through a forwarded port"
 
 
 def test_it_cannot_be_shared_through_other_servers(page, monkeypatch):
-    """Asked for, as a window would, nothing is opened to anywhere."""
+    """A request of a window opens no tunnel."""
     opened = []
     monkeypatch.setattr("viser._tunnel.ViserTunnel.__init__", lambda self, *given: opened.append(given))
     assert page.server.request_share_url() is None and page.server.request_share_url(verbose=False) is None

@@ -1,11 +1,11 @@
-"""Several storeys on the page: handles on storeys of their own, and paths between them."""
+"""Several storeys on the page."""
 
 import numpy as np
 import pytest
 
-from robosim.building.building import BuildingConfig
-from robosim.live.link_model import LinkModel, LinkSettings
+from robosim.live.link_model import LinkModel
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
+from robosim.radio.scene import RadioConfig
 from tests.plans import room
 
 pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
@@ -20,7 +20,7 @@ def plan() -> StoreysPlan:
 
 
 def test_places_are_on_their_storeys(plan):
-    model = LinkModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
+    model = LinkModel(plan, RadioConfig(height_m=1.5))
     assert len(model) == 2
     assert [model.level_m(k) for k in (0, 1)] == [1.5, 4.35]
     assert np.all((model.first_place(0) > 0.9) & (model.first_place(0) < 3.1)), "below the opening"
@@ -28,9 +28,9 @@ def test_places_are_on_their_storeys(plan):
     assert (x, y) == pytest.approx((5.95, 2.0))
 
 
-def test_what_goes_through_the_opening_is_direct(plan):
-    """From below the opening to above it the direct path is as long as the points are apart."""
-    model = LinkModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
+def test_the_path_through_the_opening_is_direct(plan):
+    """From below the opening to above it, the direct path is as long as the distance."""
+    model = LinkModel(plan, RadioConfig(height_m=1.5))
     tx, rx = np.array([2.0, 2.0]), np.array([2.4, 2.2])
     paths = model.paths(tx, rx, (0, 1))
     assert paths.order[0] == 0
@@ -39,16 +39,16 @@ def test_what_goes_through_the_opening_is_direct(plan):
     )
 
 
-def test_antennas_that_do_not_fit_are_refused(plan):
+def test_antennas_that_do_not_fit_are_rejected(plan):
     with pytest.raises(
         ValueError, match=r"expected antennas between floor and ceiling of each storey, 0 to 2.6 m"
     ):
-        LinkModel(plan, BuildingConfig(), LinkSettings(height_m=2.8))
+        LinkModel(plan, RadioConfig(height_m=2.8))
 
 
-def test_handles_go_from_storey_to_storey(page, plan):
-    """The list of paths and the handle follow; hidden storeys are."""
-    panel = page.explore(plan, BuildingConfig(), LinkSettings())
+def test_handles_change_their_storey(page, plan):
+    """The list of paths and the handle follow."""
+    panel = page.explore(plan)
     assert panel.settle(60)
     assert panel.storey == {"transmitter": 0, "robot": 1}
     before = panel._paths.content
@@ -61,4 +61,4 @@ def test_handles_go_from_storey_to_storey(page, plan):
     assert panel.settle(60)
     assert panel.places["transmitter"] == pytest.approx([2.0, 2.0])
     assert panel._view.handles["transmitter"].position == pytest.approx((2.0, 2.0, 4.35))
-    assert [one.height_m for one in panel.sceneries] == [2.6, 3.0]
+    assert [one.height_m for one in panel.buildings] == [2.6, 3.0]

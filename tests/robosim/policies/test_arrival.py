@@ -1,9 +1,9 @@
-"""Following an arrival: when, where to, for how long, and when not any more."""
+"""Goals along arrivals."""
 
 import numpy as np
 import pytest
 
-from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
+from robosim.policies.arrival import FollowArrival, FollowConfig, StuckDetector
 from robosim.radio.measurement import Measurement
 from wireless.paths import LinkState
 
@@ -38,7 +38,7 @@ def test_the_goal_lies_ahead_along_the_arrival():
     ],
     ids=["higher order", "outage", "weak", "nothing"],
 )
-def test_what_cannot_be_trusted_is_not_followed(what):
+def test_untrusted_arrivals_are_not_followed(what):
     assert FollowArrival(BOTH).goal(what, np.zeros(3)) is None
 
 
@@ -47,26 +47,26 @@ def test_first_order_is_followed_only_if_it_is_trusted():
     assert FollowArrival(BOTH).goal(measurement(LinkState.FIRST_ORDER), np.zeros(3)) is not None
 
 
-def test_a_goal_is_kept_until_its_time_is_over_or_it_is_reached():
+def test_a_goal_stays_until_its_time_is_over_or_it_is_reached():
     follow, pose = FollowArrival(BOTH), np.zeros(3)
     first = follow.goal(measurement(aoa=0.0), pose)
     assert all(np.array_equal(follow.goal(measurement(aoa=1.0), pose), first) for _ in range(9))
     assert follow.goal(measurement(aoa=1.0), pose) == pytest.approx([0.6 * np.cos(1), 0.6 * np.sin(1)])
-    beside = np.array([0.6 * np.cos(1) - 0.1, 0.6 * np.sin(1), 0.0])
-    assert follow.goal(measurement(aoa=0.0), beside) == pytest.approx([beside[0] + 0.6, beside[1]])
+    near = np.array([0.6 * np.cos(1) - 0.1, 0.6 * np.sin(1), 0.0])
+    assert follow.goal(measurement(aoa=0.0), near) == pytest.approx([near[0] + 0.6, near[1]])
 
 
-def test_a_robot_that_dwells_leaves_arrivals_alone_longer_each_time():
+def test_a_stuck_robot_ignores_arrivals_longer_each_time():
     """It stands still: 29 decisions of following, then 50 without, 29 and 100, and so on."""
-    follow, pose = FollowArrival(BOTH, FollowConfig(dwell_steps=30, leave_steps=50)), np.zeros(3)
+    follow, pose = FollowArrival(BOTH, FollowConfig(stuck_steps=30, leave_steps=50)), np.zeros(3)
     followed = np.array([follow.goal(measurement(), pose) is not None for _ in range(400)])
     changes = np.flatnonzero(np.diff(followed)) + 1
     assert changes[:4].tolist() == [29, 80, 109, 210]
     assert followed[0]
 
 
-def test_a_robot_that_comes_back_again_and_again_leaves_arrivals_alone():
-    """To and fro over 2 m, as before a gap that it does not fit: left alone within 120 decisions.
+def test_a_robot_that_returns_repeatedly_ignores_arrivals():
+    """To and fro over 2 m, as in front of a gap: arrivals are ignored within 120 decisions.
 
     It never stays: half of any 30 decisions are more than half a metre away.
     """
@@ -76,11 +76,11 @@ def test_a_robot_that_comes_back_again_and_again_leaves_arrivals_alone():
     followed = np.array([follow.goal(measurement(aoa=0.0), pose) is not None for pose in poses])
     assert followed[:40].all()
     assert 40 <= np.flatnonzero(~followed)[0] < 120
-    stays = Dwelling(30, 0.5)
-    assert not any(stays.at(pose[:2]) for pose in poses)
+    detector = StuckDetector(30, 0.5)
+    assert not any(detector.is_stuck(pose[:2]) for pose in poses)
 
 
-def test_a_robot_that_gets_on_goes_on_following():
+def test_a_robot_that_advances_continues_to_follow():
     follow = FollowArrival(BOTH)
     path = np.column_stack([0.05 * np.arange(200), np.zeros(200), np.zeros(200)])
     assert all(follow.goal(measurement(aoa=0.0), pose) is not None for pose in path)

@@ -1,10 +1,10 @@
-"""The belief over the target's place: gathers where geometry says, and is put right by what comes later."""
+"""The belief over the target's position."""
 
 import numpy as np
 import pytest
 
 from robosim.policies.belief import BeliefConfig, TargetBelief
-from robosim.policies.sightlines import bent, in_sight, knowledge
+from robosim.policies.sightlines import bent_origins, in_sight, knowledge
 from robosim.radio.measurement import Measurement
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
@@ -50,7 +50,7 @@ def to(pose, target):
     return float(np.arctan2(target[1] - pose[1], target[0] - pose[0]))
 
 
-def test_one_measurement_in_sight_tells_direction_and_distance():
+def test_one_measurement_in_sight_gives_direction_and_distance():
     """The peak lies within 0.3 m of the target, though the map is unknown."""
     target = np.array([3.0, 2.0])
     belief = TargetBelief(np.zeros(2))
@@ -61,10 +61,10 @@ def test_one_measurement_in_sight_tells_direction_and_distance():
     assert mass > 0.01
 
 
-def test_in_a_large_building_the_grid_grows_with_the_way():
-    """A target 57 m from the start, beyond the first grid of 30 m: within 1 m of it after a way of 50 m towards it.
+def test_in_a_large_building_the_grid_grows():
+    """A target 57 m from the start, beyond the first grid of 30 m: within 1 m of it after 50 m towards it.
 
-    Cells keep their places, and what was ruled out keeps to its own.
+    Cells do not move, and a place that was ruled out stays so.
     """
     target, belief, first = np.array([57.0, 3.0]), TargetBelief(np.zeros(2)), TargetBelief(np.zeros(2)).frame
     for x in np.linspace(0, 50, 40):
@@ -75,13 +75,13 @@ def test_in_a_large_building_the_grid_grows_with_the_way():
     assert np.hypot(*(place - target)) < 1.0
     assert mass > 0.3
     assert belief.probability().shape == belief.frame.shape
-    moved = first.to_cells(np.array(belief.frame.origin_xy))
-    assert moved == pytest.approx(np.round(moved), abs=1e-6)
+    offset = first.to_cells(np.array(belief.frame.origin_xy))
+    assert offset == pytest.approx(np.round(offset), abs=1e-6)
     belief.rule_out(place, 0.5, strength=9.0)
     assert np.hypot(*(belief.peak()[0] - place)) > 0.5
 
 
-def test_measurements_on_the_way_gather_the_belief():
+def test_measurements_concentrate_the_belief():
     """Seven of them over 2 m: within 0.2 m, with more than 0.6 of the probability."""
     target, belief = np.array([1.0, 4.0]), TargetBelief(np.zeros(2))
     for x in np.linspace(-1, 1, 7):
@@ -96,7 +96,7 @@ def test_measurements_on_the_way_gather_the_belief():
     assert belief.probability().sum() == pytest.approx(1, abs=1e-4)
 
 
-def test_a_bent_wave_leads_round_the_corner():
+def test_a_bent_wave_leads_around_the_corner():
     """A wall ends at (2, 0); the target is behind it, out of sight: arrival and departure meet at the wall's end.
 
     Several places along the wall narrow the belief to within 0.6 m, none of it in sight.
@@ -120,8 +120,8 @@ def test_a_bent_wave_leads_round_the_corner():
     assert p[centres[..., 0] < 1.8].sum() < 0.2
 
 
-def test_out_of_sight_the_belief_leaves_what_is_in_sight():
-    """An outage in a known hall of 12 m by 12 m: what is in sight keeps a fiftieth of its probability a measurement."""
+def test_out_of_sight_cells_in_sight_lose_probability():
+    """An outage in a known hall of 12 m by 12 m: cells in sight retain 2 % of their probability."""
     config = BeliefConfig(weight=1.0, doubt=0.0, beyond_m=1e6, look_m=0.0)
     belief = TargetBelief(np.zeros(2), config)
     before = belief.probability()
@@ -133,7 +133,7 @@ def test_out_of_sight_the_belief_leaves_what_is_in_sight():
     assert ratio[inside].max() / ratio[outside].min() == pytest.approx(0.02, rel=1e-3)
 
 
-def test_a_place_that_was_searched_is_left():
+def test_a_searched_place_loses_probability():
     belief = TargetBelief(np.zeros(2))
     aoa = 0.3
     belief.add(measurement((0, 0), aoa, aoa + np.pi, 3.0, LinkState.LOS), estimate(known=False))
@@ -144,8 +144,8 @@ def test_a_place_that_was_searched_is_left():
     assert np.hypot(*(after - place)) > 0.2
 
 
-def test_a_wrong_measurement_is_put_right_by_later_ones():
-    """Two that point elsewhere, then six right ones."""
+def test_later_measurements_correct_a_wrong_one():
+    """Two that point to other places, then six right ones."""
     target, belief = np.array([3.0, 0.5]), TargetBelief(np.zeros(2))
     for i, y in enumerate(np.linspace(0, 2, 8)):
         aoa = 2.5 if i < 2 else to((0, y), target)
@@ -154,8 +154,8 @@ def test_a_wrong_measurement_is_put_right_by_later_ones():
     assert np.hypot(*(belief.peak()[0] - target)) < 0.3
 
 
-def test_what_the_camera_saw_and_where_the_robot_was_holds_no_target():
-    """Looking along x in a known hall: cells ahead within 1.2 m and around the robot are a tenth as likely as beside.
+def test_seen_cells_and_the_trajectory_hold_no_target():
+    """Looking along x in a known hall: cells ahead within 1.2 m and around the robot are a tenth as likely as others.
 
     Without a camera only those around the robot are.
     """
@@ -167,14 +167,14 @@ def test_what_the_camera_saw_and_where_the_robot_was_holds_no_target():
             belief.probability(),
             lambda x, y, b=belief: tuple(int(i) for i in b.frame.index(np.array([x, y]))),
         )
-        beside = p[at(0.0, 1.0)]
-        assert p[at(0.8, 0.0)] / beside == pytest.approx(ahead_ratio, rel=1e-3)
-        assert p[at(0.0, 0.0)] / beside == pytest.approx(0.1, rel=1e-3)
-        assert p[at(-0.8, 0.0)] / beside == pytest.approx(1.0, rel=1e-3)
+        other = p[at(0.0, 1.0)]
+        assert p[at(0.8, 0.0)] / other == pytest.approx(ahead_ratio, rel=1e-3)
+        assert p[at(0.0, 0.0)] / other == pytest.approx(0.1, rel=1e-3)
+        assert p[at(-0.8, 0.0)] / other == pytest.approx(1.0, rel=1e-3)
 
 
-def test_places_outside_of_what_was_seen_are_less_likely():
-    """Before anything is measured: e times less 5 m outside of a hall that was seen, and never below a hundredth."""
+def test_places_outside_the_explored_area_are_less_likely():
+    """The prior: e times less 5 m outside of a hall that was seen, and never below a hundredth."""
     nothing = Measurement(np.zeros(3), *(np.zeros(0) for _ in range(5)), np.eye(4)[LinkState.OUTAGE])
     belief = TargetBelief(np.zeros(2), BeliefConfig(weight=0.0, look_m=0.0))
     belief.add(nothing, estimate())
@@ -193,13 +193,13 @@ def two_rooms() -> np.ndarray:
 def test_a_wave_of_higher_order_leads_through_the_door():
     """It arrives from the door's side. All of the room behind the door gains on the free half behind the robot.
 
-    Were the arrival to come from the other side, the room would lose; without ways, neither.
+    With an arrival from the other side, the room loses; without routes, neither.
     """
     blocks, robot, door = estimate(two_rooms()), np.array([0.5, -1.0]), np.array([2.1, -3.0])
     behind, back = np.array([4.0, -1.0]), np.array([-8.0, 2.0])
     shares = []
-    for ways, turned in ((True, 0.0), (True, np.pi), (False, 0.0)):
-        belief = TargetBelief(robot, BeliefConfig(ways=ways, beyond_m=1e6))
+    for routes, turned in ((True, 0.0), (True, np.pi), (False, 0.0)):
+        belief = TargetBelief(robot, BeliefConfig(routes=routes, beyond_m=1e6))
         aoa, aod = to(robot, door) + turned, to(behind, door) + turned
         belief.add(measurement(robot, aoa, aod, 20.0, LinkState.HIGHER_ORDER), blocks)
         p = belief.probability()
@@ -210,8 +210,8 @@ def test_a_wave_of_higher_order_leads_through_the_door():
     assert wrong < 0.7 * without
 
 
-def round_the_corner(**config) -> tuple[TargetBelief, TargetBelief]:
-    """Beliefs from one bent wave, told its departure rightly and wrongly by 2 rad."""
+def around_the_corner(**config) -> tuple[TargetBelief, TargetBelief]:
+    """Beliefs from one bent wave, with the right departure and with one wrong by 2 rad."""
     blocks = estimate(wall(2.0, 2.2, 0.0, 6.0))
     pose, corner, target = np.array([0.5, 1.0]), np.array([2.05, -0.05]), np.array([4.0, 1.5])
     length = np.hypot(*(target - corner)) + np.hypot(*(corner - pose))
@@ -229,10 +229,10 @@ def round_the_corner(**config) -> tuple[TargetBelief, TargetBelief]:
 
 def test_without_departures_none_is_used_and_the_target_stays_likely():
     """The same for any departure, and wider than with it; the target's place is likelier than most by five times."""
-    right, wrong = round_the_corner()
+    right, wrong = around_the_corner()
     assert not np.allclose(right.probability(), wrong.probability())
-    with_p, p = right.probability(), round_the_corner(departures=False)[0].probability()
-    assert np.array_equal(p, round_the_corner(departures=False)[1].probability())
+    with_p, p = right.probability(), around_the_corner(departures=False)[0].probability()
+    assert np.array_equal(p, around_the_corner(departures=False)[1].probability())
     assert np.count_nonzero(p > p.max() / 10) > 1.5 * np.count_nonzero(with_p > with_p.max() / 10)
     ix, iy = np.floor(right.frame.to_cells(np.array([4.0, 1.5]))).astype(int)
     assert p[iy, ix] > 5 * np.median(p)
@@ -263,9 +263,11 @@ def test_measurements_from_one_place_count_once():
 
 def test_sight_ends_at_obstacles_and_is_unsure_beyond_the_map():
     """Behind a wall nothing is in sight; through the open side all of the map surely, beyond it possibly."""
-    known = knowledge(estimate(wall(1.0, 1.1, -6.0, 6.0)), beside_m=0.2)
+    known = knowledge(estimate(wall(1.0, 1.1, -6.0, 6.0)), next_to_m=0.2)
     onto = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
-    surely, possibly = (in_sight(known, np.zeros(2), onto, 9.0, through_unknown=way) for way in (False, True))
+    surely, possibly = (
+        in_sight(known, np.zeros(2), onto, 9.0, through_unknown=through) for through in (False, True)
+    )
     x, y = np.moveaxis(onto.to_points(np.stack(np.meshgrid(np.arange(100), np.arange(100)), -1) + 0.5), -1, 0)
     assert not possibly[(x > 1.3) & (np.abs(y) < 5)].any()
     inside = (x < 0.8) & (x > -5.8) & (np.abs(y) < 5.8) & (np.hypot(x, y) < 8.5)
@@ -277,6 +279,6 @@ def test_sight_ends_at_obstacles_and_is_unsure_beyond_the_map():
 
 def test_a_wave_bends_only_where_there_is_something():
     """In a known, empty hall there is nothing that could have bent it: no weight anywhere inside."""
-    known = knowledge(estimate(), beside_m=0.2)
+    known = knowledge(estimate(), next_to_m=0.2)
     onto = GridFrame(origin_xy=(-5.0, -5.0), resolution_m=0.2, shape=(50, 50))
-    assert not bent(known, np.zeros(2), 0.3, 1.0, 0.05, 5.0, onto).any()
+    assert not bent_origins(known, np.zeros(2), 0.3, 1.0, 0.05, 5.0, onto).any()

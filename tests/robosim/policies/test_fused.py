@@ -1,4 +1,4 @@
-"""The fused policy: what is trusted first, and that it lets go of what leads nowhere."""
+"""The policy `fused`."""
 
 from dataclasses import replace
 
@@ -29,15 +29,15 @@ def fused() -> Fused:
 
 
 def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_db=0.0):
-    """What is sensed and estimated if the target is measured straight, as if with nothing between."""
+    """Observation and estimates with a direct path to the target."""
     pose = np.array([*place, 0.0])
     map_ = MapEstimate(**{**vars(map_), "pose": pose})
     toward = to(place, TARGET)
-    told: Measurement = measurement(
+    measured: Measurement = measurement(
         place, toward, toward + np.pi, np.hypot(*(TARGET - place)), state, loss_db
     )
     sensed = Observation(np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0)), np.zeros(3), target=seen)
-    return sensed, Estimates(map_, told)
+    return sensed, Estimates(map_, measured)
 
 
 def test_in_line_of_sight_the_direction_counts_and_not_the_power(fused):
@@ -46,14 +46,14 @@ def test_in_line_of_sight_the_direction_counts_and_not_the_power(fused):
     assert goal == pytest.approx(0.6 * TARGET / np.hypot(*TARGET))
 
 
-def test_a_target_that_is_seen_counts_before_one_that_is_heard(fused):
+def test_a_seen_target_precedes_the_radio(fused):
     """Seen 1 m ahead and 0.5 m to the left, and remembered when it is out of the picture."""
     assert fused.goal(*at((0.0, 0.0), LinkState.LOS, seen=np.array([1.0, 0.5]))) == pytest.approx([1.0, 0.5])
     assert fused.goal(*at((0.5, 0.0), LinkState.HIGHER_ORDER)) == pytest.approx([1.0, 0.5])
 
 
-def test_an_arrival_that_leads_nowhere_is_left_for_the_belief(fused):
-    """Held up after a way: 0.6 m along the arrival for a while, then to where the target must be, within 0.4 m."""
+def test_a_stuck_robot_follows_the_belief_instead_of_the_arrival(fused):
+    """0.6 m along the arrival for a while, then within 0.4 m of the target."""
     for x in np.linspace(-3.0, -0.6, 5):
         fused.goal(*at((x, 0.0), LinkState.LOS))
     goals = np.array([fused.goal(*at((0.0, 0.0), LinkState.LOS)) for _ in range(31)])
@@ -62,7 +62,7 @@ def test_an_arrival_that_leads_nowhere_is_left_for_the_belief(fused):
 
 
 def test_out_of_sight_it_goes_where_the_belief_has_gathered(fused):
-    """Measurement in line of sight on the way along a wall, and behind it no more: the place is remembered."""
+    """Line of sight along a wall, and none behind it: the place is remembered."""
     map_ = estimate(wall(-0.2, 0.0, 0.5, 3.0))
     for x in np.linspace(2.0, 0.2, 7):
         fused.goal(*at((x, 0.0), LinkState.LOS, map_))
@@ -73,14 +73,14 @@ def test_out_of_sight_it_goes_where_the_belief_has_gathered(fused):
 
 
 def test_out_of_sight_it_goes_where_the_graph_has_found_the_target(fused):
-    """To 0.1 m of where the directions of all poses meet, which one measurement of higher order says nothing of."""
+    """Within 0.1 m of the graph's position, to which one measurement of higher order adds nothing."""
     sensed, estimated = at((-1.0, 1.5), LinkState.HIGHER_ORDER, loss_db=30.0)
     found = Transmitter(xy=TARGET, covariance=0.01 * np.eye(2), sightings=9)
     estimated = replace(estimated, locate_transmitters=lambda: {"target": found})
     assert fused.goal(sensed, estimated) == pytest.approx(TARGET, abs=0.1)
 
 
-def test_a_place_of_the_graph_that_turns_out_empty_is_let_go(fused):
+def test_an_empty_position_of_the_graph_is_given_up(fused):
     """The robot stands there: its goal is 1 m away or more before it has decided 60 times."""
     sensed, estimated = at((0.0, 0.0), LinkState.HIGHER_ORDER, loss_db=30.0)
     found = Transmitter(xy=np.zeros(2), covariance=0.01 * np.eye(2), sightings=9)
@@ -89,21 +89,21 @@ def test_a_place_of_the_graph_that_turns_out_empty_is_let_go(fused):
     assert np.hypot(*goals[-1]) > 1.0
 
 
-def test_a_free_wave_of_a_metre_has_the_power_that_these_tests_take_it_to_have():
+def test_a_free_wave_of_a_metre_has_the_assumed_power():
     """61.4 dB at 28 GHz (Friis)."""
     assert pytest.approx(-61.4, abs=0.05) == FRIIS_1M_DB
 
 
-@pytest.mark.parametrize(("said_m", "counts_m"), [(None, 0.3), (0.2, 0.2)])
-def test_ways_are_rated_for_the_hull_of_the_robot_unless_another_is_said(said_m, counts_m):
-    """A robot of 0.3 m radius; where ways were rated for 0.1 m, it was sent through gaps that it does not fit."""
-    told = []
+@pytest.mark.parametrize(("given_m", "used_m"), [(None, 0.3), (0.2, 0.2)])
+def test_routes_are_rated_for_the_hull_of_the_robot_unless_given(given_m, used_m):
+    """A robot of 0.3 m radius does not fit through gaps for 0.1 m."""
+    radii = []
 
     def policy(context: PolicyContext) -> Fused:
-        told.append((context.fused.cost.radius_m, context.control.radius_m))
+        radii.append((context.fused.cost.radius_m, context.control.radius_m))
         return Fused(context.explorer, context.fused)
 
-    cost = CostConfig() if said_m is None else CostConfig(radius_m=said_m)
+    cost = CostConfig() if given_m is None else CostConfig(radius_m=given_m)
     robot = RobotConfig(radius_m=0.3)
     check_weights(
         EpisodeConfig(
@@ -114,4 +114,4 @@ def test_ways_are_rated_for_the_hull_of_the_robot_unless_another_is_said(said_m,
             fused=FusedConfig(cost=cost),
         )
     )
-    assert told == [(counts_m, 0.3)]
+    assert radii == [(used_m, 0.3)]

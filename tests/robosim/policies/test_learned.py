@@ -1,4 +1,4 @@
-"""The learned search: what happens where the network leads nowhere."""
+"""The learned search where its network gets stuck."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ from tests.plans import two_rooms
 
 
 def _biased(*actions: Action) -> Callable[[PolicyContext], Learned]:
-    """By a network that draws some actions alike for ever, whatever is sensed."""
+    """A network that always draws some actions with equal probability."""
     weights = initial_weights(np.random.default_rng(0))
     weights["action.weight"][:] = 0
     weights["action.bias"][list(actions)] = 30
@@ -45,8 +45,8 @@ def _search(policy, max_steps: int, look) -> EpisodeLog:
     return run_episode(building, places, task, config, look)[0]
 
 
-def test_fused_takes_over_where_the_network_stays_in_one_place():
-    """After 40 decisions on the spot, for good, and arrives; until then all actions are the network's."""
+def test_it_falls_back_to_fused_in_one_place():
+    """After 40 decisions on the spot, permanently, and arrives; until then all actions are the network's."""
     actions, beliefs = [], []
 
     def look(_, step) -> None:
@@ -59,10 +59,10 @@ def test_fused_takes_over_where_the_network_stays_in_one_place():
     assert not any(beliefs[:39]) and all(beliefs[39:])
 
 
-def test_fused_takes_over_where_the_network_drives_round_what_it_has_seen():
-    """In the first decision that has seen less than 1 m2 more than 100 decisions before, and on the spot it was not.
+def test_it_falls_back_to_fused_without_new_floor():
+    """At the first decision that has seen less than 1 m2 more than 100 decisions before.
 
-    Steps and turns to the left alike lead round circles of more than a metre.
+    Steps and left turns with equal probability lead along circles of more than a metre.
     """
     seen_m2, beliefs, places = [], [], []
 

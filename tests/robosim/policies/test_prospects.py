@@ -1,12 +1,12 @@
-"""Places to go to: what is believed counts for the way that leads there."""
+"""Prospects: belief counts for the frontier on the route to it."""
 
 import math
 
 import numpy as np
 import pytest
 
-from robosim.policies.leads import leads
-from robosim.policies.prospects import AT_FEET_M, Prospect, prospects
+from robosim.policies.prospects import AT_ROBOT_M, Prospect, find_prospects
+from robosim.policies.route_directions import route_directions
 from slam.exploration.frontiers import Frontier
 from slam.grid import GridFrame, MapEstimate
 
@@ -41,12 +41,12 @@ def frontier(x: float, y: float) -> Frontier:
 
 def found(frontiers: list[Frontier], p: np.ndarray, half_m: float, yaw: float = 0.0) -> list[Prospect]:
     map_ = seen_room(half_m)
-    way = leads(map_, np.zeros(2), ONTO)
-    return prospects(frontiers, way, p, ONTO, np.array([0.0, 0.0, yaw]), head_start=10.0, most=12)
+    routes = route_directions(map_, np.zeros(2), ONTO)
+    return find_prospects(frontiers, routes, p, ONTO, np.array([0.0, 0.0, yaw]), head_start=10.0, most=12)
 
 
-def test_what_is_believed_counts_for_the_frontier_that_the_way_passes():
-    """The target 5 m ahead, beyond the frontier at 2 m: 1 over 20 decisions of 0.25 m and 10 more; none elsewhere."""
+def test_belief_counts_for_the_frontier_on_its_route():
+    """The target 5 m ahead, beyond the frontier at 2 m: 1 over 20 decisions of 0.25 m and 10 more."""
     ahead, left = found([frontier(2.0, 0.0), frontier(0.0, 2.0)], at(5.1, 0.1), 2.0)
     assert ahead.behind == pytest.approx(1 / (5.1 / 0.25 + 10), rel=0.02)
     assert left.behind == 0
@@ -60,12 +60,12 @@ def test_turning_counts():
     assert behind.behind == pytest.approx(1 / (5.1 / 0.25 + 18 + 10), rel=0.02)
 
 
-def test_at_the_robots_feet_the_direction_counts():
-    """Seen to 0.4 m only, the target to the left at 3 m: one prospect, 0.6 m that way within a sector of 15 degrees."""
+def test_at_the_robot_the_direction_counts():
+    """Seen to 0.4 m only, the target to the left at 3 m: one prospect 0.6 m in its direction."""
     (ahead,) = found([frontier(-0.4, 0.0), frontier(0.0, -0.4)], at(0.1, 3.1), 0.4)
     angle = math.atan2(ahead.goal_xy[1], ahead.goal_xy[0])
     assert abs(angle - math.atan2(3.1, 0.1)) < math.radians(45)
-    assert math.hypot(*ahead.goal_xy) == pytest.approx(AT_FEET_M)
+    assert math.hypot(*ahead.goal_xy) == pytest.approx(AT_ROBOT_M)
     assert ahead.behind == pytest.approx(1 / (3.1 / 0.25 + abs(angle) / math.radians(10) + 10), rel=0.1)
 
 

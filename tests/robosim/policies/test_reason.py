@@ -1,4 +1,4 @@
-"""Why a goal was taken: what policies say of it, and what the way there takes."""
+"""Reasons of goals, and decisions for paths."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ from slam.grid import GridFrame, MapEstimate
         ([[2, 3]], 1.0, 0.0),
     ],
 )
-def test_a_way_takes_its_steps_and_turns(path, yaw, expected):
-    """By hand: 0.25 m a step, 10 degrees a turn; turns go the short way round."""
+def test_a_path_takes_its_steps_and_turns(path, yaw, expected):
+    """By hand: 0.25 m a step, 10 degrees a turn; turns take the shorter side."""
     assert decisions_along(np.array(path, float), yaw) == pytest.approx(expected)
 
 
@@ -41,7 +41,7 @@ def _knowledge(target=None):
     return sensed, Estimates(map_)
 
 
-def test_policies_say_what_their_goal_is():
+def test_policies_give_the_kind_of_their_goal():
     """The oracle knows, `explore` goes to the map's edge, `visual` changes its reason when it sees the target."""
     context = PolicyContext(explorer=FrontierExplorer(), target=np.array([1.0, 0.0]))
     oracle, explore, visual = (make_policy(name, context) for name in ("oracle", "explore", "visual"))

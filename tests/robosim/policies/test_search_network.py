@@ -1,23 +1,25 @@
-"""The learned search: what it is told, and how its network answers."""
+"""Inputs and network of the learned search."""
 
 import numpy as np
 import pytest
 import torch
 
 from robosim.policies.search_network import (
+    COLUMNS,
     HIDDEN,
+    INPUTS,
     SearchNetwork,
-    drawn_actions,
+    SearchSenses,
+    action_probabilities,
+    draw_actions,
+    empty_memory,
     initial_weights,
-    likelihood,
-    no_memory,
 )
-from robosim.policies.search_senses import COLUMNS, INPUTS, SearchSenses
 
 
-def told_of(senses, *, depth=None, odometry=(0, 0, 0), directions=()):
+def encode(senses, *, depth=None, odometry=(0, 0, 0), directions=()):
     n = len(directions)
-    return senses.told(
+    return senses.encode(
         np.full((8, 64), 2.0) if depth is None else depth,
         np.array(odometry, float),
         np.array(directions, float),
@@ -27,27 +29,25 @@ def told_of(senses, *, depth=None, odometry=(0, 0, 0), directions=()):
     )
 
 
-def trail_of(told):
-    return told[-27:-3].reshape(3, 8)
+def trail_of(inputs):
+    return inputs[-27:-3].reshape(3, 8)
 
 
 def test_depth_is_that_of_the_horizon_from_left_to_right():
     """A wall 1.5 m ahead on the left half, nothing measured on the right; floor and ceiling are not looked at."""
     depth = np.full((128, 128), 0.7)
     depth[63:65, :64], depth[63:65, 64:] = 1.5, 0.0
-    told = told_of(SearchSenses(), depth=depth)
-    assert told.shape == (INPUTS,) and told.dtype == np.float32
-    assert told[:32] == pytest.approx(0.5 / 2.0)
-    assert told[COLUMNS : COLUMNS + 32] == pytest.approx(0.15)
-    assert not told[32:COLUMNS].any() and not told[COLUMNS + 32 : 2 * COLUMNS].any()
-    same = told_of(
-        SearchSenses(), depth=depth[::16, ::2]
-    )  # a quarter of the size loses nothing of a plain picture
-    assert same[:COLUMNS].shape == told[:COLUMNS].shape
+    inputs = encode(SearchSenses(), depth=depth)
+    assert inputs.shape == (INPUTS,) and inputs.dtype == np.float32
+    assert inputs[:32] == pytest.approx(0.5 / 2.0)
+    assert inputs[COLUMNS : COLUMNS + 32] == pytest.approx(0.15)
+    assert not inputs[32:COLUMNS].any() and not inputs[COLUMNS + 32 : 2 * COLUMNS].any()
+    same = encode(SearchSenses(), depth=depth[::16, ::2])  # a smaller picture
+    assert same[:COLUMNS].shape == inputs[:COLUMNS].shape
 
 
-def test_paths_are_told_by_cosine_and_sine():
-    paths = told_of(SearchSenses(), directions=(np.pi / 2, -np.pi / 2))[128:153].reshape(5, 5)
+def test_paths_are_encoded_by_cosine_and_sine():
+    paths = encode(SearchSenses(), directions=(np.pi / 2, -np.pi / 2))[128:153].reshape(5, 5)
     assert paths[0] == pytest.approx([1, 0, 1, 1, 0], abs=1e-6)
     assert paths[1] == pytest.approx([1, 0, -1, 20 / 30, 0], abs=1e-6)
     assert not paths[2:].any()
@@ -56,29 +56,29 @@ def test_paths_are_told_by_cosine_and_sine():
 def test_the_trail_lies_where_the_robot_was():
     """Three steps of 0.5 m leave their starts 0.5, 1 and 1.5 m behind; after a left turn they are to the right."""
     senses = SearchSenses()
-    told_of(senses)
+    encode(senses)
     for _ in range(3):
-        told = told_of(senses, odometry=(0.5, 0, 0))
-    assert told[-3:-1] * 10 == pytest.approx([-1.5, 0], abs=1e-6)
+        inputs = encode(senses, odometry=(0.5, 0, 0))
+    assert inputs[-3:-1] * 10 == pytest.approx([-1.5, 0], abs=1e-6)
     behind = (0, 7)  # on the border of the first and the last of eight directions
-    assert np.flatnonzero(trail_of(told).any(axis=0)).tolist() in ([0], [7])
-    assert trail_of(told)[0, list(behind)].sum() == pytest.approx(np.log(2) / 4)
-    assert trail_of(told)[1, list(behind)].sum() == pytest.approx(np.log(3) / 4)
-    told = told_of(senses, odometry=(0, 0, np.pi / 4))
-    assert told[-3:-1] * 10 == pytest.approx(1.5 * np.array([-np.sqrt(0.5), np.sqrt(0.5)]), abs=1e-5)
-    assert told[-1] == pytest.approx(0.004)
+    assert np.flatnonzero(trail_of(inputs).any(axis=0)).tolist() in ([0], [7])
+    assert trail_of(inputs)[0, list(behind)].sum() == pytest.approx(np.log(2) / 4)
+    assert trail_of(inputs)[1, list(behind)].sum() == pytest.approx(np.log(3) / 4)
+    inputs = encode(senses, odometry=(0, 0, np.pi / 4))
+    assert inputs[-3:-1] * 10 == pytest.approx(1.5 * np.array([-np.sqrt(0.5), np.sqrt(0.5)]), abs=1e-5)
+    assert inputs[-1] == pytest.approx(0.004)
 
 
-def test_a_long_search_keeps_its_trail():
+def test_the_trail_of_a_long_search_is_complete():
     """Two hundred turns on the spot: all steps count as within the nearest ring, in some direction."""
     senses = SearchSenses()
     for _ in range(200):
-        told = told_of(senses, odometry=(0, 0, 0.1))
-    assert np.expm1(4 * trail_of(told)[0]).sum() == pytest.approx(199, rel=1e-5)
+        inputs = encode(senses, odometry=(0, 0, 0.1))
+    assert np.expm1(4 * trail_of(inputs)[0]).sum() == pytest.approx(199, rel=1e-5)
 
 
 def test_the_memory_is_that_of_pytorch():
-    """A second way: PyTorch's own gated recurrent unit, over 20 steps; measured 1e-6."""
+    """PyTorch's own gated recurrent unit over 20 steps; measured 1e-6."""
     rng = np.random.default_rng(0)
     weights = initial_weights(rng)
     cell = torch.nn.GRUCell(HIDDEN, HIDDEN)
@@ -89,31 +89,31 @@ def test_the_memory_is_that_of_pytorch():
             bias = rng.standard_normal(3 * HIDDEN).astype(np.float32)
             weights[f"memory.{own}"] = bias
             getattr(cell, name).copy_(torch.from_numpy(bias))
-        network, memory, other = SearchNetwork(weights), no_memory(4), torch.zeros(4, HIDDEN)
+        network, memory, other = SearchNetwork(weights), empty_memory(4), torch.zeros(4, HIDDEN)
         for _ in range(20):
-            told = rng.standard_normal((4, INPUTS)).astype(np.float32)
-            memory = network(told, memory).memory
-            seen = torch.relu(torch.from_numpy(told @ weights["encoder.weight"]))
+            inputs = rng.standard_normal((4, INPUTS)).astype(np.float32)
+            memory = network(inputs, memory).memory
+            seen = torch.relu(torch.from_numpy(inputs @ weights["encoder.weight"]))
             other = cell(seen, other)
     assert memory.dtype == np.float32
     assert np.abs(memory - other.numpy()).max() < 2e-5
 
 
-def test_one_robot_is_answered_as_many_are():
+def test_a_batch_gives_the_same_output():
     rng = np.random.default_rng(1)
     network = SearchNetwork(initial_weights(rng))
-    told = rng.standard_normal((3, INPUTS)).astype(np.float32)
-    together = network(told, no_memory(3))
-    alone = [network(one, no_memory()) for one in told]
+    inputs = rng.standard_normal((3, INPUTS)).astype(np.float32)
+    together = network(inputs, empty_memory(3))
+    alone = [network(one, empty_memory()) for one in inputs]
     for name in together._fields:
         assert np.stack([getattr(one, name) for one in alone]) == pytest.approx(
             getattr(together, name), abs=1e-5
         )
 
 
-def test_actions_are_drawn_as_often_as_they_are_likely():
+def test_actions_are_drawn_by_their_probabilities():
     """20,000 draws of probabilities 0.1, 0.6, 0.3: each within four standard deviations, 0.014."""
     scores = np.tile(np.log(np.float32([0.1, 0.6, 0.3])), (20_000, 1))
-    assert likelihood(scores[:1])[0] == pytest.approx([0.1, 0.6, 0.3], abs=1e-6)
-    share = np.bincount(drawn_actions(scores, np.random.default_rng(0)), minlength=3) / len(scores)
+    assert action_probabilities(scores[:1])[0] == pytest.approx([0.1, 0.6, 0.3], abs=1e-6)
+    share = np.bincount(draw_actions(scores, np.random.default_rng(0)), minlength=3) / len(scores)
     assert np.abs(share - [0.1, 0.6, 0.3]).max() < 0.014

@@ -1,4 +1,4 @@
-"""The shortest way: its map is the building, and nobody arrives sooner but by luck."""
+"""The policy `shortest`: its map is the building, and its path the shortest one."""
 
 import numpy as np
 import pytest
@@ -36,8 +36,8 @@ def test_its_map_is_the_building(degrees):
 
 
 @pytest.mark.parametrize("degrees", [0.0, 45.0])
-def test_it_drives_the_shortest_way(degrees):
-    """Without noise: as long as the way of the hull's centre, but for turns in steps; no bump."""
+def test_it_drives_the_shortest_path(degrees):
+    """Without noise: as long as the path of the hull's centre, except for turns in steps; no bump."""
     building = make_building(turned(read_plan("flat"), degrees))
     places = reach(building, 0.1)
     task = make_task(places, np.random.default_rng(3), min_path_m=6.0)

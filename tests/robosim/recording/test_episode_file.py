@@ -98,7 +98,7 @@ def _written(folder, steps, *, pictures=True):
 
 
 def test_what_is_written_reads_the_same(tmp_path):
-    """Random steps, to the bit: of a map that grows on all sides, with and without radio, paths and belief."""
+    """Random steps, bit-identical: of a map that grows on all sides, with and without radio, paths and belief."""
     cell = 0.05
     steps = [
         _random_step(0, (0.0, 0.0), (4, 5), None, None),

@@ -44,5 +44,5 @@ def test_an_episode_without_decisions_has_no_video(tmp_path):
     writer = EpisodeWriter([np.array([[0.0, 0], [6, 0], [6, 3]])])
     content = writer.content(Head(row=row, seeks_target=True), np.zeros(3), 1.0, unknown_map(np.zeros(3)))
     (tmp_path / EPISODE).write_bytes(content)
-    with pytest.raises(ValueError, match="without a decision to draw"):
+    with pytest.raises(ValueError, match="without a step to draw"):
         replay(tmp_path, tmp_path)

@@ -67,7 +67,7 @@ def test_every_decision_has_every_kind_of_data(columns):
 
 
 def test_pictures_and_poses_are_those_of_the_log(columns, steps):
-    """Colours to the bit; depth to half a millimetre; where the camera, the goal and the two robots are."""
+    """Colours bit-identical; depth to half a millimetre; where the camera, the goal and the two robots are."""
     for i, step in enumerate(steps):
         rgb = np.array(columns["/world/camera/rgb"]["Image:buffer"][i][0], np.uint8)
         np.testing.assert_array_equal(rgb.reshape(step.sensed.rgb.shape), step.sensed.rgb)
@@ -80,9 +80,9 @@ def test_pictures_and_poses_are_those_of_the_log(columns, steps):
             np.testing.assert_allclose(arrow["Arrows3D:origins"][i][0][:2], pose[:2], atol=1e-6)
             x, y, _ = arrow["Arrows3D:vectors"][i][0]
             assert np.arctan2(y, x) == pytest.approx(pose[2], abs=1e-6)
-    moved = [row for row in columns["/world/camera"]["Transform3D:translation"] if row]
+    shift = [row for row in columns["/world/camera"]["Transform3D:translation"] if row]
     np.testing.assert_allclose(
-        [row[0][:2] for row in moved], [step.true.pose[:2] for step in steps], atol=1e-6
+        [row[0][:2] for row in shift], [step.true.pose[:2] for step in steps], atol=1e-6
     )
 
 
@@ -102,7 +102,7 @@ def test_rays_lead_from_the_target_to_the_robot(columns, steps):
     assert len(kinds) > 1
 
 
-def test_arrivals_point_as_they_were_heard(columns, steps):
+def test_arrivals_point_as_measured(columns, steps):
     for i, step in enumerate(steps):
         vectors = np.array(columns["/world/arrivals"]["Arrows3D:vectors"][i]).reshape(-1, 3)
         angles = np.arctan2(vectors[:, 1], vectors[:, 0])
@@ -117,7 +117,7 @@ def test_arrivals_point_as_they_were_heard(columns, steps):
         assert columns["/link/true_state"]["StateChange:state"][i] == [state]
 
 
-def test_maps_lie_where_they_are_and_the_right_way_up(columns, steps):
+def test_maps_have_their_place_and_orientation(columns, steps):
     """The first row of a picture is drawn at its top: y downwards, as the log's from below."""
     grid = columns["/world/built"]
     for i, step in enumerate(steps):

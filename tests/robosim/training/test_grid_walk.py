@@ -22,7 +22,7 @@ def walk_in(plan, seed=0):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_it_sees_what_lies_in_the_line_of_sight(seed):
-    """Against Shapely: cells whose centre is in view are seen, but for 1 %, and others beside these, but for 1 %."""
+    """Against Shapely: cells whose centre is in view are seen, but for 1 %, and others are not, but for 1 %."""
     plan = generate_plan(seed)
     building, walk = walk_in(plan, seed)
     x, y, yaw = walk.pose

@@ -1,4 +1,4 @@
-"""Learning to search: advantages by hand, one loss for imitation and reinforcement, gradients that improve."""
+"""Training on segments: advantages by hand, imitation, and the clipped surrogate."""
 
 from dataclasses import replace
 
@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from robosim.policies.search_network import HIDDEN, SearchNetwork, initial_weights, likelihood, no_memory
-from robosim.policies.search_senses import INPUTS
-from robosim.training.search_learning import Segment, advantages, as_tensors, forward, learn
+from robosim.policies.search_network import (
+    HIDDEN,
+    INPUTS,
+    SearchNetwork,
+    action_probabilities,
+    empty_memory,
+    initial_weights,
+)
+from robosim.training.policy_weights import as_tensors
+from robosim.training.search_learning import Segment, advantages, forward, learn
 from slam.learning.ppo import PpoConfig
 
 #: Four robots, two in a batch.
@@ -19,7 +26,7 @@ def segment_of(steps=6, robots=4, **changes):
     rng = np.random.default_rng(0)
     shape = steps, robots
     columns = {
-        "told": rng.standard_normal((*shape, INPUTS)).astype(np.float32),
+        "inputs": rng.standard_normal((*shape, INPUTS)).astype(np.float32),
         "begins": np.zeros(shape, bool),
         "counts": np.ones(shape, bool),
         "advised": np.zeros(shape, int),
@@ -29,7 +36,7 @@ def segment_of(steps=6, robots=4, **changes):
         "arrived": np.zeros(shape, bool),
         "late": np.zeros(shape, bool),
         "value": np.zeros((steps + 1, robots)),
-        "memory": no_memory(robots),
+        "memory": empty_memory(robots),
     }
     columns["begins"][0] = True
     return Segment(**columns | changes)
@@ -44,8 +51,8 @@ def test_advantages_by_hand():
         5, 1, reward=reward, arrived=arrived, counts=counts, late=late, value=np.ones((6, 1))
     )
     found, worth = advantages(segment, PpoConfig(discount=0.5, trace=0.5))
-    last = 4 + 0.5 - 1  # time ran out: what was expected after it counts
-    second = 2 - 1  # nothing is to be had after an arrival
+    last = 4 + 0.5 - 1  # time ran out: the expected reward counts
+    second = 2 - 1  # there is no reward after an arrival
     assert found[:, 0] == pytest.approx([1 + 0.5 - 1 + 0.25 * second, second, 0, 0.5 - 1 + 0.25 * last, last])
     assert worth[:, 0] == pytest.approx(found[:, 0] + 1)
 
@@ -57,14 +64,14 @@ def test_learning_and_driving_use_one_network():
     segment = segment_of(begins=begins)
     weights = initial_weights(np.random.default_rng(1))
     weights["action.weight"] = np.random.default_rng(2).standard_normal((HIDDEN, 3)).astype(np.float32)
-    arrays = (torch.from_numpy(array) for array in (segment.told, segment.begins, segment.memory))
+    arrays = (torch.from_numpy(array) for array in (segment.inputs, segment.begins, segment.memory))
     scores, values = forward(as_tensors(weights), *arrays)
-    network, memory = SearchNetwork(weights), no_memory(4)
+    network, memory = SearchNetwork(weights), empty_memory(4)
     for t in range(6):
-        answer = network(segment.told[t], np.where(segment.begins[t][:, None], np.float32(0), memory))
-        memory = answer.memory
-        assert np.abs(answer.scores - scores[t].detach().numpy()).max() < 1e-5
-        assert np.abs(answer.value - values[t].detach().numpy()).max() < 1e-5
+        output = network(segment.inputs[t], np.where(segment.begins[t][:, None], np.float32(0), memory))
+        memory = output.memory
+        assert np.abs(output.scores - scores[t].detach().numpy()).max() < 1e-5
+        assert np.abs(output.value - values[t].detach().numpy()).max() < 1e-5
 
 
 def improved(segment, times=15, config=None, **options):
@@ -74,23 +81,23 @@ def improved(segment, times=15, config=None, **options):
     shares = []
     for step in range(times + 1):
         network = SearchNetwork({name: value.detach().numpy() for name, value in weights.items()})
-        scores = network(segment.told[0], no_memory(4)).scores
-        shares.append(likelihood(scores).mean(axis=0))
+        scores = network(segment.inputs[0], empty_memory(4)).scores
+        shares.append(action_probabilities(scores).mean(axis=0))
         if step < times:
             rng = np.random.default_rng(step)
             learn(weights, optimiser, segment, config or LEARNING, rng=rng, **options)
     return shares[0], shares[-1]
 
 
-def test_imitation_does_as_advised():
-    """Advised: left, everywhere. What the policy itself did there does not matter."""
+def test_imitation_learns_the_advised_actions():
+    """The advice is always left; the actions of the policy do not matter."""
     before, after = improved(segment_of(advised=np.ones((6, 4), int)), advice=1.0, own=False)
     assert before[1] == pytest.approx(1 / 3, abs=0.02)
     assert after[1] > 0.9
 
 
-def test_what_paid_is_done_more_often():
-    """Two robots turned right and were paid, two went forward and were not; the guide's advice weighs nothing."""
+def test_rewarded_actions_become_more_frequent():
+    """Two robots turned right with a reward, two went forward without; the advice has no weight."""
     taken = np.zeros((6, 4), int)
     taken[:, :2] = 2
     reward = np.where(taken == 2, 1.0, 0.0)
@@ -99,7 +106,7 @@ def test_what_paid_is_done_more_often():
 
 
 def test_the_surrogate_is_clipped():
-    """What was paid is 1.5 times as likely by now as when it was done, what was not 0.67 times: no gradient is left."""
+    """Rewarded actions are 1.5 times as likely as when taken, others 0.67 times: no gradient is left."""
     taken = np.zeros((6, 4), int)
     taken[:, :2] = 2
     odds = np.log(np.where(taken == 2, 1 / 3 / 1.5, 1.5 / 3))

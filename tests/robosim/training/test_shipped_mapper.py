@@ -14,8 +14,7 @@ from robosim.plans.files import read_plan
 from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
 from robosim.task.tasks import make_task
-from robosim.training.mapper import read_frames, train_mapper
-from robosim.training.pose import read_pairs
+from robosim.training.mapper import read_frames, read_pairs, train_mapper
 from slam.learning.map_module import MapModule
 from slam.learning.mapper import Recipe, classical_scores, validate
 from slam.learning.pose import pose_scores
@@ -64,7 +63,7 @@ def test_an_episode_with_it():
     np.testing.assert_array_equal(log.estimates, again.estimates)
 
 
-def test_unknown_mappers_are_refused(tmp_path):
+def test_unknown_mappers_are_rejected(tmp_path):
     with pytest.raises(ValueError, match="Did you mean 'neural'"):
         EpisodeConfig(mapper="neurl")
     with pytest.raises(ValueError, match="no such file"):
@@ -80,9 +79,9 @@ def test_training_from_shards_to_weights(tmp_path):
     recipe = Recipe(steps=4, every=2, batch=4)
     card = train_mapper(tmp_path / "data", tmp_path / "out", recipe, threads=1, console=QUIET)
     assert (tmp_path / "out" / "curves.png").stat().st_size > 1000
-    network, kept = load_mapper(tmp_path / "out" / "mapper.safetensors")
-    assert kept["parameters"] == card["parameters"] == network.parameters
-    assert "1 homes, 6 frames; held out 1, 6 frames" in kept["data"]
+    network, stored = load_mapper(tmp_path / "out" / "mapper.safetensors")
+    assert stored["parameters"] == card["parameters"] == network.parameters
+    assert "1 homes, 6 frames; held out 1, 6 frames" in stored["data"]
     (tmp_path / "data" / "home-00001.npz").unlink()
     with pytest.raises(ValueError, match="expected two or more"):
         train_mapper(tmp_path / "data", tmp_path / "out2", recipe, threads=1, console=QUIET)
@@ -100,7 +99,7 @@ def test_homes_of_a_seed_are_different():
     assert len(collect_home(homes[0], config, seed=0)["depth"]) == 1
 
 
-def test_the_shipped_pose_tells_offsets_in_new_homes(tmp_path):
+def test_the_shipped_pose_estimates_offsets_in_new_homes(tmp_path):
     """Three homes of another seed: of a pose predicted some 6 cm off, at most half is left (measured a third).
 
     Its matrix is right within a factor of two; in an episode it holds the pose within 0.2 m for 60 decisions.

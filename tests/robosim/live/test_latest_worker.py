@@ -1,12 +1,12 @@
-"""The worker for which only the latest request counts."""
+"""The worker that processes only the latest request."""
 
 import threading
 
-from robosim.live.latest import Latest, close_all
+from robosim.live.latest_worker import LatestWorker, close_all
 
 
-def test_what_waits_is_dropped_for_what_comes_later():
-    """Of a hundred requests during one piece of work only the last is worked on."""
+def test_a_waiting_request_is_replaced_by_a_later_one():
+    """Of a hundred requests during one piece of work only the last is processed."""
     begun, go_on, done = threading.Event(), threading.Event(), []
 
     def work(request: int) -> None:
@@ -14,28 +14,28 @@ def test_what_waits_is_dropped_for_what_comes_later():
         assert go_on.wait(10)
         done.append(request)
 
-    worker = Latest("test", work, lambda error: None)
+    worker = LatestWorker("test", work, lambda error: None)
     worker.put(0)
     assert begun.wait(10)
     for request in range(1, 101):
         worker.put(request)
-    assert worker.stale
+    assert worker.is_stale
     go_on.set()
     assert worker.settle(10)
     assert done == [0, 100]
-    assert worker.dropped == 99
-    assert not worker.stale
+    assert worker.n_dropped == 99
+    assert not worker.is_stale
     worker.close()
-    assert worker.stale, "nobody wants what is worked on after the end"
+    assert worker.is_stale
 
 
-def test_an_error_is_told_and_the_next_request_done():
+def test_an_error_is_reported_and_the_next_request_processed():
     failed, done = [], []
 
     def work(request: int) -> None:
         done.append(1 / request)
 
-    worker = Latest("test", work, failed.append)
+    worker = LatestWorker("test", work, failed.append)
     worker.put(0)
     assert worker.settle(10)
     worker.put(2)

@@ -1,102 +1,120 @@
-"""The ways between the robot and all places around: in which directions they begin and end.
+"""Routes between the robot and all places around: the directions in which they begin and end.
 
-A wave that comes round corners comes through the same doors as a robot would: the direction in which it arrives is
-near to that in which the shortest way to its source begins, and the direction in which it left near to that in which
-the way from there begins. Both are told for all cells of a grid at once, by fast marching through what is known to be
-free and what is not known, round what is known, or surely anticipated, to be an obstacle.
+A wave around corners comes through the same doors as a robot: it arrives from about where the shortest route to its
+source begins, and departs to about where the route from there begins. Fast marching finds both for all cells of a grid,
+through known free and unknown cells, around obstacles that are known or anticipated with confidence.
 """
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int32
 
+from robosim.policies.sightlines import Knowledge, knowledge
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.marching import march
 from wireless.support.compiled import compiled
 
-#: Obstacles that are only anticipated count from this probability on: at less, doors that nobody saw would be shut.
+#: Free cells this near to an obstacle may bend or reflect a wave [m].
+_NEXT_TO_M = 0.2
+#: Anticipated obstacles count from this probability on: with less, unseen doors would be closed.
 _SURE = 0.9
-#: Part of a cell that obstacles have to fill for ways to go round it.
+#: Share of a cell that obstacles must fill to block it.
 _FILLED = 0.4
-#: Part of a cell that must have been seen for it to count as such.
+#: Share of a cell that must be explored for the cell to count as explored.
 _SEEN = 0.5
-#: Ways are taken to begin straight for so many cells.
+#: Routes begin straight for so many cells.
 _BEGIN_CELLS = 4.0
-#: A way this much longer than the straight line is as good as straight.
+#: A route at most this much longer than the straight line counts as straight.
 _STRAIGHT = 1.02
 
 
-class Leads(NamedTuple):
-    """Directions of the shortest ways between a place and the cells of a part of a grid."""
+class RouteDirections(NamedTuple):
+    """Directions of the shortest routes between a place and the cells of a part of a grid."""
 
     rows: slice
-    """Rows of the grid that are told of."""
+    """Rows of the part."""
     columns: slice
-    """Columns that are told of."""
+    """Columns of the part."""
     out: Float32[np.ndarray, "ny nx 2"]
-    """Unit vector (x, y) in which the way from the place to each cell begins; 0 where there is no way."""
+    """Unit vector (x, y) in which the route from the place to each cell begins; 0 without a route."""
     back: Float32[np.ndarray, "ny nx 2"]
-    """Unit vector (x, y) in which the way from each cell to the place begins; 0 where there is no way."""
-    way_m: Float32[np.ndarray, "ny nx"]
-    """Length of the way [m]; inf where there is none."""
+    """Unit vector (x, y) in which the route from each cell to the place begins; 0 without a route."""
+    length_m: Float32[np.ndarray, "ny nx"]
+    """Length of the route [m]; inf without one."""
     entry: Int32[np.ndarray, "ny nx"]
-    """Flat index, in the part, of the first cell on the way that was not seen yet; -1 if there is none."""
+    """Flat index, in the part, of the first unexplored cell on the route; -1 if there is none."""
 
 
-def leads(
+class MapSurvey:
+    """Results of one decision's map over a grid, computed when they are first needed."""
+
+    def __init__(self, estimate: MapEstimate, frame: GridFrame) -> None:
+        """To be used before the map changes."""
+        self.estimate, self.frame = estimate, frame
+        self._routes: tuple[bytes, RouteDirections] | None = None
+
+    @cached_property
+    def known(self) -> Knowledge:
+        """The map for rays."""
+        return knowledge(self.estimate, next_to_m=_NEXT_TO_M)
+
+    def routes(self, place: Float[np.ndarray, "2"]) -> RouteDirections:
+        """Routes between a place [m] and the cells; those of the last place are cached."""
+        key = np.asarray(place, float).tobytes()
+        if self._routes is None or self._routes[0] != key:
+            self._routes = key, route_directions(self.estimate, place, self.frame)
+        return self._routes[1]
+
+
+def route_directions(
     estimate: MapEstimate, place: Float[np.ndarray, "2"], onto: GridFrame, beyond_m: float = 5.0
-) -> Leads:
-    """Directions of the ways between a place and the cells of a coarser grid.
-
-    Args:
-        estimate: The map.
-        place: x, y [m].
-        onto: The coarser grid.
-        beyond_m: How far beyond the map's edge cells are looked at [m].
-    """
+) -> RouteDirections:
+    """Routes between a place [m] and the cells of a coarser grid, on the map and some metres beyond its edge."""
     frame = estimate.frame
     low = np.array(frame.origin_xy) - beyond_m
     high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + beyond_m
     rows, columns, part = onto.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
-    shut = filled(estimate, part) >= _FILLED
+    blocked = filled_share(estimate, part) >= _FILLED
     iy, ix = (int(i) for i in part.index(place))
-    # The robot stands where it stands, whatever the map says.
-    shut[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
-    time = march(np.where(shut, 0.0, 1.0), (iy, ix), part.resolution_m)
+    # The robot's own cells are free, whatever the map contains.
+    blocked[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
+    time = march(np.where(blocked, 0.0, 1.0), (iy, ix), part.resolution_m)
     out, back = (np.zeros((*part.shape, 2), np.float32) for _ in range(2))
-    entry = np.where(share_of(estimate.explored, estimate, part) < _SEEN, np.int32(0), np.int32(-1))
+    unexplored = cell_shares(estimate.explored, estimate, part) < _SEEN
+    entry = np.where(unexplored, np.int32(0), np.int32(-1))
     reached = np.flatnonzero(np.isfinite(time))
     reached = reached[np.argsort(time.ravel()[reached], kind="stable")]
-    _hand_on(time, reached, iy, ix, part.resolution_m, out, back, entry)
-    _fill_beside(time, reached, out, back)
+    _propagate(time, reached, iy, ix, part.resolution_m, out, back, entry)
+    _fill_neighbours(time, reached, out, back)
     entry[~np.isfinite(time)] = -1
-    return Leads(rows, columns, out, back, time.astype(np.float32), entry)
+    return RouteDirections(rows, columns, out, back, time.astype(np.float32), entry)
 
 
-def filled(estimate: MapEstimate, part: GridFrame) -> Float32[np.ndarray, "ny nx"]:
-    """Part of each cell of a coarser grid that obstacles fill, as known or surely anticipated."""
-    stands: Bool[np.ndarray, "ny nx"] = estimate.obstacle
+def filled_share(estimate: MapEstimate, part: GridFrame) -> Float32[np.ndarray, "ny nx"]:
+    """Share of each cell of a coarser grid that known or confidently anticipated obstacles fill."""
+    obstacle: Bool[np.ndarray, "ny nx"] = estimate.obstacle
     if estimate.anticipated_probability is not None:
-        stands = stands | (~estimate.known_free & (estimate.anticipated_probability > _SURE))
-    return share_of(stands, estimate, part)
+        obstacle = obstacle | (~estimate.known_free & (estimate.anticipated_probability > _SURE))
+    return cell_shares(obstacle, estimate, part)
 
 
-def share_of(
-    holds: Bool[np.ndarray, "my mx"], estimate: MapEstimate, part: GridFrame
+def cell_shares(
+    mask: Bool[np.ndarray, "my mx"], estimate: MapEstimate, part: GridFrame
 ) -> Float32[np.ndarray, "ny nx"]:
-    """Part of each cell of a coarser grid in which something holds of the map's cells."""
+    """Share of each cell of a coarser grid in which a mask of the map's cells is true."""
     ny, nx = estimate.frame.shape
-    # Both grids have the same axes: rows fall into rows, columns into columns.
+    # Both grids have the same axes.
     along = np.arange(max(ny, nx)) + 0.5
     of_row, of_column = part.index(estimate.frame.to_points(np.column_stack([along, along])))
     rows, columns = _inside(of_row[:ny], part.shape[0]), _inside(of_column[:nx], part.shape[1])
     shares = np.zeros(part.shape, np.float32)
     if rows.stop > rows.start and columns.stop > columns.start:
         (row, below), (column, left) = _groups(of_row[rows]), _groups(of_column[columns])
-        inside = np.ascontiguousarray(holds[rows, columns]).view(np.uint8)
+        inside = np.ascontiguousarray(mask[rows, columns]).view(np.uint8)
         # Counts of all cells below and to the left: their differences are those of the cells between.
         corners = cv2.integral(inside, sdepth=cv2.CV_32S)[below[:, None], left]
         strips = corners[1:] - corners[:-1]
@@ -106,18 +124,18 @@ def share_of(
 
 
 def _groups(numbers: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k1"]]:
-    """Which numbers there are among rising ones, and where each of them begins, and an end."""
+    """The distinct values of rising numbers, and where each of them begins, and the end."""
     begins = np.concatenate([[0], np.flatnonzero(np.diff(numbers)) + 1])
     return numbers[begins], np.append(begins, len(numbers))
 
 
 def _inside(index: Int[np.ndarray, " n"], size: int) -> slice:
-    """Which of rising numbers are 0 or more and less than a size."""
+    """The part of rising numbers from 0 to less than a size."""
     return slice(*np.searchsorted(index, [0, size]).tolist())
 
 
 @compiled
-def _hand_on(
+def _propagate(
     time: np.ndarray,
     reached: np.ndarray,
     row: int,
@@ -127,13 +145,13 @@ def _hand_on(
     back: np.ndarray,
     entry: np.ndarray,
 ) -> None:
-    """Hand the directions in which ways begin on from cell to cell, in the order in which the front came."""
+    """Propagate the directions in which routes begin from cell to cell, in the order of the front."""
     ny, nx = time.shape
     for i in reached:
         iy, ix = i // nx, i % nx
         dx, dy = (ix - column) * cell_m, (iy - row) * cell_m
-        away = math.hypot(dx, dy)
-        if away == 0.0:
+        distance = math.hypot(dx, dy)
+        if distance == 0.0:
             entry[iy, ix] = -1
             continue
         least, parent = time[iy, ix], i
@@ -142,9 +160,9 @@ def _hand_on(
                 least, parent = time[jy, jx], jy * nx + jx
         before = entry[parent // nx, parent % nx]
         entry[iy, ix] = before if before >= 0 else (i if entry[iy, ix] >= 0 else -1)
-        if time[iy, ix] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * away):
-            out[iy, ix, 0], out[iy, ix, 1] = dx / away, dy / away
-            back[iy, ix, 0], back[iy, ix, 1] = -dx / away, -dy / away
+        if time[iy, ix] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * distance):
+            out[iy, ix, 0], out[iy, ix, 1] = dx / distance, dy / distance
+            back[iy, ix, 0], back[iy, ix, 1] = -dx / distance, -dy / distance
             continue
         fall_x = fall_y = out_x = out_y = 0.0
         for across in (True, False):
@@ -171,8 +189,8 @@ def _hand_on(
 
 
 @compiled
-def _fill_beside(time: np.ndarray, reached: np.ndarray, out: np.ndarray, back: np.ndarray) -> None:
-    """Tell cells that ways go round as the nearest beside them: what hangs at a wall may stand in one."""
+def _fill_neighbours(time: np.ndarray, reached: np.ndarray, out: np.ndarray, back: np.ndarray) -> None:
+    """Copy directions into blocked cells next to reached ones: what hangs at a wall may lie in one."""
     ny, nx = time.shape
     for i in reached:
         iy, ix = i // nx, i % nx

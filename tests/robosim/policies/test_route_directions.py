@@ -1,11 +1,11 @@
-"""Directions of the shortest ways, on maps whose ways are known."""
+"""Directions of the shortest routes, on maps with known routes."""
 
 import numpy as np
 import pytest
 
-from robosim.policies import survey as survey_module
+from robosim.policies import route_directions as module
 from robosim.policies.belief import TargetBelief
-from robosim.policies.leads import filled, leads, share_of
+from robosim.policies.route_directions import cell_shares, filled_share, route_directions
 from slam.grid import GridFrame, MapEstimate
 
 ONTO = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
@@ -34,59 +34,59 @@ def box(x0: float, x1: float, y0: float, y1: float) -> np.ndarray:
     return ((at >= y0) & (at <= y1))[:, None] & ((at >= x0) & (at <= x1))[None]
 
 
-def told(way, place):
-    """Directions of the way to a place and of the way back [rad]."""
+def directions(routes, place):
+    """Directions of the route to a place and of the route back [rad]."""
     iy, ix = (int(i) for i in ONTO.index(np.array(place)))
     out, back = (
-        way.out[iy - way.rows.start, ix - way.columns.start],
-        way.back[iy - way.rows.start, ix - way.columns.start],
+        routes.out[iy - routes.rows.start, ix - routes.columns.start],
+        routes.back[iy - routes.rows.start, ix - routes.columns.start],
     )
     return float(np.arctan2(out[1], out[0])), float(np.arctan2(back[1], back[0]))
 
 
-def test_on_free_ground_ways_are_straight():
+def test_on_free_ground_routes_are_straight():
     """Within 3 degrees of the straight line, all round; the cells' own size included."""
-    way = leads(hall(), np.zeros(2), ONTO, 2.0)
+    routes = route_directions(hall(), np.zeros(2), ONTO, 2.0)
     for angle in np.linspace(-3, 3, 13):
-        out, back = told(way, 4.5 * np.array([np.cos(angle), np.sin(angle)]))
+        out, back = directions(routes, 4.5 * np.array([np.cos(angle), np.sin(angle)]))
         assert abs(np.angle(np.exp(1j * (out - angle)))) < np.deg2rad(3)
         assert abs(np.angle(np.exp(1j * (back - angle - np.pi)))) < np.deg2rad(3)
 
 
 @pytest.mark.parametrize("kind", ["known", "anticipated"])
-def test_ways_bend_round_the_end_of_a_wall(kind):
-    """A wall from (2, -1) up to the edge of what is looked at; ways behind it begin towards its lower end."""
+def test_routes_bend_around_the_end_of_a_wall(kind):
+    """A wall from (2, -1) up to the edge of the grid; routes behind it begin towards its lower end."""
     stands = box(2.0, 2.2, -1.0, 6.0)
     map_ = hall(stands) if kind == "known" else hall(anticipated=stands)
-    way = leads(map_, np.array([0.0, 3.0]), ONTO, 0.0)
+    routes = route_directions(map_, np.array([0.0, 3.0]), ONTO, 0.0)
     end = np.array([2.1, -1.1])
-    out, back = told(way, (5.0, 4.0))
+    out, back = directions(routes, (5.0, 4.0))
     assert out == pytest.approx(np.arctan2(end[1] - 3.0, end[0]), abs=0.2)
     assert back == pytest.approx(np.arctan2(end[1] - 4.0, end[0] - 5.0), abs=0.2)
 
 
-def test_what_hangs_at_a_wall_is_told_as_the_nearest_place_beside_it():
+def test_a_place_in_a_wall_has_the_directions_of_its_neighbour():
     """The first cells inside of a wall have the direction of those before it; its middle has none."""
-    way = leads(hall(box(2.0, 4.0, -6.0, 6.0)), np.zeros(2), ONTO, 0.0)
-    out, _ = told(way, (2.1, 0.1))
+    routes = route_directions(hall(box(2.0, 4.0, -6.0, 6.0)), np.zeros(2), ONTO, 0.0)
+    out, _ = directions(routes, (2.1, 0.1))
     assert abs(out) < 0.2
     iy, ix = (int(i) for i in ONTO.index(np.array([3.1, 0.1])))
-    assert not way.out[iy - way.rows.start, ix - way.columns.start].any()
+    assert not routes.out[iy - routes.rows.start, ix - routes.columns.start].any()
 
 
 def test_cells_are_filled_by_what_stands_in_them():
     """A wall of 0.1 m fills half of cells of 0.2 m; what is thought likely, but not surely, fills nothing."""
-    share = filled(hall(box(2.0, 2.1, -2.0, 2.0)), ONTO)
+    share = filled_share(hall(box(2.0, 2.1, -2.0, 2.0)), ONTO)
     iy, ix = (int(i) for i in ONTO.index(np.array([2.05, 0.1])))
     assert share[iy, ix] == pytest.approx(0.5)
     assert share.max() <= 1
     map_ = hall(anticipated=box(2.0, 2.1, -2.0, 2.0))
     unsure = MapEstimate(**{**vars(map_), "anticipated_probability": map_.anticipated_probability * 0.9})
-    assert not filled(unsure, ONTO).any()
+    assert not filled_share(unsure, ONTO).any()
 
 
-def test_shares_are_what_counting_cell_by_cell_gives():
-    """Grids of many sizes and places, larger and smaller cells, partly or wholly beside each other: to the bit."""
+def test_shares_equal_counts_cell_by_cell():
+    """Grids of many sizes and places, larger and smaller cells, overlapping partly or not at all: bit-identical."""
     rng = np.random.default_rng(0)
     for k in range(60):
         fine = GridFrame(
@@ -112,20 +112,19 @@ def test_shares_are_what_counting_cell_by_cell_gives():
         count = np.zeros(part.shape, int)
         np.add.at(count, (row[inside], column[inside]), 1)
         expected = ((fine.resolution_m / part.resolution_m) ** 2 * count).astype(np.float32)
-        assert share_of(holds, map_, part).tolist() == expected.tolist()
+        assert cell_shares(holds, map_, part).tolist() == expected.tolist()
 
 
-def test_a_decision_surveys_its_map_once(monkeypatch):
-    """What the belief has worked out of a map is there for the goals; of another map, or grid, it is done anew."""
-    map_, belief = hall(), TargetBelief(np.zeros(2))
-    asked = []
-    monkeypatch.setattr(survey_module, "leads", lambda *a: asked.append(a) or leads(*a))
+def test_a_map_is_surveyed_once_per_decision(monkeypatch):
+    """Routes are cached for one map, grid and place."""
+    map_, belief, calls = hall(), TargetBelief(np.zeros(2)), []
+    monkeypatch.setattr(module, "route_directions", lambda *a: calls.append(a) or route_directions(*a))
     first = belief.survey(map_)
-    way = first.leads(np.zeros(2))
-    assert belief.survey(map_) is first and belief.survey(map_).leads(np.zeros(2)) is way
-    assert len(asked) == 1
-    first.leads(np.array([1.0, 0.0]))
+    routes = first.routes(np.zeros(2))
+    assert belief.survey(map_) is first and belief.survey(map_).routes(np.zeros(2)) is routes
+    assert len(calls) == 1
+    first.routes(np.array([1.0, 0.0]))
     other = belief.survey(hall())
-    assert other is not first and len(asked) == 2
-    belief._make_room(np.array([[100.0, 0.0]]))
+    assert other is not first and len(calls) == 2
+    belief._grow(np.array([[100.0, 0.0]]))
     assert belief.survey(other.estimate) is not other

@@ -1,11 +1,9 @@
-"""Links of generated homes, traced and received as the public ones were: more buildings to learn from.
+"""Links of generated homes with the tracer and receiver of the public ones: additional training buildings.
 
-A classifier that saw a dozen buildings knows these too well. Generated homes cost nothing: each gets a few
-transmitters and some receivers of the published grid at random places. Paths are those that the published ray tracer
-would have found, as strong as it says (`robosim.published.label_links`), received by the published receiver
-(`wireless.estimation.public`).
-
-A home is one file, written whole; its seed alone decides what is in it.
+A classifier overfits to a dozen public buildings. Each generated home gets a few transmitters, and some receivers of
+the published grid at random places. Paths and powers are those of the published ray tracer
+(`robosim.published.label_links`), received by the published receiver (`wireless.estimation.public`). A home is one
+file, which depends only on its seed.
 """
 
 from functools import cache
@@ -35,64 +33,57 @@ from wireless.tracing.tracer import Tracer
 
 #: Transmitters of a home, receivers of each, grid [m] and height of both [m].
 TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5
-#: Least distance of a transmitter from walls [m], as published ones have it; some receivers are behind a wall.
+#: Least distance of a transmitter from walls [m], as in public data; some receivers are behind a wall.
 TX_CLEARANCE_M = 0.04
-#: Seed of the first home, far from those that people take.
+#: Seed of the first home, far from usual seeds.
 FIRST_SEED = 1_000_220
 
-_MADE = {"tokens": Array("f4", "n 5 5"), "state": Array("u1", "n")}
+_ARRAYS = {"tokens": Array("f4", "n 5 5"), "state": Array("u1", "n")}
 #: Estimated paths and states of links.
-Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, " n"]]
+HomeLinks = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, " n"]]
 
 
-def make_homes(
+def generate_homes(
     count: int, folder: Path, *, workers: int, cluster: str | None = None, console: Console
 ) -> None:
-    """Write what is missing of so many homes.
-
-    Args:
-        count: Number of homes.
-        folder: Where to.
-        workers: Processes; the files do not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
+    """Write missing files of the first homes with worker processes, or with those of a dask scheduler.
 
     Raises:
-        WorkerLost: If a process was killed, when the other homes are made.
+        WorkerLost: If a process was killed, after the other homes are written.
     """
     missing = [seed for seed in _seeds(count) if not _file(folder, seed).exists()]
     if not missing:
         return
     with (
         Workers(min(workers, len(missing)), cluster, what="homes") as pool,
-        unit_progress(console, "made homes", count, count - len(missing)) as advance,
+        unit_progress(console, "generated homes", count, count - len(missing)) as advance,
     ):
         for number, content in pool.run(_home_file, [(seed,) for seed in missing]):
             write_whole(_file(folder, missing[number]), content)
             advance("")
 
 
-def read_homes(count: int, folder: Path) -> Made:
-    """The links of so many homes, in the order of their seeds."""
+def read_homes(count: int, folder: Path) -> HomeLinks:
+    """Links of the first homes, in the order of their seeds."""
     tokens, states = [], []
     for seed in _seeds(count):
         with reading(_file(folder, seed), "links of a generated home", "Delete it to make it again.") as file:
-            made = read_npz(file, _MADE)
-            if not np.isin(made["state"], list(LinkState)).all():
-                raise ValueError("a link state is none")
-        tokens.append(made["tokens"])
-        states.append(made["state"])
+            arrays = read_npz(file, _ARRAYS)
+            if not np.isin(arrays["state"], list(LinkState)).all():
+                raise ValueError("an unknown link state")
+        tokens.append(arrays["tokens"])
+        states.append(arrays["state"])
     return np.concatenate(tokens), np.concatenate(states)
 
 
-def make_home(seed: int) -> Made:
-    """Links of one home that have paths."""
+def generate_home(seed: int) -> HomeLinks:
+    """Links with paths of one home."""
     rng = np.random.default_rng(seed)
     building = make_building(generate_plan(seed, config=GeneratorConfig(navigable=True)))
     tracer = Tracer(published_mesh(building.plan, building.height_m), config=TRACER)
     grid = receiver_grid(building, GRID_M, HEIGHT_M)
-    roomy = building.free.buffer(-TX_CLEARANCE_M)
-    places = grid.position[shapely.contains_xy(roomy, grid.position[:, 0], grid.position[:, 1])]
+    inside = building.free.buffer(-TX_CLEARANCE_M)
+    places = grid.position[shapely.contains_xy(inside, grid.position[:, 0], grid.position[:, 1])]
     tokens, states = [], []
     for _ in range(TRANSMITTERS):
         tx = places[rng.integers(len(places))]
@@ -102,14 +93,14 @@ def make_home(seed: int) -> Made:
         paths = published_paths(tx, grid.position[some], cell, tracer)
         state = link_states(paths)[0]
         aoa, aod, snr, peak = _receiver().receive(Rays.from_paths(paths), rng)
-        reached = state != LinkState.OUTAGE
-        tokens.append(make_tokens(aoa, snr, aod_rad=aod, peak=peak)[reached])
-        states.append(state[reached])
+        has_paths = state != LinkState.OUTAGE
+        tokens.append(make_tokens(aoa, snr, aod_rad=aod, peak=peak)[has_paths])
+        states.append(state[has_paths])
     return np.concatenate(tokens), np.concatenate(states)
 
 
 def _home_file(seed: int) -> bytes:
-    tokens, state = make_home(seed)
+    tokens, state = generate_home(seed)
     return npz_bytes({"tokens": tokens, "state": state}, compressed=False)
 
 

@@ -1,4 +1,4 @@
-"""A worker for which only the latest request counts: what a dragged handle asks for is stale a frame later."""
+"""A worker that processes only the latest request: the request of a dragged handle is stale a frame later."""
 
 import logging
 import threading
@@ -10,45 +10,43 @@ logger = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-class Latest(Generic[T]):
-    """A thread that works on one request at a time, and always takes the latest one."""
+class LatestWorker(Generic[T]):
+    """A thread that processes one request at a time, always the latest one."""
 
-    def __init__(self, name: str, work: Callable[[T], None], failed: Callable[[Exception], None]) -> None:
+    def __init__(self, name: str, work: Callable[[T], None], on_error: Callable[[Exception], None]) -> None:
         """Start the thread.
 
-        Args:
-            name: Of the thread.
-            work: What is done with a request; it may ask `stale` and break off.
-            failed: Is told of what `work` raises. The thread goes on with the next request.
+        `work` processes a request, and may return early if `is_stale`. After an exception, which `on_error` receives,
+        the thread continues with the next request.
         """
-        self._work, self._failed = work, failed
+        self._work, self._on_error = work, on_error
         self._changed = threading.Condition()
         self._waiting: list[T] = []
         self._busy = self._closed = False
-        self.dropped = 0
+        self.n_dropped = 0
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     def put(self, request: T) -> None:
-        """Ask for something; a request that still waits is dropped for it."""
+        """Request something; a request that still waits is dropped."""
         with self._changed:
-            self.dropped += len(self._waiting)
+            self.n_dropped += len(self._waiting)
             self._waiting[:] = [request]
             self._changed.notify_all()
 
     @property
-    def stale(self) -> bool:
-        """Whether a newer request waits, or nobody does any more."""
+    def is_stale(self) -> bool:
+        """Whether the result of the current request is not needed: a newer one waits, or the worker is closed."""
         with self._changed:
             return bool(self._waiting) or self._closed
 
     def settle(self, timeout_s: float) -> bool:
-        """Wait until nothing is asked for and nothing is worked on; returns whether that came to be in time."""
+        """Wait until all requests are processed; returns False on timeout."""
         with self._changed:
             return self._changed.wait_for(lambda: not (self._waiting or self._busy), timeout_s)
 
     def close(self) -> None:
-        """Drop what waits, and let the thread end after what it is working on."""
+        """Drop the waiting request; the thread ends after the current one."""
         with self._changed:
             self._closed = True
             self._waiting.clear()
@@ -70,19 +68,14 @@ class Latest(Generic[T]):
                 self._busy = True
             try:
                 self._work(request)
-            except Exception as error:  # whoever asked is told, and may ask for something else
+            except Exception as error:
                 logger.debug("%s failed", self._thread.name, exc_info=True)
                 if not self._closed:
-                    self._failed(error)
+                    self._on_error(error)
 
 
-def close_all(workers: Sequence[Latest[Any]], timeout_s: float = 2.0) -> None:
-    """End workers together; one that does not break off in time is left to end by itself.
-
-    Args:
-        workers: All that are to end.
-        timeout_s: How long to wait for them in all.
-    """
+def close_all(workers: Sequence[LatestWorker[Any]], timeout_s: float = 2.0) -> None:
+    """Close workers and wait for all of them together; one that does not return in time ends by itself."""
     for worker in workers:
         worker.close()
     end = monotonic() + timeout_s

@@ -1,4 +1,4 @@
-"""What is looked back on: the folder of an episode, and that of an evaluation."""
+"""Recordings from the folder of an episode and of an evaluation."""
 
 import json
 import shutil
@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
-from robosim.live.recorded import check_results, read_recording, read_searches
+from robosim.live.recordings import check_results, read_evaluation, read_recording
 from robosim.recording.episode_file import EPISODE, read_episode
 from robosim.support.reading import FileError
 
 
 def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):
-    """Every step as recorded, title and end, when nothing but that file is there."""
+    """All steps, title and end, from a folder with only that file."""
     shutil.copy(recorded / EPISODE, tmp_path)
     recording, episode = read_recording(tmp_path), read_episode(tmp_path)
     assert len(recording) == len(episode) == 12
@@ -30,34 +30,34 @@ def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):
 
 def test_a_damaged_file_is_one_line_with_its_name(recorded, tmp_path):
     (tmp_path / EPISODE).write_bytes((recorded / EPISODE).read_bytes()[:-500])
-    with pytest.raises(FileError) as refused:
+    with pytest.raises(FileError) as raised:
         read_recording(tmp_path)
-    assert EPISODE in str(refused.value) and "\n" not in str(refused.value)
+    assert EPISODE in str(raised.value) and "\n" not in str(raised.value)
 
 
-def test_a_folder_of_something_else_is_refused(tmp_path):
+def test_another_folder_is_rejected(tmp_path):
     with pytest.raises(ValueError, match="neither an episode"):
         check_results(tmp_path)
 
 
 def test_episodes_of_an_evaluation_begin_with_failures_and_the_slowest(evaluated):
-    searches = read_searches(evaluated)
+    searches = read_evaluation(evaluated)
     assert len(searches) == 4
     arrived = [one.row["arrived"] for one in searches]
     assert arrived == sorted(arrived)
-    slower = [one.slower for one in searches if one.row["arrived"]]
+    slower = [one.relative_steps for one in searches if one.row["arrived"]]
     assert slower == sorted(slower, reverse=True) and slower[-1] == 1.0
-    # The oracle arrives at every task, so that who does not takes for ever beside it.
-    assert all(np.isinf(one.slower) for one in searches if not one.row["arrived"])
+    # The oracle arrives in every task, so that failures have infinite relative steps.
+    assert all(np.isinf(one.relative_steps) for one in searches if not one.row["arrived"])
 
 
 def test_an_episode_of_an_evaluation_opens(evaluated):
-    one = next(one for one in read_searches(evaluated) if one.row["policy"] == "oracle")
+    one = next(one for one in read_evaluation(evaluated) if one.row["policy"] == "oracle")
     recording = one.read()
     assert len(recording) == one.row["steps"]
     first = recording[0]
     assert first.true.pose == pytest.approx([0.7, 0.7, 0.0], abs=1e-6)
     assert recording.title.startswith("oracle, pair, task")
-    # The walls are those that it has mapped: within a few cells of the true ones.
+    # Its walls are the mapped ones, within a few cells of the true ones.
     corners = np.concatenate(list(recording.rings))
     assert (corners.min(axis=0) > -0.3).all() and (corners.max(axis=0) < [6.5, 3.3]).all()
