@@ -83,17 +83,7 @@ class CollectConfig:
 def collect(
     config: CollectConfig, out: Path, *, workers: int, cluster: str | None = None, console: Console
 ) -> list[Path]:
-    """Write the missing shards.
-
-    Args:
-        config: What to collect.
-        out: Folder for the shards.
-        workers: Processes at once; the files do not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
-
-    Returns:
-        All shards.
+    """Write the missing shards; returns the paths of all.
 
     Raises:
         FolderError: If the folder holds shards of another configuration, or another process works in it.
@@ -126,16 +116,7 @@ def home_building(config: CollectConfig, home: int) -> Building:
 
 
 def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dict[str, np.ndarray]:
-    """Explore one building.
-
-    Args:
-        building: The building.
-        config: The configuration.
-        seed: Seed of all random numbers, together with that of the configuration.
-
-    Returns:
-        The arrays of a shard.
-    """
+    """Explore one building; `seed` and that of the configuration seed all random numbers. Returns a shard's arrays."""
     simulator = Simulator(
         building,
         SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise),

@@ -44,15 +44,7 @@ class LinkGrid:
         tx: Float[np.ndarray, "n_tx 3"],
         rx: Float[np.ndarray, "n_rx 3"],
     ) -> None:
-        """Define the links.
-
-        Args:
-            plan: The plan.
-            config: How links are traced.
-            grid_m: Step between receivers [m].
-            tx: Positions of transmitters [m].
-            rx: Positions of receivers [m], those of `receiver_grid`.
-        """
+        """Define the links; `rx` are the positions [m] of a `receiver_grid`, `grid_m` apart."""
         self._site = Site(plan.digest(), plan, tx, len(rx))
         self._config, self._grid_m = config, grid_m
         self._tx, self._rx = tx, rx
@@ -66,16 +58,9 @@ class LinkGrid:
         cluster: str | None = None,
         report: Callable[[int, int], None] = lambda done, total: None,
     ) -> Path:
-        """Trace the links that are missing in a folder.
+        """Trace the links that are missing in a folder; returns the file of all paths, for `Paths.read_parquet`.
 
-        Args:
-            folder: The folder; no other process works in it.
-            workers: Processes. The result does not depend on it.
-            cluster: Address of a dask scheduler that is used instead.
-            report: Called with the numbers of finished and of all links, at first and after each unit.
-
-        Returns:
-            The file of all paths, for `Paths.read_parquet`.
+        `report` is called with the numbers of finished and of all links, at first and after each unit.
         """
         total = len(self._tx) * len(self._rx)
         if not (folder / PATHS).exists():

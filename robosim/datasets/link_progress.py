@@ -53,13 +53,7 @@ class LinkProgress:
 
 @contextmanager
 def link_progress(console: Console, total: int, out: Path) -> Iterator[LinkProgress]:
-    """A bar while links are traced.
-
-    Args:
-        console: Where it is shown.
-        total: Number of links.
-        out: Output folder, for messages.
-    """
+    """A bar while links are traced."""
     columns = (
         SpinnerColumn(),
         text_column("{task.description}"),

@@ -59,19 +59,10 @@ def make_dataset(
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Make a data set in a folder, or its missing parts.
+    """Make a data set, or its missing parts, in a folder; returns the content of `manifest.json`.
 
-    Args:
-        plans: Buildings of different names. A building of several storeys has units for the receivers of each storey,
-            named NAME_storey_0 and so on; its transmitters are spread over all storeys.
-        config: Content of the data set.
-        out: The folder, made if it is missing.
-        workers: Processes. No result depends on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown; nowhere if not given.
-
-    Returns:
-        The content of `manifest.json`, and under "timing" links, seconds and links per second of this run.
+    A building of several storeys has units for the receivers of each storey, named NAME_storey_0 and so on; its
+    transmitters are spread over all storeys. Under "timing" are links, seconds and links per second of this run.
 
     Raises:
         FolderError: If the folder belongs to other settings or another process works in it.

@@ -16,11 +16,7 @@ _SIDES = (8, 4096)
 
 
 def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
-    """Arrays of a shard.
-
-    Raises:
-        FileError: If the file is not a shard.
-    """
+    """Arrays of a shard; FileError if the file is not one."""
     with reading(path, "a shard of `robosim collect`", "Collect it again.", most_bytes=_MOST_BYTES) as file:
         arrays = read_npz(file, {name: SHARD[name] for name in names}, most_bytes=_MOST_BYTES)
         frames, *size = arrays["depth"].shape if "depth" in arrays else (1, *_SIDES)

@@ -57,24 +57,9 @@ def trace_plan(
 ) -> dict[str, Any]:
     """Trace transmitters to a grid of receivers over a plan, and write the results into a folder.
 
-    The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and
-    `NAME_tx_pos.csv` in the format of mmwRobotNav; pictures of each transmitter; `trace.json`. After an interruption
-    the same call resumes, to the same files.
-
-    Args:
-        plan: The plan.
-        config: How links are traced.
-        out: The folder, made if it is missing.
-        tx: Transmitters [m], with or without height.
-        grid_m: Step between receivers [m].
-        rx: Receiver whose rays are drawn; None for one with many paths.
-        plots: Whether to draw pictures.
-        workers: Processes. The results do not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown; nowhere if not given.
-
-    Returns:
-        The content of `trace.json`.
+    The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and `NAME_tx_pos.csv` in
+    the format of mmwRobotNav; pictures of each transmitter, with rays to `rx` or to a receiver with many paths;
+    `trace.json`, whose content is returned. After an interruption the same call resumes, to the same files.
 
     Raises:
         ValueError: If a position or the grid does not fit.
@@ -154,16 +139,7 @@ def height_of(plan: FloorPlan | OneStorey, config: RadioConfig) -> float:
 
 
 def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
-    """See that terminals are in different places.
-
-    Args:
-        tx: Transmitters [m], with or without height.
-        rx: The receiver, if there is a single one.
-        height_m: Height of terminals without one of their own.
-
-    Raises:
-        ValueError: If there is no transmitter, one is given twice, or the receiver is at one.
-    """
+    """Raise ValueError if there is no transmitter, one is given twice, or the receiver is at one."""
     check_some("tx", tx, "at least one transmitter, such as --tx 2.0,1.5")
     places = [tuple([*place, height_m][:3]) for place in tx]
     for number, at in enumerate(places):

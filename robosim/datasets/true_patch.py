@@ -49,15 +49,7 @@ class TruePatches:
         patch: GridFrame = AHEAD,
         height_m: float | None = None,
     ) -> None:
-        """Raster the building's section.
-
-        Args:
-            building: The building; its `floor` is the section.
-            hfov_deg: Horizontal field of view of the camera [deg].
-            range_m: Range of the camera [m].
-            patch: The cells, in the robot's frame.
-            height_m: Height of the robot [m]; None for as high as the ceiling.
-        """
+        """Raster the section of a building for a robot of a height [m]; None for as high as the ceiling."""
         floor = building.floor(building.height_m if height_m is None else height_m)
         self.patch = patch
         self._half_fov, self._range_m = math.radians(hfov_deg) / 2, range_m

@@ -58,15 +58,7 @@ class CollectSearchesConfig:
 
 
 def collect_searches(config: CollectSearchesConfig, out: Path, console: Console) -> Path:
-    """Write the missing searches.
-
-    Args:
-        config: What to collect.
-        out: Folder of the run.
-        console: Where progress is shown.
-
-    Returns:
-        Folder of the data set, for `minari.MinariDataset`.
+    """Write the missing searches; returns the folder of the data set, for `minari.MinariDataset`.
 
     Raises:
         ImportError: If Minari is not installed.

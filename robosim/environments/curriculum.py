@@ -22,12 +22,7 @@ class Curriculum:
     """The difficulty of the next task."""
 
     def __init__(self, difficulty: float, *, moves: bool) -> None:
-        """Start.
-
-        Args:
-            difficulty: First difficulty, 0 to 1.
-            moves: Whether difficulty adapts to success, or stays.
-        """
+        """Start with a difficulty from 0 to 1, which adapts to success if it `moves`."""
         self.difficulty, self._moves = difficulty, moves
         self._recent: deque[bool] = deque(maxlen=_EPISODES)
 

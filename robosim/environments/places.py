@@ -30,13 +30,7 @@ class Place:
     """A building with everything that is computed once for it."""
 
     def __init__(self, plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) -> None:
-        """Build it.
-
-        Args:
-            plan: Its floor plan.
-            config: How robots are simulated in it.
-            uses_radio: Whether they have a radio.
-        """
+        """Build it."""
         self.plan, self.config, self.uses_radio = plan, config, uses_radio
         self.building = make_building(plan)
         self.reach = places = reach(self.building, config.robot.radius_m, config.robot.height_m)

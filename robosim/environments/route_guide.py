@@ -19,13 +19,7 @@ _STRAIGHT_RAD = 0.75 * TURN_RAD
 
 
 def route_action(place: Place, pose: Float[np.ndarray, "3"], target: Float[np.ndarray, "2"]) -> Action:
-    """The next action along the shortest drive.
-
-    Args:
-        place: The building.
-        pose: True pose of the robot: x [m], y [m], yaw [rad] in `map`.
-        target: x, y [m] in `map`.
-    """
+    """The next action along the shortest drive from a true pose to a target."""
     plan, travel = place.plan, place.travel_m(target)
     column, row = plan.to_cells(pose[:2]) - 0.5
     reach = _AHEAD_M / plan.resolution_m

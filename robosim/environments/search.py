@@ -49,16 +49,7 @@ class Search:
     """The searches of a robot."""
 
     def __init__(self, source: Source, config: SearchConfig, simulator: SimulatorConfig) -> None:
-        """Nothing is built before the first reset.
-
-        Args:
-            source: Source of plans.
-            config: Observations, rewards and tasks.
-            simulator: Configuration of the simulator.
-
-        Raises:
-            ValueError: If the robot lacks a sensor that it observes by.
-        """
+        """Check the sensors; nothing is built before the first reset."""
         check_senses(config, simulator)
         self.config, self.simulator_config, self._source = config, simulator, source
         self._curriculum = Curriculum(config.difficulty, moves=config.curriculum)

@@ -11,13 +11,7 @@ _ARROWS = ">^<v"
 
 
 def draw_text(plan: FloorPlan, pose: Float[np.ndarray, "3"], target: Float[np.ndarray, "2"]) -> str:
-    """Lines from top to bottom: # wall, . floor, X target, and > ^ < v for the robot.
-
-    Args:
-        plan: The floor plan.
-        pose: Pose of the robot: x [m], y [m], yaw [rad] in `map`.
-        target: x, y [m] in `map`.
-    """
+    """Lines from top to bottom: # wall, . floor, X target, and > ^ < v for the robot."""
     ny, nx = plan.shape
     step = max(1, -(-nx // _WIDTH))
     rows, columns = range(0, ny, 2 * step), range(0, nx, step)

@@ -21,11 +21,7 @@ from robosim.support.parts import Part
 
 
 def configured(config: EpisodeConfig, policy: Part) -> EpisodeConfig:
-    """An episode's configuration with a goal policy, or one of the variants above.
-
-    Raises:
-        ValueError: If there is none of that name.
-    """
+    """An episode's configuration with a goal policy, or one of the variants above."""
     POLICY.check("goal", policy)
     if isinstance(policy, str) and policy in _CHANGES:
         return _CHANGES[policy](replace(config, goal="fused"))

@@ -32,12 +32,7 @@ def spl_chart(summaries: Sequence[Summary]) -> Figure:
 
 
 def time_chart(scored: Sequence[Mapping[str, Any]], bar: str = "oracle") -> Figure:
-    """Distribution of the arrival time relative to a bar's, a panel for each class; who never arrives counts.
-
-    Args:
-        scored: Rows of episodes, scored.
-        bar: "oracle", or "shortest" where that was run.
-    """
+    """Distribution of the arrival time relative to `bar`, a panel for each class; episodes without arrival count."""
     column = {"oracle": "relative_time", "shortest": "limit_time"}[bar]
     figure, panels = plt.subplots(1, 3, figsize=(11, 3.8), sharey=True, layout="constrained")
     colours = _colours(row["policy"] for row in scored)

@@ -38,11 +38,7 @@ def subject_of(policies: Sequence[str]) -> str:
 
 
 def compared(rows: Sequence[Mapping[str, Any]]) -> list[Compared]:
-    """All tasks: failures of the policy first, then those where it lost most.
-
-    Args:
-        rows: Of all episodes.
-    """
+    """All tasks: failures of the policy first, then those where it lost most."""
     subject = subject_of(list(dict.fromkeys(row["policy"] for row in rows)))
     groups: dict[tuple[str, int, int], list[int]] = defaultdict(list)
     for i, row in enumerate(rows):

@@ -92,11 +92,7 @@ def make_jobs(
 
 
 def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
-    """Run an episode and return the content of its file.
-
-    Args:
-        job: What to run.
-        watch: Measures the stages; wall-clock time if not given.
+    """Run an episode and return the content of its file; wall-clock times without `watch`.
 
     Raises:
         MapError: If the task cannot be done in the plan.
@@ -144,11 +140,7 @@ def scene(
 
 
 def task_of(places: Reach, task: SuiteTask) -> Task:
-    """A task of a suite in its building.
-
-    Raises:
-        MapError: If it cannot be done there.
-    """
+    """A task of a suite in its building; MapError if it cannot be done there."""
     x, y, yaw_deg = task.start
     start = np.array([x, y, np.radians(yaw_deg)])
     try:

@@ -30,11 +30,7 @@ from robosim.support.workers import Workers
 
 
 def check_policies(names: Sequence[str]) -> tuple[str, ...]:
-    """Policies by name, in the order of tables; if none is given all that search for the target, without variants.
-
-    Raises:
-        ValueError: If there is no policy of a name.
-    """
+    """Policies by name, in the order of tables; if none is given all that search for the target, without variants."""
     for name in names:
         POLICY.check("policies", name)
     return tuple(sorted(set(names or SEEKERS), key=place_of))
@@ -51,17 +47,9 @@ def find_suite(
     cluster: str | None = None,
     console: Console,
 ) -> Suite:
-    """The suite of a file, or tasks drawn in floor plans.
+    """The suite of a file, or tasks drawn in plan files, folders of them and shipped plans.
 
-    Args:
-        plans: A suite file; or plan files, folders of them and names of shipped ones.
-        config: How plans become buildings, and the size of the robot.
-        targets: Tasks per plan, 10 if not given.
-        seed: Seed of the tasks, 0 if not given.
-        reader: Reader of the plans, of `robosim.parts.READER`, by name or `module:Name`.
-        workers: Processes at once.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
+    By default 10 `targets` per plan are drawn from seed 0.
 
     Raises:
         ValueError: If a suite is given together with plans, targets or a seed, or two plans have one name.
@@ -105,16 +93,8 @@ def evaluate(
 ) -> Evaluation:
     """Run every task by the oracle and every policy, score the episodes, and write all results.
 
-    Args:
-        suite: The tasks.
-        out: Folder of the results; episodes that it holds are not run again.
-        config: How episodes run, but for policy and seed.
-        policies: Goal policies; the oracle is always run, and comes first.
-        repeats: Episodes of each task and policy, each with different noise.
-        workers: Processes at once; the results do not depend on their number.
-        console: Where progress is shown.
-        cluster: Address of a dask scheduler that runs the episodes instead.
-        options: Options of `robosim episode` for the same configuration.
+    Episodes that `out` holds are not run again. `config` applies but for policy and seed; `options` are those of
+    `robosim episode` for it. The results do not depend on the number of workers.
 
     Raises:
         FolderError: If the folder holds episodes of another configuration, or another process is at work in it.

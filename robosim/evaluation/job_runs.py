@@ -34,17 +34,7 @@ class Failure:
 def run_jobs(
     jobs: Sequence[Job], out: Path, *, workers: int, console: Console, cluster: str | None = None
 ) -> list[Failure]:
-    """Run all episodes whose file does not exist yet.
-
-    Args:
-        jobs: Episodes, ordered by plan.
-        out: Folder of the evaluation.
-        workers: Processes at once.
-        console: Where progress is shown.
-        cluster: Address of a dask scheduler that runs them instead.
-
-    Returns:
-        The episodes that failed.
+    """Run all episodes, ordered by plan, whose file does not exist yet; returns those that failed.
 
     Raises:
         WorkerLost: If a process was killed, when the others are done.

@@ -38,11 +38,7 @@ _PACKAGES = (
 
 
 def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
-    """All that the episodes of a folder depend on.
-
-    Raises:
-        MapError: If a plan cannot be read.
-    """
+    """All that the episodes of a folder depend on."""
     episode = plain(to_dict(config))
     for varied in ("goal", "seed"):
         episode.pop(varied)
@@ -59,11 +55,7 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
 
 
 def code_digest(policies: Iterable[str] = ()) -> str:
-    """A text that changes with the code of the three packages, their weights, and what they stand on.
-
-    Args:
-        policies: Goal policies; the weights of those that are files count too.
-    """
+    """A text that changes with code and weights of the three packages, their libraries, and policies that are files."""
     digest = hashlib.sha256(json.dumps(versions()).encode())
     for policy in policies:
         if policy.endswith(".safetensors"):

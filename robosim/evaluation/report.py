@@ -85,17 +85,7 @@ def write_report(
     tasks: Sequence[Compared],
     pictures: Mapping[Compared, Path],
 ) -> None:
-    """Write `report.html`; pictures become part of it.
-
-    Args:
-        result: What to report.
-        out: Folder of the evaluation.
-        config: How episodes ran, but for policy and seed.
-        options: Options of `robosim episode` for the same configuration.
-        charts: PNG files with their captions.
-        tasks: All tasks, in the order in which they are listed.
-        pictures: PNG files of some tasks.
-    """
+    """Write `report.html` with its pictures inside; `tasks` are listed in their order, and some have `pictures`."""
     own = result.indices()
     seconds = {p: means([result.timing[i] for i in indices]) for p, indices in own.items()}
     rates = {p: stages.pop("decisions_per_s", 0.0) for p, stages in seconds.items()}
@@ -258,14 +248,7 @@ def _table(
     kind: str = "",
     rows_of: Mapping[int, str] | None = None,
 ) -> str:
-    """A table of cells of HTML.
-
-    Args:
-        heads: Text above the columns.
-        rows: Cells.
-        kind: Its class.
-        rows_of: Classes of some rows, by number.
-    """
+    """A table of cells of HTML, of a class; `rows_of` are classes of rows by number."""
     classes = rows_of or {}
     lines = [
         f'<tr class="{classes.get(i, "")}">' + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>"

@@ -37,16 +37,7 @@ _AT_ONCE = 5
 def write_results(
     result: Evaluation, out: Path, *, config: EpisodeConfig, options: str, workers: int, console: Console
 ) -> None:
-    """Write tables, charts, pictures and the page.
-
-    Args:
-        result: What to write.
-        out: Folder of the evaluation.
-        config: How episodes ran, but for policy and seed.
-        options: Options of `robosim episode` for the same configuration.
-        workers: Processes that draw.
-        console: Where progress is shown.
-    """
+    """Write tables, charts, pictures and the page; `options` are those of `robosim episode` for `config`."""
     write_parquet(result.rows, out / "episodes.parquet")
     identities = [{name: row[name] for name in IDENTITY} for row in result.rows]
     timing = [{**one, **seconds} for one, seconds in zip(identities, result.timing, strict=True)]

@@ -57,13 +57,10 @@ class Summary:
 
 
 def score(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with `difficulty`, `oracle_steps`, `relative_time` and `limit_time` added.
+    """Rows with `difficulty`, `oracle_steps`, `relative_time` and `limit_time` added; needs the oracle's episodes.
 
     `relative_time` is infinite without arrival, and NaN where the oracle did not arrive either: such tasks count as
     hard, and have no relative times. `limit_time` is the same relative to `shortest`, NaN where that was not run.
-
-    Raises:
-        ValueError: If a task has no episode of the oracle.
     """
     oracle, limit = (steps_of(rows, policy) for policy in ("oracle", "shortest"))
     missing = {_key(row) for row in rows} - set(oracle)
@@ -151,11 +148,10 @@ def wilson(successes: float, n: int) -> Estimate:
 
 
 def bootstrap(values: Float[np.ndarray, "n_tasks n_repeats"], quantile: float | None) -> Estimate:
-    """A quantile, or the mean if None, with percentiles of what it is for tasks drawn again with replacement.
+    """A quantile, or the mean if None, with percentiles of its values for tasks drawn again with replacement.
 
-    Args:
-        values: NaN where there is none; infinite is larger than all others.
-        quantile: Which one, 0 to 1; the least value that so many do not exceed.
+    NaN are no values, and infinite is larger than all others. The quantile is the least value that so many do not
+    exceed.
     """
     values = values[~np.isnan(values).all(axis=1)]
     if not len(values):

@@ -42,11 +42,7 @@ GOAL_COLOURS = {
 
 
 def trajectories_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
-    """One or two episodes of a task on one map, each with its link states and kinds of goals below.
-
-    Args:
-        episodes: One or two.
-    """
+    """One or two episodes of a task on one map, each with its link states and kinds of goals below."""
     size, (low, high) = _extent(episodes)
     figure, (plan, below) = plt.subplots(
         2,

@@ -20,14 +20,7 @@ class Canvas:
     """Cells of a plan under construction, all of them solid at first."""
 
     def __init__(self, bounds: Rect, yaw: float, resolution_m: float, margin_m: float = 0.35) -> None:
-        """An empty canvas for a building.
-
-        Args:
-            bounds: What the building occupies in its own frame [m].
-            yaw: Angle from the grid's x axis to the building's [rad].
-            resolution_m: Side of a cell [m].
-            margin_m: Solid rim around the building [m].
-        """
+        """An empty canvas for a building, turned by a yaw from the grid's x axis, with a solid rim around it."""
         c, s = np.cos(yaw), np.sin(yaw)
         self._turn = np.array([[c, -s], [s, c]])
         corners = bounds.grown(margin_m).polygon() @ self._turn.T

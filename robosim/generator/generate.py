@@ -207,12 +207,9 @@ def _distance(mask: np.ndarray) -> np.ndarray:
 
 
 def in_one_piece(plan: FloorPlan, hull_radius_m: float) -> FloorPlan:
-    """Close what a hull cannot reach from the largest piece of a plan.
+    """Close places that a hull cannot reach from the largest piece of a plan; ValueError if it fits nowhere.
 
     Narrow places in which no hull fits stay open if they are connected to the rest.
-
-    Raises:
-        ValueError: If the hull fits nowhere.
     """
     occupancy = plan.occupancy.copy()
     while True:

@@ -86,12 +86,8 @@ def lay_out(
 ) -> Layout:
     """Draw the rooms of a building at random.
 
-    Args:
-        rng: Source of all chance.
-        area_m2: Floor area of all rooms together, without bays, before furniture [m2].
-        rooms: Number of rooms, corridors included; a few less if the area is too small for them.
-        door_m: Clear width of doors, least and most [m].
-        style: Kind of building.
+    `area_m2` is the floor of all rooms without bays, before furniture. There are fewer `rooms`, which include
+    corridors, if the area is too small. `door_m` are least and largest clear widths.
     """
     spare = round(rng.uniform(0, style.left_out) * rooms) if rooms > 2 else 0
     cells, is_hall = cut(rng, area_m2, rooms + spare, style)

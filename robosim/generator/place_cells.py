@@ -32,15 +32,9 @@ def furnish(
     passage_m: float,
     things: Callable[[str], list[Entry]] = entries,
 ) -> None:
-    """Place furniture in the rooms of a building on a canvas.
+    """Place furniture, `things` of a kind of room, in the rooms of a building on a canvas.
 
-    Args:
-        canvas: Cells to be made solid.
-        layout: Rooms and openings that the canvas shows.
-        rng: Source of all chance.
-        density: Share of the usual furniture; above 1 for crowded rooms.
-        passage_m: Width of a passage that stays free between any two places that have one before [m].
-        things: Furniture of a kind of room.
+    `density` is the share of the usual furniture, above 1 for crowded rooms. Passages of `passage_m` stay free.
     """
     for i, room in enumerate(layout.rooms):
         space = Space(canvas, layout, i, passage_m)

@@ -35,15 +35,9 @@ def place_pieces(
     density: float,
     passage_m: float,
 ) -> list[Furnishing]:
-    """Pieces for the rooms of a building; the canvas is left with their cells solid.
+    """Pieces for the rooms of a building without furniture; the canvas is left with their cells solid.
 
-    Args:
-        canvas: Cells without furniture.
-        layout: Rooms and openings that the canvas shows.
-        rng: Source of all chance.
-        free: Cells of the plan that are free, without furniture.
-        density: Share of the usual furniture.
-        passage_m: Width of a passage that stays free between any two places that have one before [m].
+    `free` are the free cells of the plan; other arguments as for `furnish`.
     """
     room_left = _Room(canvas, free)
     found: list[Furnishing] = []

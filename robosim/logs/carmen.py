@@ -66,11 +66,7 @@ class _Lines:
 
 
 def read_carmen(path: Path) -> RobotLog:
-    """Read a CARMEN log, packed by gzip or not.
-
-    Raises:
-        FileError: If it is damaged, or has no two scans.
-    """
+    """Read a CARMEN log, packed by gzip or not; FileError if it is damaged, or has no two scans."""
     remedy = "Give a CARMEN log with FLASER or ROBOTLASER1 lines"
     with reading(path, "a robot's log", remedy) as file:
         packed = file.read()

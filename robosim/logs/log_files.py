@@ -16,12 +16,10 @@ _RECORDINGS = {
 
 
 def read_log(path: Path, scans: Path | None = None, reference: Path | None = None) -> RobotLog:
-    """Read a log.
+    """Read a CARMEN log, packed by gzip or not, or odometry as a TUM file with scans.
 
-    Args:
-        path: A CARMEN log, packed by gzip or not; or odometry as a TUM file, which needs `scans`.
-        scans: Scans of a TUM file: a line each of time [s], first and last bearing [rad], and ranges [m].
-        reference: Poses to compare with, as a TUM file; instead of those in the log.
+    Each line of `scans` has time [s], first and last bearing [rad], and ranges [m]. A TUM file of reference poses
+    replaces those of the log.
 
     Raises:
         FileError: If a file is damaged, or none of these.

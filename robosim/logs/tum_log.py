@@ -18,11 +18,7 @@ _OUTSIDE_S = 0.5
 
 
 def read_tum_log(path: Path, scans: Path) -> RobotLog:
-    """A log of odometry (TUM) and scans (a line each: time [s], first and last bearing [rad], ranges [m]).
-
-    Raises:
-        FileError: If a file is damaged, or they have no time in common.
-    """
+    """A log of odometry (TUM) and scans; FileError if a file is damaged, or they have no time in common."""
     times, bearing, ranges = _read_scans(scans)
     track = _at(path, times)
     steps = [between(a, b) for a, b in pairwise(track)]
@@ -38,11 +34,7 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
 
 
 def with_reference(log: RobotLog, path: Path) -> RobotLog:
-    """The log with poses to compare with from a TUM file.
-
-    Raises:
-        FileError: If the file is damaged, or has no time in common with the log.
-    """
+    """The log with poses of a TUM file to compare with; FileError if that is damaged, or of another time."""
     return replace(log, reference=_at(path, log.times))
 
 

@@ -30,14 +30,9 @@ def fully_traced(cell: Int[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
 def with_coarse(
     cell: Int[np.ndarray, "n 2"], position: Float[np.ndarray, "n 2"]
 ) -> tuple[Int[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
-    """Receivers, and then all others around that rays were shot to.
+    """Cells and positions [m] of receivers, and then of all others around to which rays were shot.
 
-    Args:
-        cell: Row and column of each receiver, from 1 at the north-west.
-        position: Where it is [m].
-
-    Returns:
-        The same of all.
+    Cells are rows and columns from 1 at the north-west.
 
     Raises:
         ValueError: If receivers are on no grid of `SPACING_M`.
@@ -57,12 +52,7 @@ def with_coarse(
 
 
 def adopted(paths: Paths, cell: Int[np.ndarray, "n_rx 2"]) -> Bool[np.ndarray, " n"]:
-    """Which paths of one transmitter end at a fully traced receiver, or have the interactions of one that does around.
-
-    Args:
-        paths: Paths to receivers at these cells.
-        cell: Row and column of each.
-    """
+    """Which paths of one transmitter end at a fully traced receiver, or have the interactions of one around."""
     rows = np.column_stack([paths.interaction.astype(np.int64), paths.primitive])
     sequence = np.unique(rows, axis=0, return_inverse=True)[1].ravel().astype(np.int64)
     n_sequences = int(sequence.max(initial=0)) + 1

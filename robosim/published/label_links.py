@@ -41,16 +41,9 @@ TRACER = TracerConfig(
 def published_paths(
     tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], cell: Int[np.ndarray, "n 2"], tracer: Tracer
 ) -> Paths:
-    """Paths from a transmitter, as far as the published ray tracer could find them.
+    """Paths to receivers [m] at one height, as far as the published ray tracer could find them.
 
-    Args:
-        tx: Where the transmitter is [m].
-        rx: Where receivers are [m], all at one height.
-        cell: Row and column of each, from 1 at the north-west.
-        tracer: Of the published walls.
-
-    Raises:
-        ValueError: If receivers are on no regular grid.
+    Cells are rows and columns from 1 at the north-west. ValueError if receivers are on no regular grid.
     """
     all_cells, position = with_coarse(cell, rx[:, :2])
     all_rx = np.column_stack([position, np.full(len(position), rx[0, 2])])

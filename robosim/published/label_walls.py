@@ -27,11 +27,7 @@ Step = tuple[int, int]
 
 
 def published_walls(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
-    """Ends (x, y) [m] in `map` of walls, straight runs in one piece.
-
-    Args:
-        plan: With walls through the centres of its outermost free cells.
-    """
+    """Ends (x, y) [m] in `map` of walls through the outermost free cells, straight runs in one piece."""
     # The border is followed as in a picture: the row of the north first.
     lines, _ = cv2.findContours(plan.free[::-1].astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     walls: list[tuple[np.ndarray, np.ndarray]] = []

@@ -68,11 +68,7 @@ class Explained:
 
 
 def explained(hall: MeasuredHall, tracer: Tracer, config: MatchConfig) -> Explained:
-    """How much a tracer explains.
-
-    Raises:
-        ValueError: If strengths cannot be compared, see `residuals_db`.
-    """
+    """How much a tracer explains; ValueError as in `residuals_db`."""
     matched = match(hall, trace_hall(hall, tracer, config.height_m), config)
     off = residuals_db(hall, matched)
     assert hall.power_db is not None  # or there are no residuals
@@ -132,19 +128,9 @@ def fit_materials(
     config: MatchConfig,
     on_tried: Callable[[str], None] = lambda name: None,
 ) -> MaterialFit:
-    """Choose the materials of a plan's walls by measured strengths.
+    """Choose materials of a plan's walls by measured strengths, first for walls without a colour.
 
-    Args:
-        hall: What was measured, with powers.
-        plan: Where; in the frame of the table.
-        wall: Material of walls without a colour to begin with.
-        frequency_hz: Carrier frequency.
-        names: Materials to try.
-        config: When paths are the same.
-        on_tried: Called with each that was tried.
-
-    Raises:
-        ValueError: If strengths cannot be compared, see `residuals_db`.
+    ValueError if strengths cannot be compared, see `residuals_db`. `on_tried` is called with each material tried.
     """
     place = np.unique(hall.table[:, 0], return_inverse=True)[1]
     chosen_on = place % 2 == 0

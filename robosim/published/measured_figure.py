@@ -40,14 +40,7 @@ def draw_measured(
     matched: Matched,
     path: Path,
 ) -> None:
-    """Draw a stroke towards where each measured path arrives from, and its strength over the traced one's.
-
-    Args:
-        hall: What was measured, with powers.
-        building: Where.
-        matched: By the materials that were chosen.
-        path: The picture.
-    """
+    """Draw a stroke to where each measured path arrives from, and its strength over the traced one's."""
     assert hall.power_db is not None
     direct = matched.order == 0
     from_db = np.median(hall.power_db[direct]), np.median(matched.traced_db[direct])

@@ -55,13 +55,7 @@ def trace_hall(hall: MeasuredHall, tracer: Tracer, height_m: float) -> Paths:
 
 
 def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
-    """Pair measured with traced paths.
-
-    Args:
-        hall: What was measured.
-        paths: Of `trace_hall`.
-        config: How far they may be apart.
-    """
+    """Pair measured paths with those of `trace_hall`."""
     table = hall.table
     number, place_of = np.unique(table[:, 0], return_inverse=True)
     strongest = paths.strongest()

@@ -80,12 +80,9 @@ class MeasuredHall:
 
 
 def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
-    """Read a table of measured paths.
+    """Read a table of measured paths (.csv); the transmitter's heading is corrected by `turn_rad`.
 
-    Args:
-        path: The table (.csv).
-        turn_rad: What the transmitter's heading is corrected by [rad]; the authors of the public data turn it by
-            -1.6 degrees.
+    The authors of the public data turn it by -1.6 degrees.
 
     Raises:
         FileError: If the file is damaged, a column is missing, or a value is no number.

@@ -54,14 +54,7 @@ class ScatteringFit:
 def fit_scattering(
     hall: MeasuredHall, plan: FloorPlan, wall: str, frequency_hz: float, config: MatchConfig
 ) -> ScatteringFit:
-    """Hold what reflections leave over against what walls scatter.
-
-    Args:
-        hall: What was measured, with powers.
-        plan: Where; in the frame of the table.
-        wall: Material of walls without a colour.
-        frequency_hz: Carrier frequency.
-        config: When paths are the same.
+    """Compare the paths that reflections leave over with the power that walls scatter.
 
     Raises:
         ValueError: If powers were not measured, or no direct path is explained, or nothing left over is scattered.

@@ -44,12 +44,9 @@ _LEAST_SNR_DB, _LEAST_OTHER_DB = 0.0, 20.0
 def bearings_of(
     heard: Mapping[str, Measurement], radio: RadioLinkConfig, known: Mapping[str, Float[np.ndarray, "2"]]
 ) -> list[Bearing]:
-    """The directions in which transmitters appear that are heard well enough: of each the strongest path, then others.
+    """Directions of well received transmitters, by name: of each the strongest path, then others.
 
-    Args:
-        heard: What the robot made of its measurements, by the transmitters' names.
-        radio: How they were made.
-        known: Where those stand whose places are known, in `map` [m].
+    `known` are the places [m] in `map` of transmitters whose places are known.
     """
     bearings = []
     for name, measurement in heard.items():

@@ -109,11 +109,7 @@ class RadioLink:
         self.paths = None
 
     def measure(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
-        """Sound the channel at a true pose, and estimate its paths.
-
-        Args:
-            pose: x [m], y [m], yaw [rad] in `map`.
-            rng: Source of noise, phases and clock offsets.
+        """Sound the channel at a true pose in `map`, and estimate its paths.
 
         Returns:
             Estimates of the one link: arrivals in the robot's frame, departures in `map`.

@@ -33,11 +33,7 @@ class TrueStates:
 
 
 def read_classifier(name: str | Path) -> "LinkStateClassifier":
-    """A shipped classifier by name, or one from a file that `robosim train link-state` wrote.
-
-    Raises:
-        ValueError: If there is none.
-    """
+    """A shipped classifier by name, or one from a file of `robosim train link-state`; ValueError if there is none."""
     made: LinkStateClassifier = CLASSIFIER.make(str(name), field="classifier")
     return made
 

@@ -52,11 +52,7 @@ def free_path_m(gain_db: float, frequency_hz: float) -> float:
 
 
 def check_classifier(classifier: Part) -> None:
-    """See that a classifier tells link states by what is measured in episodes.
-
-    Raises:
-        ValueError: If there is none, or it needs something else.
-    """
+    """Raise ValueError if a classifier needs inputs that episodes do not measure."""
     made = CLASSIFIER.make(classifier, field="link_states")
     if "peak" in getattr(made, "inputs", ()):
         raise ValueError(
@@ -69,27 +65,16 @@ class Interpreter:
     """Understands measurements."""
 
     def __init__(self, radio: RadioLink, classifier: Part) -> None:
-        """Load a classifier.
-
-        Args:
-            radio: What measures; gives the antennas' gains, and the truth if that is asked for.
-            classifier: One of `robosim.parts.CLASSIFIER`.
-
-        Raises:
-            ValueError: If there is no such classifier.
-        """
+        """Load a classifier of `robosim.parts.CLASSIFIER`; the radio gives gains of antennas, and true states."""
         self._radio = radio
         self._classifier: Classifier = CLASSIFIER.make(classifier, field="link_states")
 
     def interpret(
         self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"], radio: RadioLink | None = None
     ) -> Measurement:
-        """Directions in `map` and link state of a measurement.
+        """Directions in `map` and link state of the estimates of one link, from an estimated pose.
 
-        Args:
-            paths: Estimates of one link, arrivals in the robot's frame.
-            pose: Where the robot believes to be.
-            radio: The link that was measured, if it is not the target's; gives its true state if that is asked for.
+        `radio` is the measured link, if it is not that of the target.
         """
         radio = radio or self._radio
         if paths is None:

@@ -43,16 +43,7 @@ class ReceiverGrid:
 
 
 def receiver_grid(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
-    """Receivers in free space, row by row from the bottom.
-
-    Args:
-        building: Where.
-        step_m: Distance between neighbours [m].
-        height_m: Above the floor [m].
-
-    Raises:
-        ValueError: If step or height do not fit the building.
-    """
+    """Receivers in free space, row by row from the bottom; ValueError if step or height do not fit the building."""
     plan = building.plan
     width, height = plan.shape[1] * plan.resolution_m, plan.shape[0] * plan.resolution_m
     check_step(step_m)
@@ -77,20 +68,12 @@ def raised(grid: ReceiverGrid, by_m: float) -> ReceiverGrid:
 
 
 def check_step(step_m: float) -> None:
-    """See that a step between receivers makes a grid.
-
-    Raises:
-        ValueError: If it does not.
-    """
+    """Raise ValueError if a step between receivers makes no grid."""
     check_number("grid", step_m, *STEP_M)
 
 
 def check_height(building: Building, height_m: float, name: str) -> None:
-    """Complain of a height that is not between floor and ceiling.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """Raise ValueError if a height is not between floor and ceiling."""
     if not 0 <= height_m <= building.height_m:
         raise ValueError(
             f"{name} is {height_m} m, expected 0 to {building.height_m:g} m, between floor and ceiling."

@@ -70,11 +70,7 @@ def built(plan: FloorPlan | OneStorey, config: BuildingConfig) -> Built:
 
 
 class RadioScene:
-    """The building of a plan, ready for tracing.
-
-    Args:
-        plan: The floor plan, or a storey of a building, where receivers are.
-        config: How it is built and traced.
+    """The building of a plan, or of a storey, in which receivers are, ready for tracing.
 
     Raises:
         MapError: If the plan has no free area.
@@ -98,20 +94,13 @@ class RadioScene:
         return self.whole.digest
 
     def grid(self, step_m: float) -> ReceiverGrid:
-        """Receivers on a grid over the plan, or the storey, at the configured height above its floor.
-
-        Raises:
-            ValueError: If step or height do not fit.
-        """
+        """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
         return raised(receiver_grid(self.building, step_m, self.config.height_m), self.floor_m)
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
-        """Points (x, y) or (x, y, z) [m] as positions.
+        """Points (x, y) or (x, y, z) [m] as positions; heights count from the lowest floor.
 
-        Args:
-            points: The points; without z they are at the configured height above the floor of the scene's storey.
-                Heights count from the lowest floor of all.
-            name: What the message calls them.
+        Without z a point is at the configured height above the floor of the scene's storey.
 
         Raises:
             ValueError: If one is not in free space; the message says where the nearest free point is.

@@ -63,14 +63,7 @@ class RadioTable:
     def trace(
         cls, building: Building, tracer: Tracer, place: Float[np.ndarray, "3"], step_m: float = STEP_M
     ) -> "RadioTable":
-        """Trace all nodes; some tenths of a millisecond each.
-
-        Args:
-            building: Where.
-            tracer: Made of the building.
-            place: Of the transmitter [m]; nodes are as high.
-            step_m: Distance between nodes [m].
-        """
+        """Trace all nodes, as high as the place of the transmitter [m]; some tenths of a millisecond each."""
         grid = regular_grid(building, step_m, float(place[2]))
         return cls(
             building=building, paths=tracer.trace(place[None], grid.position, workers=1), step_m=step_m
@@ -149,11 +142,7 @@ class RadioTable:
 
     @classmethod
     def read(cls, path: Path, building: Building) -> "RadioTable":
-        """Read what `write` wrote, for the building that it was traced in.
-
-        Raises:
-            FileError: If the file is damaged, or no table.
-        """
+        """Read a file of `write`, for the building in which it was traced; FileError if it is damaged, or no table."""
         with reading(path, "a table of radio paths", _REMEDY, most_bytes=_MOST_BYTES) as file:
             table = parquet_table(file)
             step = (table.schema.metadata or {}).get(b"step_m")

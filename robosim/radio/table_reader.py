@@ -35,16 +35,9 @@ SIGMA_RAD, SIGMA_SAMPLES, SIGMA_DB = np.radians([0.05, 1.0]), 0.02, 0.3
 def read_paths(
     paths: Paths, heading_rad: float, sounder: Sounder, rng: np.random.Generator | None
 ) -> PathEstimates:
-    """Estimates of one link.
+    """Estimates of one link from its true paths; `heading_rad` is the azimuth of the receiver's +x.
 
-    Args:
-        paths: True paths of the link.
-        heading_rad: Azimuth of the receiver's own +x.
-        sounder: Whose budget and window it is.
-        rng: Source of errors; None for none.
-
-    Returns:
-        Arrivals in the receiver's frame, departures in the scene's.
+    Without `rng` there are no errors. Arrivals are in the receiver's frame, departures in the scene's.
     """
     power = np.abs(paths.gain[:, 0, 0]) ** 2
     order = np.argsort(-power, kind="stable")
@@ -76,14 +69,7 @@ def _told_apart(
     delay: Float[np.ndarray, " n"],
     window: float,
 ) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-    """Paths that the receiver can tell apart: number, power with all that they hide, and whether one is beside.
-
-    Args:
-        power: Falling.
-        aoa: Azimuths of arrival [rad].
-        delay: Delays [samples].
-        window: Most between the strongest and another [samples].
-    """
+    """Paths that the receiver separates: number, power with all merged ones, whether one is close to others."""
     which, total, beside = np.empty(MOST, np.int64), np.zeros(MOST), np.zeros(MOST, np.int64)
     count = 0
     for k in range(len(power)):
@@ -113,13 +99,7 @@ def _told_apart(
 def states_of(
     links: Iterable[Paths], sounder: Sounder, classifier: Classifier
 ) -> Float[np.ndarray, "links 4"]:
-    """What a classifier takes the states of links to be, from their paths read without errors.
-
-    Args:
-        links: Paths of one link each.
-        sounder: Whose budget and window it is.
-        classifier: Tells link states.
-    """
+    """Probabilities of link states by a classifier, from the paths of each link, read without errors."""
     read = [read_paths(paths, 0.0, sounder, None) for paths in links]
     aoa, aod, snr, delay = (
         np.concatenate([getattr(one, name) for one in read])

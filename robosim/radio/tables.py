@@ -26,23 +26,13 @@ class RadioTables:
     """Tables by the place of the transmitter."""
 
     def __init__(self, building: Building, tracer: Tracer, folder: Path | None) -> None:
-        """Nothing is traced yet.
-
-        Args:
-            building: Where.
-            tracer: Made of the building.
-            folder: Where tables are kept in files; None for nowhere.
-        """
+        """Nothing is traced yet; tables are stored in a folder if one is given."""
         self._building, self._tracer, self._folder = building, tracer, folder
         self._states: WeakKeyDictionary[RadioTable, tuple[Classifier, np.ndarray]] = WeakKeyDictionary()
         self._kept: OrderedDict[bytes, RadioTable] = OrderedDict()
 
     def of(self, place: Float[np.ndarray, "3"]) -> RadioTable:
-        """The table of a transmitter at a place [m].
-
-        Raises:
-            FileError: If its file is damaged.
-        """
+        """The table of a transmitter at a place [m]; FileError if its file is damaged."""
         key = np.asarray(place, float).tobytes()
         if key not in self._kept:
             self._kept[key] = self._read_or_trace(np.asarray(place, float))

@@ -17,16 +17,7 @@ def random_transmitters(
 ) -> Float[np.ndarray, "count 3"]:
     """Places drawn evenly over free space at a height within the building [m], rounded to millimetres.
 
-    More of them begin with the same ones.
-
-    Args:
-        building: Where.
-        count: How many.
-        height_m: Above the floor [m].
-        rng: Source of randomness.
-
-    Raises:
-        MapError: If there is no free space.
+    More of them begin with the same ones. MapError if there is no free space.
     """
     free = building.free_at(height_m)
     room = free.buffer(-CLEARANCE_M)

@@ -61,14 +61,7 @@ def run_actions(
     runs: Iterable[object],
     rng: np.random.Generator,
 ) -> Runs:
-    """Run each action again and again.
-
-    Args:
-        world: Moves the robot on the open floor.
-        noise: How actions and odometry err.
-        runs: Each action is run once for each of them.
-        rng: Source of the noise.
-    """
+    """Run each action once for each of `runs` on the open floor."""
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
     motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
@@ -85,13 +78,13 @@ def run_actions(
 
 
 def read_runs(path: Path) -> Runs:
-    """Runs from a table, a row a run, with `COLUMNS`; action is forward, left, right or backward.
+    """Runs from a table with `COLUMNS`, a row for each run of forward, left, right or backward.
 
-    Of a step back there need be none: it is taken for a step forward driven the other way.
+    Without backward steps, reversed forward steps are used.
 
     Raises:
-        FileError: If the file is damaged, a column is missing, a value is none that a displacement has, or an action
-            has fewer than ten runs.
+        FileError: If the file is damaged, a column is missing, a value is out of range, or an action has fewer than ten
+            runs.
     """
     names = [action.name.lower() for action in Action]
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}

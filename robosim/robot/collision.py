@@ -80,14 +80,9 @@ def placed_solids(building: Building, height_m: float) -> WallSolids:
 
 
 def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
-    """Convex pieces of solid along the boundary of free space.
+    """Convex pieces that cover the solid side of each wall line around free space [m], and no free space.
 
-    Args:
-        free: Free space in `map` [m], valid.
-        plan: Where the outline comes from: its cells are the lattice, if the outline still follows them.
-
-    Returns:
-        Pieces that cover the solid side of each wall line, and no free space.
+    The plan's cells are the lattice, if the outline still follows them.
     """
     segments = wall_segments(free)
     solids = _along_lattice(segments, plan) or _behind_walls(_around(free).difference(free), segments)
@@ -96,16 +91,7 @@ def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
 
 
 def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
-    """Complain of a pose where a hull would be in a wall.
-
-    Args:
-        free: Free space in `map` [m].
-        pose: x [m], y [m], yaw [rad].
-        radius_m: Radius of the hull [m].
-
-    Raises:
-        ValueError: If walls are nearer than the radius, by more than `FIT_M`, or the pose is not finite.
-    """
+    """Raise ValueError if a hull would be in a wall by more than `FIT_M` at a pose, or the pose is not finite."""
     if not np.isfinite(pose).all():
         raise ValueError(f"pose = {pose}, expected finite x [m], y [m], yaw [rad].")
     centre = shapely.Point(pose[0], pose[1])

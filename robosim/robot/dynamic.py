@@ -57,13 +57,7 @@ class World:
     def __init__(
         self, building: Building, *, robot: RobotConfig | None = None, config: PhysicsConfig | None = None
     ) -> None:
-        """Build the model; takes some tenths of a second on a large plan.
-
-        Args:
-            building: Its `free` area gives the walls, and what is placed in it stands before a robot of this height.
-            robot: The robot's body; by default a small one.
-            config: Physics settings.
-        """
+        """Build the model; takes some tenths of a second on a large plan."""
         self.building = building
         self.robot = robot or RobotConfig()
         self._stall_slip_mps = self.robot.stall_slip_mps  # asked for thirty times a motion
@@ -86,7 +80,7 @@ class World:
         self._height_m = float(self._body[2])  # where it rests on its wheels
 
     def another(self) -> "World":
-        """The same building with another robot in it; neither knows of the other."""
+        """The same building with another robot in it, independent of the first."""
         other = copy(self)
         other._begin_data()
         return other
@@ -105,11 +99,7 @@ class World:
         self._touched = self._at_wall = False  # during this motion, in its last control period
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`, at rest.
-
-        Raises:
-            ValueError: If the hull does not fit there.
-        """
+        """Put the robot at a pose in `map`, at rest; ValueError if the hull does not fit there."""
         check_pose(self._room, pose, self.robot.radius_m)
         self._place(pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2])
 
@@ -122,12 +112,8 @@ class World:
     def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
         """Go to a pose near by, and stop there or where walls stop the robot.
 
-        Args:
-            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad] in [-pi, pi]. The
-                wheels do what wheels can, the rest is slip.
-
-        Returns:
-            How it went; collided if a wall left it off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
+        The displacement is dx [m], dy [m], dyaw [rad] in [-pi, pi] in the robot's frame. What wheels cannot do is slip.
+        The motion collided if a wall left the robot off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
         """
         check_displacement(displacement)
         self._begin()
@@ -139,15 +125,10 @@ class World:
         return self._motion(self._touched and (off_m > BLOCKED_M or off_rad > BLOCKED_RAD))
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive with a speed and a turn rate, and roll on: the next `drive` takes over at full speed.
+        """Drive with a speed and a turn rate, and roll on: the next `drive` continues at full speed.
 
-        Args:
-            v_mps: Speed forward [m/s]. Speeds that a wheel cannot have are reduced, along the same arc.
-            w_radps: Turn rate, counter-clockwise [rad/s].
-            duration_s: For how long [s], rounded to physics steps. Speeds change within the robot's bounds.
-
-        Returns:
-            How it went; collided if the hull touched a wall.
+        Speeds that a wheel cannot have are reduced, along the same arc, and change within the robot's bounds. The time
+        is rounded to physics steps. The motion collided if the hull touched a wall.
         """
         check_drive(v_mps, w_radps, duration_s)
         self._begin()
@@ -159,7 +140,7 @@ class World:
         return self._motion(self._touched)
 
     def _place(self, x: float, y: float, yaw: float) -> None:
-        """Start anew with the robot at a pose in the model's frame; nothing of the past remains."""
+        """Reset the state with the robot at a pose in the model's frame."""
         mujoco.mj_resetData(self.model, self.data)
         self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
         self._told, self._at_wall = (0.0, 0.0), False
@@ -190,14 +171,7 @@ class World:
             self._advance(self.config.control_steps)
 
     def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose, *, closing: bool) -> None:
-        """Tell wheels and floor the speeds for the next control period.
-
-        Args:
-            plan: Where to be.
-            time_s: Time since its start [s].
-            pose: Where the robot is.
-            closing: Whether to correct the position too, not only the heading.
-        """
+        """Set speeds of wheels and floor for the next control period; `closing` corrects the position too."""
         period_s = self.config.control_steps * self.config.timestep_s
         lead_s = time_s + SERVO_LAG_S + self.config.timestep_s / 2
         now, ahead, then = plan.at(time_s), plan.at(lead_s), plan.at(lead_s + period_s)
@@ -242,7 +216,7 @@ class World:
         self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
 
     def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
-        """Speeds on the way to wanted ones, as far as a wheel's acceleration allows in one control period."""
+        """Speeds towards target speeds, as far as a wheel's acceleration allows in one control period."""
         v, w = self._told
         dv, dw = v_mps - v, w_radps - w
         change = abs(dv) + abs(dw) * self.robot.track_m / 2
@@ -292,7 +266,7 @@ class World:
 
 
 def _let_walls_sleep(model: mujoco.MjModel) -> None:
-    """Work out once, rather than at each step, where pieces of wall are: the same motions, to the bit.
+    """Compute positions of walls once, rather than at each step: motions are bit-identical.
 
     What moves is always awake.
     """

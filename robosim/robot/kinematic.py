@@ -43,13 +43,7 @@ class KinematicWorld:
     """A building with one robot, moved without forces."""
 
     def __init__(self, building: Building, *, robot: RobotConfig | None = None, slide: bool = False) -> None:
-        """Sort the walls of a building.
-
-        Args:
-            building: Its `floor` for a robot of this height gives the walls.
-            robot: The robot's body, of which size, height and speed matter here.
-            slide: Whether a blocked robot goes on along the wall.
-        """
+        """Sort the walls of a building; with `slide` a blocked robot continues along the wall."""
         self.building = building
         self.robot = robot or RobotConfig()
         self.slide = slide
@@ -60,15 +54,11 @@ class KinematicWorld:
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
 
     def another(self) -> "KinematicWorld":
-        """The same building with another robot in it; neither knows of the other."""
+        """The same building with another robot in it, independent of the first."""
         return copy(self)
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`.
-
-        Raises:
-            ValueError: If the hull does not fit there.
-        """
+        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`; ValueError if the hull does not fit there."""
         check_pose(self._room, pose, self.robot.radius_m)
         self._x, self._y = float(pose[0] - self._origin[0]), float(pose[1] - self._origin[1])
         self._yaw = wrap(float(pose[2]))
@@ -79,16 +69,10 @@ class KinematicWorld:
         return np.array([self._x + self._origin[0], self._y + self._origin[1], self._yaw])
 
     def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
-        """Go to a pose near by, or to where walls stop the disk.
+        """Go to a pose near by, or to where walls stop the disk: dx [m], dy [m], dyaw [rad] in the robot's frame.
 
-        The way leads forward first, then sideways, so that slip into a wall does not keep a robot from
-        driving along it.
-
-        Args:
-            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad].
-
-        Returns:
-            How it went; collided if a wall left the robot off its goal by more than `BLOCKED_M`.
+        It moves forward first, then sideways, so that slip into a wall does not stop a robot along it. The motion
+        collided if a wall left the robot off its goal by more than `BLOCKED_M`.
         """
         check_displacement(displacement)
         dx, dy, turn = (float(part) for part in displacement)
@@ -101,15 +85,9 @@ class KinematicWorld:
         return Motion(self.pose, blocked, self.robot.profile(displacement).duration_s)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive along an arc for a while, at once at full speed.
+        """Drive along an arc for a while, at once at full speed; collided if a wall shortened the arc.
 
-        Args:
-            v_mps: Speed forward [m/s]. Speeds that a wheel cannot have are reduced, along the same arc.
-            w_radps: Turn rate, counter-clockwise [rad/s].
-            duration_s: For how long [s].
-
-        Returns:
-            How it went; collided if a wall shortened the way.
+        Speeds that a wheel cannot have are reduced, along the same arc.
         """
         check_drive(v_mps, w_radps, duration_s)
         v, w = self.robot.within_reach(v_mps, w_radps)
@@ -191,17 +169,10 @@ class _Walls:
         self._radius_m = radius_m
 
     def meet(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float, float] | None:
-        """Where a disk that moves on a straight line first meets a wall.
-
-        Args:
-            x: Its centre [m].
-            y: Its centre [m].
-            dx: Its way along x [m].
-            dy: Its way along y [m].
+        """Where a disk that moves from x, y by dx, dy [m] first meets a wall; None if it meets none.
 
         Returns:
-            Part of the way that it can go, and the unit vector (x, y) from the wall to its centre there. None
-            if it can go all the way.
+            Share of the motion that it completes, and the unit vector (x, y) from the wall to its centre there.
         """
         part, nx, ny = _first_wall(
             self._start, self._along, self._length, self._radius_m, float(x), float(y), float(dx), float(dy)

@@ -86,13 +86,7 @@ class PlannedMove:
     def __init__(
         self, start: tuple[float, float, float], displacement: Float[np.ndarray, "3"], profile: SpeedProfile
     ) -> None:
-        """Plan the way straight from a pose to the pose that a displacement leads to.
-
-        Args:
-            start: Pose x [m], y [m], yaw [rad].
-            displacement: Goal in the robot's frame at the start: dx [m], dy [m], dyaw [rad].
-            profile: How fast to go.
-        """
+        """Plan a straight motion from a pose by a displacement in the robot's frame (x [m], y [m], yaw [rad])."""
         dx, dy, self.turn_rad = (float(part) for part in displacement)
         c, s = math.cos(start[2]), math.sin(start[2])
         self.start, self.profile = start, profile
@@ -112,13 +106,13 @@ class PlannedMove:
 
 
 def check_displacement(displacement: Float[np.ndarray, "3"]) -> None:
-    """Complain of a displacement that is not three finite numbers."""
+    """Raise ValueError for a displacement that is not three finite numbers."""
     if np.shape(displacement) != (3,) or not np.isfinite(displacement).all():
         raise ValueError(f"displacement = {displacement}, expected finite dx [m], dy [m], dyaw [rad].")
 
 
 def check_drive(v_mps: float, w_radps: float, duration_s: float) -> None:
-    """Complain of a drive that is not finite, or takes negative time."""
+    """Raise ValueError for a drive that is not finite, or takes negative time."""
     if not (math.isfinite(v_mps) and math.isfinite(w_radps)):
         raise ValueError(f"v_mps, w_radps = {v_mps}, {w_radps}, expected finite speeds.")
     if not (math.isfinite(duration_s) and duration_s >= 0):

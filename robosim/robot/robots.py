@@ -123,11 +123,7 @@ LOCOBOT = RobotConfig(
 
 
 def read_robot(path: Path) -> RobotConfig:
-    """A robot from a YAML or JSON file that has some of the fields above, such as `radius_m: 0.25`.
-
-    Raises:
-        FileError: If the file is damaged, or a field unknown or out of its bounds.
-    """
+    """A robot from a YAML or JSON file of fields such as `radius_m: 0.25`; FileError if it is damaged."""
     with reading(path, "a robot", "Give fields of RobotConfig, such as radius_m: 0.25") as file:
         parse = parse_json if path.suffix == ".json" else parse_yaml
         return from_dict(RobotConfig, parse(file.read()))

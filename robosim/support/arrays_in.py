@@ -41,17 +41,11 @@ def read_npz(
     optional: Collection[str] = (),
     most_bytes: int = MOST_BYTES,
 ) -> dict[str, np.ndarray]:
-    """Arrays of an archive.
-
-    Args:
-        file: The archive.
-        expected: What each array must be, by its name; others are left alone.
-        optional: Those that may be missing, as in files of an earlier version.
-        most_bytes: How large they may be together.
+    """Arrays of an archive that are `expected`, or `optional` and present; others are ignored.
 
     Raises:
-        ValueError: In a few words, of whatever is wrong with one.
-        Exception: Whatever a damaged archive makes its reader raise.
+        ValueError: If an array is not as expected, or all together have more than `most_bytes`.
+        Exception: Any error of a reader of a damaged archive.
     """
     _check_directory(file)
     arrays: dict[str, np.ndarray] = {}
@@ -74,11 +68,7 @@ def read_npz(
 
 
 def parse_npy(content: bytes, name: str = "the array") -> np.ndarray:
-    """The array of an `.npy` file, which may be written to.
-
-    Raises:
-        ValueError: If it is damaged, or of objects or records.
-    """
+    """The array of an `.npy` file, writable; ValueError if it is damaged, or of objects or records."""
     stream = io.BytesIO(content)
     version = npy.read_magic(stream)
     read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
@@ -99,13 +89,7 @@ def parse_npy(content: bytes, name: str = "the array") -> np.ndarray:
 
 
 def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]) -> np.ndarray:
-    """The array, if it is as expected.
-
-    Args:
-        array: What was read.
-        expected: What it must be.
-        name: What it is called, for the message.
-        sizes: Lengths of named axes; those that it is the first to have are added.
+    """The array, if it is as expected; lengths of new named axes are added to `sizes`.
 
     Raises:
         ValueError: If it is not.
@@ -135,23 +119,13 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
 
 
 def ragged(name: str, some: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Arrays of any length as one of a name, and their lengths as `NAME_count`.
-
-    Args:
-        name: What it is called.
-        some: The arrays.
-        empty: Shape of none.
-    """
+    """Arrays of any length as one of a name, and their lengths as `NAME_count`; `empty` is the shape of none."""
     joined = np.concatenate(some) if len(some) else np.zeros(empty)
     return {name: joined, f"{name}_count": np.array([len(one) for one in some], np.int64)}
 
 
 def parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
-    """The arrays that `ragged` has joined.
-
-    Raises:
-        ValueError: If their lengths do not sum up.
-    """
+    """The arrays that `ragged` has joined; ValueError if their lengths do not sum up."""
     joined, lengths = arrays[name], arrays[f"{name}_count"]
     # Each is asked for before their sum, which may overflow.
     if len(lengths) and not (lengths.min() >= 0 and lengths.max() <= len(joined) == lengths.sum()):
@@ -160,7 +134,7 @@ def parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
 
 
 def _check_directory(file: IO[bytes]) -> None:
-    """Refuse an archive whose directory alone would fill the memory."""
+    """Reject an archive whose directory alone would fill the memory."""
     file.seek(max(0, file.seek(0, io.SEEK_END) - (1 << 16)))
     tail = file.read()
     at = tail.rfind(b"PK\x05\x06")

@@ -19,13 +19,10 @@ class Checkpoint:
         self.path = Path(path)
 
     def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
-        """Put the state back that was saved last, if there is one.
-
-        Args:
-            put: Takes the state over; what it raises is told as damage of the file.
+        """Give the last saved state, if there is one, to `put`; errors of `put` count as damage of the file.
 
         Raises:
-            FileError: If the file is damaged, or its state is refused.
+            FileError: If the file is damaged, or its state is rejected.
         """
         if os.path.lexists(self.path):
             with reading(self.path, "the checkpoint of a training", "Delete it to begin anew.") as file:
@@ -41,12 +38,7 @@ class Checkpoint:
 
 
 def _whole(file: BinaryIO) -> dict[str, Any]:
-    """What `torch.save` wrote into a file; no code in it is run.
-
-    Raises:
-        ValueError: If its bytes are not those that were written.
-        Exception: Whatever other damage makes the reader raise.
-    """
+    """Content of a file of `torch.save`, with checked sums; no code in it is run."""
     import torch
 
     with zipfile.ZipFile(file) as archive:

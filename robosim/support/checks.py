@@ -42,10 +42,6 @@ SIZE_PX = Range(8, 4096, "pixels", "Try 128.")
 
 
 def check_some(name: str, values: Collection[object], expected: str) -> None:
-    """See that there is at least one of several values.
-
-    Raises:
-        ValueError: If there is none.
-    """
+    """Raise ValueError if there is none of several values."""
     if not values:
         raise ValueError(f"{name} is empty, expected {expected}.")

@@ -49,7 +49,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
-    """Errors of the disk inside the block name the file, which that of a full disk does not by itself."""
+    """Errors of the disk inside the block name the file, which the error of a full disk does not do by itself."""
     try:
         yield
     except OSError as error:
@@ -65,7 +65,7 @@ def partial_path(path: Path) -> Path:
 
 
 def remove_partials(folder: Path) -> None:
-    """Remove what processes that were killed have left in a folder and those below; no other may be at work there."""
+    """Remove partial files of killed processes in a folder and those below; no other process may work there."""
     for left in list(folder.rglob(".*.partial-*")):
         if left.is_dir() and not left.is_symlink():
             shutil.rmtree(left, ignore_errors=True)
@@ -80,12 +80,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder, each whole, in their order.
-
-    Args:
-        folder: Where to.
-        files: Contents by names, which may have folders in them.
-    """
+    """Write files into a folder, each whole, in their order; names may have folders in them."""
     for name, content in files.items():
         write_whole(folder / name, content)
 

@@ -53,11 +53,9 @@ class Interrupt:
 def noted_interrupt(
     waits_for: str, signals: tuple[signal.Signals, ...] = (signal.SIGINT,)
 ) -> Iterator[Interrupt]:
-    """Note the first signal inside of the block; outside of the main thread, which alone gets signals, none comes.
+    """Note the first signal inside of the block, and print what the loop finishes first, which is `waits_for`.
 
-    Args:
-        waits_for: What the loop will finish first, as the person is told.
-        signals: Which are noted.
+    Outside of the main thread, which alone receives signals, none comes.
     """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
@@ -78,11 +76,10 @@ def noted_interrupt(
 
 @contextmanager
 def unwinding() -> Iterator[Interrupt]:
-    """Let SIGTERM unwind the program, as Ctrl-C does, so that files that are not whole are removed on the way.
+    """Let SIGTERM unwind the program, as Ctrl-C does, so that partial files are removed.
 
-    Yields:
-        What came. A library that is being imported may swallow the interruption and fail of what is then missing: an
-        error after a signal is reported as the signal.
+    Yields the signal: a library may swallow an interruption of its import and fail later, so that an error after a
+    signal is reported as the signal.
     """
     interrupt = Interrupt()
 

@@ -192,11 +192,7 @@ def _told(error: Exception) -> bytes:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let this process end soon after its parent has, however that ended.
-
-    Args:
-        parent: Number of the process that started this one.
-    """
+    """Let this process end soon after its parent, whose number is given, however the parent ends."""
 
     def follow() -> None:
         while os.getppid() == parent:

@@ -48,18 +48,13 @@ def reading(
     most_bytes: int = MOST_BYTES,
     kind: type[FileError] = FileError,
 ) -> Iterator[BinaryIO]:
-    """A regular file, open for as long as the block lasts, which is where it is taken apart and checked.
+    """A regular file, open as long as the block lasts, which parses and checks it.
 
-    Args:
-        path: The file.
-        what: What it should hold, with its article: "a mesh".
-        remedy: What to do about a damaged one: a sentence.
-        most_bytes: Size above which it is refused.
-        kind: Class of the errors.
+    `what` is its expected content with an article, such as "a mesh"; `remedy` is a sentence.
 
     Raises:
-        FileError: Of the given kind, for any failure inside and for all that is no such file. A check inside may
-            raise a ValueError of a few words, which become the reason. What names a file already passes.
+        FileError: Of the given kind, for any failure inside, and for anything but a regular file of `most_bytes` at
+            most. The words of a ValueError inside become the reason; an error that names a file passes.
     """
     number = _opened(Path(path), shown(path), what, remedy, most_bytes, kind)
     with open(number, "rb") as file, naming(path, what, remedy, kind=kind):
@@ -70,7 +65,7 @@ def reading(
 def naming(
     path: str | Path, what: str, remedy: str = _COPY, *, kind: type[FileError] = FileError
 ) -> Iterator[None]:
-    """What `reading` does with errors, for content that is taken apart after its file was closed."""
+    """The errors of `reading`, for content that is parsed after its file was closed."""
     path, name = Path(path), shown(path)
     with _quiet():
         try:
@@ -96,7 +91,7 @@ def read_bytes(
     most_bytes: int = MOST_BYTES,
     kind: type[FileError] = FileError,
 ) -> bytes:
-    """Content of a regular, not empty file; arguments and errors as of `reading`."""
+    """Content of a regular file that is not empty; arguments and errors as in `reading`."""
     with reading(path, what, remedy, most_bytes=most_bytes, kind=kind) as file:
         return file.read()
 

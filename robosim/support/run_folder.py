@@ -29,17 +29,13 @@ class FolderError(ValueError):
 def run_folder(
     folder: Path, command: str, settings: Mapping[str, Any] | None = None, *, grows: tuple[str, ...] = ()
 ) -> Iterator[Path]:
-    """Work in a folder alone.
+    """Work in a folder alone; it is made if it is missing, and removed again if it stays empty.
 
-    Args:
-        folder: The folder, made if it is missing; removed again if nothing came of the work.
-        command: What is at work, such as "dataset".
-        settings: All that results depend on, if the run goes on from what it finds.
-        grows: Settings that are dictionaries to which a later run may add, or of which it may ask for a part.
+    `settings` hold everything that results depend on, if the run resumes. `grows` names settings that are dictionaries
+    to which a later run may add keys, or of which it may need only some.
 
     Raises:
-        FolderError: If the folder cannot be used, is in use, or holds results of another command or of other
-            settings.
+        FolderError: If the folder cannot be used, is in use, or holds results of another command or of other settings.
     """
     folder = Path(folder)
     check_folder(folder, command)
@@ -65,11 +61,7 @@ def run_folder(
 
 
 def check_folder(folder: Path, command: str) -> None:
-    """See whether a command can write its results into a folder, and change nothing.
-
-    Raises:
-        FolderError: If it cannot.
-    """
+    """Raise FolderError if a command cannot write its results into a folder; nothing is changed."""
     folder = Path(folder)
     at = folder
     while not _exists(at):

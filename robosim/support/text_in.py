@@ -29,15 +29,7 @@ _MOST_VALUES = 150_000
 
 
 def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
-    """What a JSON text in UTF-8 says.
-
-    Args:
-        content: The text.
-        numbers: "any" takes NaN and Infinity too, which are not JSON's.
-
-    Raises:
-        ValueError: In a few words, of whatever is wrong with it.
-    """
+    """The value of a JSON text in UTF-8; `numbers="any"` accepts NaN and Infinity too, which JSON lacks."""
     if _TOO_LONG.search(content):
         raise ValueError(f"a whole number of more than {MOST_DIGITS} digits")
     constant, real = (None, None) if numbers == "any" else (_no_number, _real)
@@ -49,31 +41,13 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
 def read_json(
     path: str | Path, what: str, remedy: str = "Copy or export it again.", *, keys: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """What a JSON file with keys and values says.
-
-    Args:
-        path: The file.
-        what: What it should hold, with its article.
-        remedy: What to do about a damaged one.
-        keys: Those that it must have.
-
-    Raises:
-        FileError: If it is damaged, or no regular file.
-    """
+    """The dictionary of a JSON file with some `keys`; `what` and `remedy` as in `reading`."""
     with reading(path, what, remedy, most_bytes=MOST_JSON) as file:
         return check_object(parse_json(file.read()), keys)
 
 
 def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
-    """What a YAML text says.
-
-    Args:
-        content: The text.
-        as_text: Leaves numbers and truth values as text.
-
-    Raises:
-        ValueError: In a few words, of whatever is wrong with it.
-    """
+    """The value of a YAML text; `as_text` leaves numbers and truth values as text."""
     try:
         value = yaml.load(content, Loader=_TextLoader if as_text else _ValueLoader)
         _check_depth(value)
@@ -85,7 +59,7 @@ def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
 
 
 def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
-    """Lines, from 1 on, and their numbers, NaN and infinite ones too; without empty lines and those that begin with #.
+    """Numbers of lines, from 1, and of their values; empty lines and lines that begin with # are left out.
 
     Raises:
         ValueError: With the line, if a word in it is not a number.
@@ -117,11 +91,7 @@ def check_rising(lines: list[int], times: Float[np.ndarray, " n"]) -> None:
 
 
 def check_object(value: Any, keys: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The value, if it is a dictionary with these keys.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """The value, if it is a dictionary with these keys; else ValueError."""
     if not isinstance(value, dict):
         raise ValueError(f"a {type(value).__name__}, expected keys and values")
     if missing := [key for key in keys if key not in value]:

@@ -35,16 +35,9 @@ class Workers:
     def __init__(
         self, count: int, cluster: str | None = None, *, what: str = "calls", resumable: bool = False
     ) -> None:
-        """Say how many, or where.
+        """Processes on this machine, or the workers of the dask scheduler at the address `cluster`.
 
-        Args:
-            count: Processes at once on this machine.
-            cluster: Address of a dask scheduler whose workers are used instead.
-            what: What the calls make, for messages.
-            resumable: Whether a call goes on by itself where it was stopped, so that Ctrl-C need not wait for it.
-
-        Raises:
-            ValueError: If the count is less than 1.
+        `what` names the calls in messages. Calls that are `resumable` are stopped by Ctrl-C at once.
         """
         if count < 1:
             raise ValueError(f"workers is {count}, expected at least one process.")
@@ -72,20 +65,14 @@ class Workers:
     def run(
         self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Any]]:
-        """Call a function many times.
+        """Call a function with each of some arguments; yields numbers of calls and their results, as they come.
 
-        Args:
-            function: What to call. It and its arguments are pickled by value where need be, so that those of
-                a script or a notebook will do.
-            calls: Arguments of each call.
-
-        Yields:
-            Number of a call, and its result, as they come.
+        Functions and arguments are pickled by value where necessary, so that those of a script or a notebook work.
 
         Raises:
-            KeyboardInterrupt: After Ctrl-C, when the calls that were running have been handed back.
+            KeyboardInterrupt: After Ctrl-C, when all running calls are finished.
             WorkerLost: At the end, if processes were killed; or at once, if no new one stays alive.
-            Exception: What a call raises.
+            Exception: The first error of a call.
         """
         waiting = enumerate(calls)
         running: dict[Future[Any], int] = {}
