@@ -9,12 +9,7 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from robosim.commands.output import console, emit_result_file
-from robosim.commands.shared_options import (
-    NO_OPTIONS,
-    Reading,
-    read,
-    results_folder,
-)
+from robosim.commands.shared_options import NO_OPTIONS, Reading, read, results_folder
 from robosim.support.checks import FREQUENCY_HZ, Range
 
 _FREQUENCY_GHZ = Range(FREQUENCY_HZ.least / 1e9, FREQUENCY_HZ.most / 1e9, "GHz")
@@ -29,7 +24,6 @@ def calibrate_materials(
     turn_deg: Annotated[float, Range(-360, 360, "degrees")] = 0.0,
     height: float = 1.5,
     range_db: float = 40.0,
-    scattering: bool = False,
     reading: Reading = NO_OPTIONS,
     out: Path | None = None,
 ) -> None:
@@ -51,83 +45,40 @@ def calibrate_materials(
         turn_deg: Correction of the transmitter's heading in the table [deg].
         height: Height of both ends [m].
         range_db: Traced paths that are weaker than the strongest of their place by more than this are ignored [dB].
-        scattering: Whether to estimate how strongly walls scatter the power that reflections do not explain.
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
     """
     from robosim.building.building import BuildingConfig, make_building
     from robosim.plans.files import write_ros
-    from robosim.published.material_fit import (
-        ADDED,
-        EDGES,
-        NOTHING,
-        candidates,
-        explained,
-        fit_materials,
-        tracer_of,
-    )
+    from robosim.published.material_fit import ADDED, EDGES, Fit
     from robosim.published.measured_figure import draw_measured
-    from robosim.published.measured_match import MatchConfig, match, trace_hall
-    from robosim.published.measured_paths import read_measured_paths
-    from robosim.published.scattering_fit import fit_scattering
+    from robosim.published.measured_paths import MatchConfig, read_measured_paths
     from robosim.support.files import write_json
     from robosim.support.progress import unit_progress
 
-    config = MatchConfig(height_m=height, range_db=range_db)
-    frequency_hz = frequency_ghz * 1e9
     with results_folder(out, "calibrate-materials") as folder:
         floor_plan = read(plan, reading)
         hall = read_measured_paths(paths, math.radians(turn_deg))
-        names = candidates(frequency_hz)
-        walls = 1 + sum(given != NOTHING for given in floor_plan.materials)
-        with unit_progress(console, "materials tried", len(names) * walls) as tried:
-            fit = fit_materials(
-                hall,
-                floor_plan,
-                wall=material,
-                frequency_hz=frequency_hz,
-                names=names,
-                config=config,
-                on_tried=tried,
-            )
-        fitted = replace(floor_plan, materials=fit.colours)
-        rows = {
-            name: explained(hall, tracer_of(fitted, fit.wall, frequency_hz, kind), config)
-            for name, kind in ADDED.items()
-        }
-        tracer = tracer_of(fitted, fit.wall, frequency_hz, EDGES)
-        matched = match(hall, trace_hall(hall, tracer, height), config)
-        building = make_building(fitted, config=BuildingConfig(wall_material=fit.wall))
-        draw_measured(hall, building, matched, folder / "measured.png")
+        fit = Fit(hall, frequency_ghz * 1e9, MatchConfig(height_m=height, range_db=range_db))
+        with unit_progress(console, "materials tried", fit.n_trials(floor_plan)) as tried:
+            found = fit.choose(floor_plan, material, tried)
+        fitted = replace(floor_plan, materials=found.colours)
+        rows = {name: fit.explained(fitted, found.wall, kind) for name, kind in ADDED.items()}
+        building = make_building(fitted, config=BuildingConfig(wall_material=found.wall))
+        draw_measured(hall, building, fit.match(fitted, found.wall, EDGES), folder / "measured.png")
         if fitted.materials:
             write_ros(fitted, folder / "plan" / f"{fitted.name}.yaml")
-        explained_by = {name: asdict(row) for name, row in rows.items()}
-        rough = fit_scattering(hall, fitted, fit.wall, frequency_hz, config) if scattering else None
-        write_json(
-            folder / "materials.json",
-            {"fit": asdict(fit), "explained": explained_by, "scattering": asdict(rough) if rough else None},
-        )
+        explained = {name: asdict(row) for name, row in rows.items()}
+        write_json(folder / "materials.json", {"fit": asdict(found), "explained": explained})
     emit_result_file(folder / "materials.json")
     table = Table("traced", "paths explained", "by chance", "power explained", "off [dB]")
     for name, row in rows.items():
-        table.add_row(
-            name,
-            *(f"{100 * share:.1f} %" for share in (row.paths, row.by_chance, row.power)),
-            f"{row.off_db:.1f}",
-        )
+        shares = (f"{100 * share:.1f} %" for share in (row.paths, row.by_chance, row.power))
+        table.add_row(name, *shares, f"{row.off_db:.1f}")
     console.print(table)
     console.print(
-        f"Walls fit {fit.wall} best: reflections are off by {fit.after_db[0]:.1f} dB, at the other places "
-        f"{fit.after_db[1]:.1f} dB; with {material} {fit.before_db[0]:.1f} and {fit.before_db[1]:.1f} dB."
+        f"Walls fit {found.wall} best: reflections are off by {found.after_db[0]:.1f} dB, at the other places "
+        f"{found.after_db[1]:.1f} dB; with {material} {found.before_db[0]:.1f} and {found.before_db[1]:.1f} dB."
     )
-    if rough:
-        console.print(
-            f"Reflections leave {rough.paths} paths with {100 * rough.power:.0f} % of the power. By delay and "
-            f"directions walls scatter from {100 * rough.explained:.0f} % of them ({100 * rough.by_chance:.0f} % by "
-            f"chance), as strongly as measured if S = {rough.coefficient:.1f}; with 0.4 they are "
-            f"{rough.off_db['0.4']:.0f} dB too weak. "
-            f"{100 * rough.near:.0f} % are within 5 dB then at the other places; with one strength for all "
-            f"{100 * rough.near_constant:.0f} %."
-        )
     console.print(f"Wrote materials.json and measured.png in {folder}")
-    console.print(f"Next: robosim trace {plan} --material {fit.wall} --frequency-ghz {frequency_ghz:g}")
+    console.print(f"Next: robosim trace {plan} --material {found.wall} --frequency-ghz {frequency_ghz:g}")

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from robosim.building.building import Building
-from robosim.published.measured_match import Matched
-from robosim.published.measured_paths import MeasuredHall
+from robosim.published.measured_paths import Matched, MeasuredHall
 from robosim.support.figures import save_figure
 from wireless.support.axes import axes_in_metres
 
