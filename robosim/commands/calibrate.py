@@ -11,9 +11,7 @@ from tyro.conf import Positional
 
 from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, Settings
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    results_folder,
-)
+from robosim.commands.shared_options import results_folder
 from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robots import write_robot
 from robosim.support.checks import SEED, Range

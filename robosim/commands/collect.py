@@ -4,12 +4,7 @@ from pathlib import Path
 from shlex import quote
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    ALL_CORES,
-    Work,
-    output_folder,
-    resume_hint,
-)
+from robosim.commands.shared_options import ALL_CORES, Work, output_folder, resume_hint
 from robosim.support.installation import install_first
 from wireless.support.counting import counted
 

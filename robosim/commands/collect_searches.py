@@ -14,9 +14,7 @@ _DEFAULTS = CollectSearchesConfig()
 
 
 def collect_searches(
-    *,
-    config: OmitArgPrefixes[CollectSearchesConfig] = _DEFAULTS,
-    out: Path | None = None,
+    *, config: OmitArgPrefixes[CollectSearchesConfig] = _DEFAULTS, out: Path | None = None
 ) -> None:
     """Collect searches to learn from: trajectories with all observations, as a Minari data set.
 

@@ -38,9 +38,7 @@ COMMANDS = {
     "train search": "train_policies:search",
 }
 #: Commands of two words by their first.
-GROUPS = {
-    "train": "Train networks",
-}
+GROUPS = {"train": "Train networks"}
 
 
 @dataclass(frozen=True, kw_only=True)

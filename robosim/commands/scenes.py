@@ -10,12 +10,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    NO_OPTIONS,
-    PlanOptions,
-    read,
-    results_folder,
-)
+from robosim.commands.shared_options import NO_OPTIONS, PlanOptions, read, results_folder
 from robosim.support.checks import RADIUS_M, SEED, Range
 from wireless.support.counting import counted
 

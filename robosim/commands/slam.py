@@ -10,9 +10,7 @@ from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    results_folder,
-)
+from robosim.commands.shared_options import results_folder
 from robosim.logs.log_mapping import LogConfig
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked

@@ -6,14 +6,7 @@ from shlex import quote
 from typing import Annotated, Literal
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    ALL_CORES,
-    THREADS,
-    Work,
-    command_line,
-    output_folder,
-    resume_hint,
-)
+from robosim.commands.shared_options import ALL_CORES, THREADS, Work, command_line, output_folder, resume_hint
 from robosim.support.checks import Range
 
 

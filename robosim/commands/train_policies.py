@@ -4,13 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    ALL_CORES,
-    Work,
-    command_line,
-    output_folder,
-    resume_hint,
-)
+from robosim.commands.shared_options import ALL_CORES, Work, command_line, output_folder, resume_hint
 
 
 def explorer(

@@ -118,8 +118,7 @@ def home_building(config: CollectConfig, home: int) -> Building:
 def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dict[str, np.ndarray]:
     """Explore one building; `seed` and that of the configuration seed all random numbers. Returns a shard's arrays."""
     simulator = Simulator(
-        building,
-        SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise),
+        building, SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise)
     )
     robot = simulator.config.robot
     places = reach(building, robot.radius_m, robot.height_m)

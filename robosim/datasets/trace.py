@@ -206,10 +206,7 @@ def _write_formats(
     """Write the paths as a DeepMIMO scenario and as CSV files; returns the number of links of each state."""
     config, name = scene.config, scene.building.plan.name
     states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
-    with (
-        whole_folder(deepmimo_folder(out, name)) as folder,
-        console.status("writing ...") as status,
-    ):
+    with whole_folder(deepmimo_folder(out, name)) as folder, console.status("writing ...") as status:
         for i in range(len(transmitters)):
             status.update(f"writing transmitter {i + 1} of {len(transmitters)} ...")
             paths = Paths.read_parquet(path, i)

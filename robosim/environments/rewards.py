@@ -33,12 +33,7 @@ OwnTerm = Callable[[dict[str, Any], dict[str, Any]], float]
 TERMS = ("arrival", "progress", "step", "collision", "coverage", "link_state", "snr")
 DEFAULT_WEIGHTS: Mapping[str, float] = {"arrival": 10.0, "progress": 1.0, "step": -0.01}
 #: How good a link state is for finding the transmitter.
-WORTH = {
-    LinkState.OUTAGE: 0.0,
-    LinkState.HIGHER_ORDER: 0.25,
-    LinkState.FIRST_ORDER: 0.5,
-    LinkState.LOS: 1.0,
-}
+WORTH = {LinkState.OUTAGE: 0.0, LinkState.HIGHER_ORDER: 0.25, LinkState.FIRST_ORDER: 0.5, LinkState.LOS: 1.0}
 #: SNR of an outage [dB].
 NO_SNR_DB = -30.0
 

@@ -45,11 +45,7 @@ def trajectories_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
     """One or two episodes of a task on one map, each with its link states and kinds of goals below."""
     size, (low, high) = _extent(episodes)
     figure, (plan, below) = plt.subplots(
-        2,
-        1,
-        figsize=size,
-        height_ratios=[size[1] - _BELOW_INCHES, _BELOW_INCHES],
-        layout="constrained",
+        2, 1, figsize=size, height_ratios=[size[1] - _BELOW_INCHES, _BELOW_INCHES], layout="constrained"
     )
     plan.set_aspect("equal")
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]")

@@ -79,10 +79,7 @@ def _dining(rng: np.random.Generator) -> Group:
 def _desk(rng: np.random.Generator) -> Group:
     width, depth = round(rng.uniform(1.1, 1.7), 3), round(rng.uniform(0.6, 0.8), 3)
     table = {"width_m": width, "depth_m": depth, "height_m": 0.73, "leg_m": 0.05}
-    return [
-        Part("table", table, 0.0, depth / 2),
-        _chair(rng, rng.uniform(-0.2, 0.2), depth + 0.32, np.pi),
-    ]
+    return [Part("table", table, 0.0, depth / 2), _chair(rng, rng.uniform(-0.2, 0.2), depth + 0.32, np.pi)]
 
 
 _BED = _one("bed", width_m=(0.9, 1.8), depth_m=(2.0, 2.15), height_m=(0.42, 0.58), clearance_m=(0.15, 0.3))

@@ -77,12 +77,7 @@ class Layout:
 
 
 def lay_out(
-    rng: np.random.Generator,
-    *,
-    area_m2: float,
-    rooms: int,
-    door_m: tuple[float, float],
-    style: Style,
+    rng: np.random.Generator, *, area_m2: float, rooms: int, door_m: tuple[float, float], style: Style
 ) -> Layout:
     """Draw the rooms of a building at random.
 

@@ -8,11 +8,7 @@ from robosim.logs.tum_log import read_tum_log, with_reference
 from robosim.support.reading import FileError, reading
 
 #: First bytes of recordings that are not supported, and their names.
-_RECORDINGS = {
-    b"#ROSBAG": "a ROS 1 bag",
-    b"\x89MCAP": "an MCAP recording",
-    b"SQLite format 3": "a ROS 2 bag",
-}
+_RECORDINGS = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP": "an MCAP recording", b"SQLite format 3": "a ROS 2 bag"}
 
 
 def read_log(path: Path, scans: Path | None = None, reference: Path | None = None) -> RobotLog:

@@ -77,11 +77,7 @@ class LogConfig:
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
         return TrackerConfig(
-            cell_m=self.resolution_m,
-            loops=loops,
-            match=match,
-            drift_m=self.drift_m,
-            drift_rad=self.drift_rad,
+            cell_m=self.resolution_m, loops=loops, match=match, drift_m=self.drift_m, drift_rad=self.drift_rad
         )
 
 

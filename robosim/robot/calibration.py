@@ -55,12 +55,7 @@ def open_floor() -> Building:
     return make_building(plan_from_array(floor, resolution_m=_SIDE_M / 80, name="open floor"))
 
 
-def run_actions(
-    world: Physics,
-    noise: NoiseModel,
-    runs: Iterable[object],
-    rng: np.random.Generator,
-) -> Runs:
+def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: np.random.Generator) -> Runs:
     """Run each action once for each of `runs` on the open floor."""
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}

@@ -19,14 +19,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.robot.collision import check_pose, solids
-from robosim.robot.motion import (
-    BLOCKED_M,
-    BLOCKED_RAD,
-    Motion,
-    PlannedMove,
-    check_displacement,
-    check_drive,
-)
+from robosim.robot.motion import BLOCKED_M, BLOCKED_RAD, Motion, PlannedMove, check_displacement, check_drive
 from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
 from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
 from slam.poses import wrap

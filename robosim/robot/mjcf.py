@@ -56,14 +56,7 @@ def export_mjcf(
     add_walls(spec, walls, config, origin=origin, height_m=building.height_m, body=body)
     placed = placed_solids(building, robot.height_m)
     add_walls(
-        spec,
-        placed,
-        config,
-        origin=origin,
-        height_m=robot.height_m,
-        body=body,
-        name="placed",
-        group=_HIDDEN,
+        spec, placed, config, origin=origin, height_m=robot.height_m, body=body, name="placed", group=_HIDDEN
     )
     _add_looks(spec, body, building.furnishings, origin)
     add_robot(spec, robot, config)

@@ -2,24 +2,9 @@
 
 from collections.abc import Collection
 
-from slam.support.checks import (
-    Range,
-    check_arguments,
-    check_choice,
-    check_number,
-    checked,
-    shown,
-)
+from slam.support.checks import Range, check_arguments, check_choice, check_number, checked, shown
 
-__all__ = [
-    "Range",
-    "check_arguments",
-    "check_choice",
-    "check_number",
-    "check_some",
-    "checked",
-    "shown",
-]
+__all__ = ["Range", "check_arguments", "check_choice", "check_number", "check_some", "checked", "shown"]
 
 #: Seeds of random numbers.
 SEED = Range(0, 2**63 - 1)

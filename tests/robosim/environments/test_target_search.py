@@ -199,8 +199,7 @@ def test_senseless_settings_are_rejected(options, message, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
-    [({"goal": 1}, "goal"), ({"plan": 3}, "plan is 3, expected a number of 0 to 0")],
+    ("options", "message"), [({"goal": 1}, "goal"), ({"plan": 3}, "plan is 3, expected a number of 0 to 0")]
 )
 def test_senseless_options_of_a_reset_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):

@@ -51,8 +51,7 @@ def tiff(width: int, height: int) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("declared", "size"),
-    [*product((png, bmp, ppm, gif, tiff), (5_000, 60_000)), (ppm, 2**31 - 1)],
+    ("declared", "size"), [*product((png, bmp, ppm, gif, tiff), (5_000, 60_000)), (ppm, 2**31 - 1)]
 )
 def test_a_declared_size_is_bounded_before_anything_is_unpacked(declared, size, monkeypatch):
     """Files of some hundred bytes that ask for 25 MB to 10 GB; from 0.18 gigapixels on, Pillow rejects them itself."""
