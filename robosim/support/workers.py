@@ -1,12 +1,11 @@
-"""Processes that work on many calls, here or on a cluster: what every sweep of this project runs on.
+"""Worker processes for many calls, on this machine or on a cluster; all sweeps use them.
 
-Each process has one thread, so that how arrays are multiplied, and with it every result, does not depend on how many
-processes there are. Results are handed back as they come, and the caller writes them: processes of a cluster
-need no common folder.
+Each process has one thread, so that results do not depend on the number of processes. The caller receives results as
+they come and writes them: processes of a cluster need no common folder.
 
-- Ctrl-C: calls that are running are finished and handed back, no others begin. Pressed again, it ends at once.
-- A process that is killed, as by a machine out of memory, loses its call. The others go on, with a new process, and
-  in the end a `WorkerLost` says so. On a cluster such calls are run again by another process.
+- Ctrl-C: running calls are finished, and no others begin. A second Ctrl-C ends the sweep at once.
+- A killed process, as by a machine out of memory, loses its call. The others continue, with a new process, and at the
+  end `WorkerLost` is raised. On a cluster another process runs such calls again.
 - Processes never outlive the one that started them, however that ends.
 """
 
@@ -108,7 +107,7 @@ class Workers:
         if lost:
             raise WorkerLost(
                 f"a worker process was killed, perhaps for lack of memory: {lost} of the {self._what} are lost. "
-                "What was finished is kept: give the same command again, perhaps with fewer --workers."
+                "Finished parts are saved: give the same command again, perhaps with fewer --workers."
             )
 
     def in_order(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> list[Any]:
@@ -117,7 +116,7 @@ class Workers:
         return [found[number] for number in sorted(found)]
 
     def _window(self) -> int:
-        """Calls that are handed out at a time: they take seconds, so that none need wait in a process."""
+        """Number of calls in progress: they take seconds, so that none has to wait in a process."""
         return self._count if self._client is None else 2 * max(1, sum(self._client.ncores().values()))
 
     def _submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
@@ -138,7 +137,7 @@ class Workers:
 
 
 def _is_loss(error: Exception) -> bool:
-    """Whether an error says that a process is gone; dask says so after it has tried three of them."""
+    """Whether a process was killed; dask raises its error after three processes."""
     return isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker"
 
 
