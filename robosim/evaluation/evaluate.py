@@ -14,8 +14,7 @@ from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
-from robosim.evaluation.episodes import draw_plan, make_jobs
-from robosim.evaluation.job_runs import run_jobs
+from robosim.evaluation.episodes import draw_plan, make_jobs, run_jobs
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import Evaluation, summary_rows
 from robosim.evaluation.results import write_results

@@ -13,9 +13,7 @@ import numpy as np
 
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.comparison import Compared, subject_of
-from robosim.evaluation.episodes import Job
-from robosim.evaluation.job_runs import Failure
-from robosim.evaluation.plain_names import plain_name
+from robosim.evaluation.episodes import Failure, Job
 from robosim.evaluation.rows import read_job_episode
 from robosim.evaluation.search_scores import Estimate, Summary
 from robosim.support.assets import shipped_plans
@@ -236,7 +234,10 @@ def _columns_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str
     """A table with a column for each policy and a line for each name."""
     names = dict.fromkeys(name for values in columns.values() for name in values)
     rows = [
-        [escape(plain_name(name)), *(form.format(v[name]) if name in v else "" for v in columns.values())]
+        [
+            f"<code>{escape(name)}</code>",
+            *(form.format(v[name]) if name in v else "" for v in columns.values()),
+        ]
         for name in names
     ]
     return _table(("", *columns), rows)

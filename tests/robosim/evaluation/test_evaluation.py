@@ -16,7 +16,7 @@ from rich.console import Console
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
-from robosim.evaluation import episodes, job_runs, results
+from robosim.evaluation import episodes, results
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import replay_command
@@ -227,15 +227,15 @@ def tables_only(monkeypatch):
 
 def test_a_stopped_run_goes_on_and_comes_to_the_same(suite, tmp_path, monkeypatch, tables_only):
     """Ctrl-C in the third of four episodes leaves two; going on runs two, and the table is the same, byte for byte."""
-    ran = []
+    ran, run_job = [], episodes.run_job
 
     def counted(job):
         if stop_at == len(ran):
             raise KeyboardInterrupt
         ran.append(job.name)
-        return episodes.run_job(job)
+        return run_job(job)
 
-    monkeypatch.setattr(job_runs, "run_job", counted)
+    monkeypatch.setattr(episodes, "run_job", counted)
     stop_at = 2
     with pytest.raises(KeyboardInterrupt):
         _evaluate(suite, tmp_path / "a")
@@ -350,7 +350,7 @@ def test_the_report_needs_no_other_file(suite, tmp_path):
         assert head == "data:image/png;base64"
         assert min(Image.open(io.BytesIO(base64.b64decode(data))).size) > 200
     assert text.count("robosim episode ") == len(result.rows)
-    assert "deepest_by_distance_m" not in text and "deepest in a wall, by distance [m]" in text
+    assert "<code>deepest_by_distance_m</code>" in text
     kept = json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert kept[0]["policy"] == "oracle"
 
