@@ -34,9 +34,8 @@ from robosim.datasets.link_units import (
 )
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.storey_plans import OneStorey, StoreysPlan
-from robosim.radio.receivers import receiver_grid
+from robosim.radio.receivers import random_transmitters, receiver_grid
 from robosim.radio.scene import RadioScene, built
-from robosim.radio.transmitters import random_transmitters
 from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
 from robosim.support.progress import tracked

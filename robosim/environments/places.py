@@ -14,7 +14,7 @@ from robosim.building.reach import Reach, reach
 from robosim.drawing.plan_view import building_rings
 from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
-from robosim.radio.classifier import Classifier
+from robosim.radio.link_state import Classifier
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.parts import Part
 from robosim.task.tasks import make_task

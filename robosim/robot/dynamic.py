@@ -72,7 +72,7 @@ class World:
         mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
         self._height_m = float(self._body[2])  # where it rests on its wheels
 
-    def another(self) -> "World":
+    def clone(self) -> "World":
         """The same building with another robot in it, independent of the first."""
         other = copy(self)
         other._begin_data()

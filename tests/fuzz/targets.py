@@ -32,7 +32,7 @@ from robosim.plans.formats.furnishing_file import furnishing_from_file, read_fur
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
 from robosim.published.measured_paths import read_measured_paths
-from robosim.radio.link_state import read_classifier
+from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
@@ -394,7 +394,7 @@ TARGETS: dict[str, Target] = {
     "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
     "steering": Target("weights-steering", "*.s*", lambda folder, file: load_steering(file, ControlConfig()), 0.5),
     "search": Target("weights-search", "*.s*", lambda folder, file: load_search(file), 0.5),
-    "link states": Target("weights-link-state", "*", lambda folder, file: read_classifier(folder / "a.safetensors")),
+    "link states": Target("weights-link-state", "*", lambda folder, file: classifier_of_file(folder / "a.safetensors")),
     "log": Target("episode", "*", _log, 3),
     "suite": Target("evaluation", "suite.*", _suite, 2),
     "settings": Target("evaluation", "settings.json", _settings, names="results of"),

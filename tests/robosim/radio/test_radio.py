@@ -101,7 +101,7 @@ def test_cached_radio_traces_a_building_once(building):
     cached.place(TARGET)
     cached.measure(np.array([3.95, 0.63, 0.4]), np.random.default_rng(3))
     table = cached.table
-    other = cached.another()
+    other = cached.clone()
     other.place(TARGET)
     other.measure(np.array([2.4, 0.4, 0.4]), np.random.default_rng(3))
     assert other.table is table

@@ -180,7 +180,7 @@ def test_what_is_believed_of_a_link_is_what_its_nodes_say(rooms):
     link.place(TX[:2])
     link.measure(np.array([1.9, 0.7, 0.3]), np.random.default_rng(0))
     assert link.paths.interaction[0, 0] == Interaction.NONE
-    probability = link.believed(CLASSIFIER.make("generated"))
+    probability = link.table_probability(CLASSIFIER.make("generated"))
     assert probability.sum() == pytest.approx(1.0)
     assert probability.argmax() == 1
 
