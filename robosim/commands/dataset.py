@@ -37,7 +37,6 @@ def dataset(
     receiver: TerminalPart = "ue",
     headings: Literal["fixed", "random"] = "fixed",
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
-    tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
     work: Work = ALL_CORES,
@@ -64,8 +63,6 @@ def dataset(
         receiver: Antennas of the receiver; ue are those of the published robot.
         headings: Headings of receivers: fixed, as published, or random, as of a moving robot.
         format: Additional formats: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
-        tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
-            in published grids; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plans.
         work: Worker processes.
@@ -89,7 +86,7 @@ def dataset(
         rx=receiver,
         headings=headings,
         formats=tuple(sorted(set(format))),
-        radio=radio.config(tolerance),
+        radio=radio.config(),
     )
     folder = output_folder(out, "dataset")
     with console.status("reading plans ..."):

@@ -34,6 +34,9 @@ class RadioOptions:
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     scattering: float | None = None
     """How much walls scatter, coefficient S from 0 to 1; nothing if not given."""
+    tolerance: float | None = None
+    """Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except in
+    published grids; 0 keeps every cell."""
     max_paths: Annotated[int, ADVANCED] = 25
     """Most paths of a link; weaker ones are dropped."""
     material: MaterialPart = "partition"
@@ -45,16 +48,8 @@ class RadioOptions:
     threshold_dbm: Annotated[float | None, ADVANCED] = None
     """Received power below which a path does not count for the link state [dBm]."""
 
-    def config(
-        self, tolerance: float | None, polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
-    ) -> "RadioConfig":
-        """The configuration of the simulator's radio.
-
-        Args:
-            tolerance: Largest shift of walls to save corners [m]; by default walls under staircases
-                are straight, except in published grids; 0 keeps every cell.
-            polarisation: Polarisation of all antennas.
-        """
+    def config(self, polarisation: Literal["vertical", "horizontal", "both"] = "vertical") -> "RadioConfig":
+        """The configuration of the simulator's radio."""
         from robosim.building.building import BuildingConfig
         from robosim.radio.scene import RadioConfig
         from wireless.tracing.tracer import TracerConfig
@@ -74,7 +69,7 @@ class RadioOptions:
                 },
             ),
             building=BuildingConfig(
-                tolerance_m=tolerance, wall_material=self.material, furniture_material=self.material
+                tolerance_m=self.tolerance, wall_material=self.material, furniture_material=self.material
             ),
         )
 

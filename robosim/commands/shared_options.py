@@ -204,22 +204,24 @@ def output_folder(out: Path | None, command: str) -> Path:
     return folder
 
 
-def command_line(command: str, **options: Any) -> str:
-    """A command as it is typed, with its options: a switch for true or false."""
-    words = [f"robosim {command}"]
-    for name, value in options.items():
-        option = name.replace("_", "-")
-        words.append(
-            f"--{'' if value else 'no-'}{option}" if isinstance(value, bool) else f"--{option} {value}"
-        )
-    return " ".join(words)
-
-
 @contextmanager
 def results_folder(out: Path | None, command: str) -> Iterator[Path]:
     """The same folder, made, and locked as long as the block lasts."""
     with run_folder(output_folder(out, command), command) as folder:
         yield folder
+
+
+@contextmanager
+def training(out: Path | None, network: str, **options: Any) -> Iterator[tuple[Path, str]]:
+    """Output folder of `robosim train NETWORK`, and the command as typed with its options, for the card."""
+    words = [f"robosim train {network}"]
+    for name, value in options.items():
+        option = name.replace("_", "-")
+        is_switch = isinstance(value, bool)
+        words.append(f"--{'' if value else 'no-'}{option}" if is_switch else f"--{option} {value}")
+    folder = output_folder(out, f"train {network}")
+    with resume_hint(folder):
+        yield folder, " ".join(words)
 
 
 @contextmanager
