@@ -76,11 +76,11 @@ def make_dataset(
     with run_folder(out, "dataset", _settings(sites, config)):
         with link_progress(console, sum(len(s.transmitters) * s.n_rx for s in sites), out) as progress:
             _make_units(sites, config, out, workers, cluster, progress)
+            timing = progress.timing()
         manifest = _manifest(sites, config, out)
         _finish_formats(sites, config, out, manifest)
         write_json(out / "manifest.json", manifest)
-    timing = {"links": progress.new, "seconds": progress.seconds, "links_per_s": progress.rate}
-    return {**manifest, "timing": timing}
+    return {**manifest, "timing": {**timing, "links_per_s": timing["links"] / timing["seconds"]}}
 
 
 def _places(plans: Sequence[FloorPlan | StoreysPlan]) -> list[FloorPlan | OneStorey]:

@@ -76,7 +76,7 @@ def trace_plan(
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
         with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
             path = links.trace(out, workers=workers, cluster=cluster, report=progress.report)
-        seconds = progress.seconds
+            timing = progress.timing()
         states = _write_formats(scene, transmitters, grid, path, out, console)
         if plots:
             for i in range(len(transmitters)):
@@ -92,9 +92,9 @@ def trace_plan(
             "deepmimo": scenario_name(plan.name),
             "config": to_dict(config),
             "timing": {
-                "seconds": round(seconds, 3),
-                "traced": progress.new,
-                "links_per_s": round(progress.new / seconds, 1),
+                "seconds": round(timing["seconds"], 3),
+                "traced": timing["links"],
+                "links_per_s": round(timing["links"] / timing["seconds"], 1),
             },
         }
         write_json(out / "trace.json", result)

@@ -67,11 +67,6 @@ class Evaluation:
             )
         return lines
 
-    def indices(self) -> dict[str, list[int]]:
-        """Numbers of the episodes of each policy."""
-        policies = dict.fromkeys(row["policy"] for row in self.rows)
-        return {p: [i for i, row in enumerate(self.rows) if row["policy"] == p] for p in policies}
-
 
 def write_report(
     result: Evaluation,
@@ -84,18 +79,16 @@ def write_report(
     pictures: Mapping[Compared, Path],
 ) -> None:
     """Write `report.html` with its pictures inside; `tasks` are listed in their order, and some have `pictures`."""
-    own = result.indices()
-    seconds = {p: means([result.timing[i] for i in indices]) for p, indices in own.items()}
-    rates = {p: stages.pop("decisions_per_s", 0.0) for p, stages in seconds.items()}
+    policies = list(dict.fromkeys(row["policy"] for row in result.rows))
     plans, count = {row["plan"] for row in result.rows}, len({(r["plan"], r["task"]) for r in result.rows})
-    title = f"Evaluation of {', '.join(own)}"
+    title = f"Evaluation of {', '.join(policies)}"
     lead = (
         f"{counted(count, 'task')} in {counted(len(plans), 'floor plan')}, {counted(len(result.rows), 'episode')}. "
         f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
         f"{config.simulator.noise.level:g}, at most {counted(config.max_steps, 'step')}."
     )
     order = (
-        f"Tasks that {subject_of(list(own))} failed come first, then those where it lost most to the best of the other "
+        f"Tasks that {subject_of(policies)} failed come first, then those where it lost most to the best of the other "
         f"policies. The first {len(pictures)} have a picture: both trajectories on one map, with the true walls, and "
         "below it the estimated link state and what the goal was at each decision."
     )
@@ -105,7 +98,6 @@ def write_report(
     ]
     heads, lines = summary_rows(result.summaries)
     first = [i for i in range(1, len(lines)) if lines[i][0] != lines[i - 1][0]]
-    speed = ", ".join(f"{policy} {rate:.1f}" for policy, rate in rates.items())
     body = [
         f"<h1>{escape(title)}</h1><p>{escape(lead)}</p>",
         *(f'<p class="warn">{escape(line)}</p>' for line in result.warnings),
@@ -121,11 +113,6 @@ def write_report(
         f"<h2>Task by task</h2><p>{escape(order)}</p>",
         _table(("task", "in short"), list_rows, "list"),
         *(_section(result, i, task, options, out, pictures.get(task)) for i, task in enumerate(tasks)),
-        "<h2>Where the time goes</h2><p>Mean seconds of an episode, by stage.</p>",
-        _columns_table(seconds, "{:.2f}"),
-        "<p>Decisions per second, without the time to prepare building, robot and radio: "
-        f"{escape(speed)}.</p><h2>Means of all episodes</h2>",
-        _columns_table({p: means([result.rows[i] for i in indices]) for p, indices in own.items()}, "{:.3g}"),
     ]
     head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{_STYLE}</style>'
     page = f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{chr(10).join(body)}\n</body></html>\n'
@@ -158,17 +145,6 @@ def replay_command(job: Job, options: str) -> str:
     words = f"--start {start} --target {target} --goal {job.policy} --seed {job.config.seed} {options}"
     reader = "" if job.reader == "auto" else f" --reader {job.reader}"
     return f"robosim episode {shlex.quote(plan)} {words}".strip() + reader
-
-
-def means(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Means of the columns that hold numbers, over the rows that have one."""
-    found = {}
-    for name in dict.fromkeys(name for row in rows for name in row if name not in IDENTITY):
-        values = [row[name] for row in rows if isinstance(row.get(name), (bool, int, float))]
-        finite = [float(value) for value in values if np.isfinite(value)]
-        if finite:
-            found[name] = float(np.mean(finite))
-    return found
 
 
 def _times(time: Estimate) -> str:
@@ -228,19 +204,6 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         f"{100 * row['coverage']:.0f}",
         str(row["collisions"]),
     )
-
-
-def _columns_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
-    """A table with a column for each policy and a line for each name."""
-    names = dict.fromkeys(name for values in columns.values() for name in values)
-    rows = [
-        [
-            f"<code>{escape(name)}</code>",
-            *(form.format(v[name]) if name in v else "" for v in columns.values()),
-        ]
-        for name in names
-    ]
-    return _table(("", *columns), rows)
 
 
 def _table(

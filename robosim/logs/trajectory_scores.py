@@ -35,10 +35,6 @@ class Scores:
     """Relative pose error between places 1 to 5 m apart, mean [m]."""
     rpe_deg: float
     """The same for the turn [deg]."""
-    rpe_median_m: float
-    """Its median [m]."""
-    rpe_median_deg: float
-    """Its median for the turn [deg]."""
     path_rpe_m: float
     """Relative pose error over 1 to 5 m of trajectory, mean [m]."""
     path_rpe_deg: float
@@ -59,8 +55,6 @@ def compare_trajectories(poses: Float[np.ndarray, "n 3"], reference: Float[np.nd
         ),
         rpe_m=_mean(off_m),
         rpe_deg=math.degrees(_mean(off_rad)),
-        rpe_median_m=_median(off_m),
-        rpe_median_deg=math.degrees(_median(off_rad)),
         path_rpe_m=_mean(along_m),
         path_rpe_deg=math.degrees(_mean(along_rad)),
     )
@@ -137,7 +131,3 @@ def _displacements(
 
 def _mean(values: Float[np.ndarray, " m"]) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def _median(values: Float[np.ndarray, " m"]) -> float:
-    return float(np.median(values)) if len(values) else math.nan

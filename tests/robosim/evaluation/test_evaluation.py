@@ -350,7 +350,6 @@ def test_the_report_needs_no_other_file(suite, tmp_path):
         assert head == "data:image/png;base64"
         assert min(Image.open(io.BytesIO(base64.b64decode(data))).size) > 200
     assert text.count("robosim episode ") == len(result.rows)
-    assert "<code>deepest_by_distance_m</code>" in text
     kept = json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert kept[0]["policy"] == "oracle"
 
