@@ -16,8 +16,10 @@ episodes; robots pass through them, and the ground truth does not contain them.
 | estimate | (n, 3) float64 | pose of the classical mapper |
 | belief | (n, 64, 64) uint8 | classical map ahead of the estimated pose after this frame: 255 times the probability |
 | truth | (n, 3, 64, 8) uint8 | channels of `robosim.datasets.true_patch`, bits packed along the last axis |
+
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -37,14 +39,31 @@ from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Truth
-from robosim.support.arrays_in import FAR, Array
+from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import unit_progress
+from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
 from slam.sensing.egocentric import belief_ahead
+
+#: Bytes of a shard, packed and unpacked.
+_MOST_BYTES = 400_000_000
+#: Least and largest height or width of a depth image.
+_SIDES = (8, 4096)
+
+
+def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
+    """Arrays of a shard; FileError if the file is not one."""
+    with reading(path, "a shard of `robosim collect`", "Collect it again.", most_bytes=_MOST_BYTES) as file:
+        arrays = read_npz(file, {name: SHARD[name] for name in names}, most_bytes=_MOST_BYTES)
+        frames, *size = arrays["depth"].shape if "depth" in arrays else (1, *_SIDES)
+        if not (frames and _SIDES[0] <= min(size) and max(size) <= _SIDES[1]):
+            raise ValueError(f"it has {frames} frames of {size[0]} x {size[1]} pixels")
+    return [arrays[name] for name in names]
+
 
 #: Arrays of a shard, as above.
 SHARD = {

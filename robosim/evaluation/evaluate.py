@@ -16,8 +16,7 @@ from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs, run_jobs
 from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.report import Evaluation, summary_rows
-from robosim.evaluation.results import write_results
+from robosim.evaluation.report import Evaluation, summary_rows, write_results
 from robosim.evaluation.rows import read_job_head
 from robosim.evaluation.search_scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite

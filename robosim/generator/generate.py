@@ -18,13 +18,12 @@ import cv2
 import numpy as np
 
 from robosim.generator.building_style import STYLES
-from robosim.generator.canvas import Canvas
+from robosim.generator.canvas import Canvas, Rect
 from robosim.generator.furniture_cells import structure
 from robosim.generator.hull_places import hull_places, largest_piece
 from robosim.generator.layout import Layout, lay_out
 from robosim.generator.place_cells import furnish
 from robosim.generator.place_groups import place_pieces
-from robosim.generator.rect import Rect
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import SEED, Range, check_choice, check_number, checked

@@ -10,10 +10,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from robosim.generator.canvas import Canvas, Window, fits
+from robosim.generator.canvas import Canvas, Rect, Window, fits, points_along
 from robosim.generator.furniture_cells import Entry, Piece, box, entries, turn
 from robosim.generator.layout import Layout, Opening
-from robosim.generator.rect import Rect, points_along
 
 #: Places that are tried for a piece before it is left out.
 TRIES = 5

@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from robosim.datasets.shards import read_shard
+from robosim.datasets.collect import read_shard
 from robosim.support.files import write_files, write_json
 from robosim.support.run_folder import run_folder
 from robosim.training.mapper import split_homes

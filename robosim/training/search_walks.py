@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robosim.camera.model import CameraConfig
-from robosim.environments.route_guide import route_action
+from robosim.environments.places import route_action
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.policies.search_network import SearchNetwork, drawn_actions, likelihood, no_memory
@@ -38,7 +38,7 @@ class Walks:
     targets: int
     """Places of targets in each."""
     difficulty: float
-    """See `robosim.environments.curriculum`."""
+    """See `robosim.environments.search`."""
     steps: int
     """Steps after which a search is given up."""
     seed: int

@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from robosim.datasets.shards import read_shard
+from robosim.datasets.collect import read_shard
 from robosim.support.reading import FileError
 
 

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from robosim.environments.config import SearchConfig
-from robosim.environments.curriculum import Curriculum, longest_drive_m
+from robosim.environments.search import Curriculum, longest_drive_m
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.generator.generate import GeneratorConfig

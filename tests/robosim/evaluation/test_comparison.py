@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robosim.evaluation.comparison import compared, subject_of
+from robosim.evaluation.search_scores import compared, subject_of
 from tests import kept
 
 

@@ -16,10 +16,10 @@ from rich.console import Console
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
-from robosim.evaluation import episodes, results
+from robosim.evaluation import episodes
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.report import replay_command
+from robosim.evaluation.report import replay_command, write_parquet, write_results
 from robosim.evaluation.rows import name_of
 from robosim.evaluation.search_scores import bootstrap, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
@@ -220,7 +220,7 @@ def tables_only(monkeypatch):
     """Leave out the pictures, which take most of the time of a small run."""
 
     def write(result, out, **kwargs):
-        results.write_parquet(result.rows, out / "episodes.parquet")
+        write_parquet(result.rows, out / "episodes.parquet")
 
     monkeypatch.setattr("robosim.evaluation.evaluate.write_results", write)
 
@@ -363,7 +363,7 @@ def test_the_report_is_made_from_the_episodes_alone(suite, tmp_path, monkeypatch
         plan.unlink()
     for name in ("robosim.evaluation.episodes.make_building", "robosim.evaluation.episodes.read_plan"):
         monkeypatch.setattr(name, None)
-    results.write_results(result, tmp_path, config=CONFIG, options="", workers=1, console=QUIET)
+    write_results(result, tmp_path, config=CONFIG, options="", workers=1, console=QUIET)
     assert (tmp_path / "report.html").read_bytes() == first
 
 
