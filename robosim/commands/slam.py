@@ -73,7 +73,7 @@ def slam(
             for name, poses in trajectories.items():
                 row: dict[str, Any] = {"cells": count_filled_cells(log, poses)}
                 if log.reference is not None and name != "reference":
-                    row |= compare_trajectories(poses, log.reference).plain()
+                    row |= compare_trajectories(poses, log.reference)
                 if name in made:
                     row |= {"loops": made[name].loops, "seconds": made[name].seconds}
                 rows[name] = row

@@ -78,20 +78,6 @@ def check_folder(folder: Path, command: str) -> None:
         )
 
 
-def read_settings(folder: Path, command: str) -> dict[str, Any]:
-    """What results in a folder depend on.
-
-    Raises:
-        FolderError: If it holds none of that command.
-    """
-    there = _kept(Path(folder))
-    if there is None or there["command"] != command:
-        raise FolderError(
-            f"{Path(folder) / SETTINGS}: not there, or not of `robosim {command}`. Give a folder that it wrote."
-        )
-    return dict(there["settings"])
-
-
 def _exists(path: Path) -> bool:
     try:
         return path.exists() or path.is_symlink()

@@ -1,14 +1,12 @@
 """JSON, YAML and rows of numbers from files, bounded in nesting, digits and number of values.
 
-In YAML an alias counts as all values that it stands for, since lists of aliases of lists of aliases ("billion laughs")
-are small files of exponential content. Of YAML's types those of JSON are known. For use inside of
-`robosim.support.reading.reading`, which adds the file's name to what is raised.
+YAML has the types of JSON, and neither aliases, of which small files of exponential content are made, nor tags. For use
+inside of `robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -24,7 +22,7 @@ MOST_JSON, MOST_YAML = 16_000_000, 600_000
 MOST_DEEP = 40
 MOST_DIGITS = 40
 _TOO_LONG = re.compile(rb"(?<![0-9.])[0-9]{%d}" % (MOST_DIGITS + 1))
-#: Values of a YAML file, those that aliases stand for counted each time.
+#: Values of a YAML file: so many take ten seconds.
 _MOST_VALUES = 150_000
 
 
@@ -130,70 +128,39 @@ def _problem(what: str, at: Any) -> yaml.MarkedYAMLError:
 
 
 class _TextLoader(yaml.BaseLoader):
-    """Text, lists and dictionaries; a document of bounded depth and size."""
+    """Text, lists and dictionaries, of bounded depth and number, without aliases and tags."""
 
     def __init__(self, stream: bytes) -> None:
         super().__init__(stream)
-        self._deep = 0
-        self._values = 0
-        self._values_of: dict[str, int] = {}
+        self._depth = self._values = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()  # type: ignore[no-untyped-call]
-        if isinstance(event, yaml.AliasEvent):
-            # One that stands for what it lies in is not known yet.
-            if event.anchor not in self._values_of:
-                raise _problem(f"*{event.anchor} stands for nothing before it", event)
-            self._count(self._values_of[event.anchor], event)
-            return super().compose_node(parent, index)
-        before, deeper = self._values, isinstance(event, yaml.CollectionStartEvent)
-        self._count(1, event)
-        self._deep += deeper
-        if self._deep > MOST_DEEP:
+        if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
+            raise _problem("anchors and aliases are not supported", event)
+        if event.tag is not None:
+            raise _problem("tags are not supported", event)
+        self._values, self._depth = self._values + 1, self._depth + 1
+        if self._values > _MOST_VALUES:
+            raise _problem(f"more than {_MOST_VALUES} values", event)
+        if self._depth > MOST_DEEP + 1:
             raise _problem(f"nested more than {MOST_DEEP} deep", event)
         node = super().compose_node(parent, index)
-        self._deep -= deeper
-        if event.anchor is not None:
-            self._values_of[event.anchor] = self._values - before
+        self._depth -= 1
         return node
-
-    def _count(self, more: int, event: Any) -> None:
-        self._values += more
-        if self._values > _MOST_VALUES:
-            raise _problem(f"more than {_MOST_VALUES} values, counting what aliases stand for", event)
 
 
 class _ValueLoader(_TextLoader, yaml.SafeLoader):
-    """JSON's types; dates stay text, and other tags are rejected."""
+    """JSON's types; dates stay text."""
 
     def construct_yaml_int(self, node: Any) -> int:
-        digits = self.construct_scalar(node)
-        if len(digits) > MOST_DIGITS:
-            raise _problem(f"a whole number of {len(digits)} digits", node)
-        return self._number(super().construct_yaml_int, node)
-
-    def construct_yaml_float(self, node: Any) -> float:
-        return self._number(super().construct_yaml_float, node)
-
-    def construct_yaml_bool(self, node: Any) -> bool:
-        return self._number(super().construct_yaml_bool, node)
-
-    def _number(self, construct: Callable[[Any], Any], node: Any) -> Any:
-        try:
-            return construct(node)
-        except (ValueError, KeyError, IndexError, OverflowError) as error:
-            raise _problem(f"{node.value[:MOST_DIGITS]!r} is tagged as what it is not", node) from error
+        if len(node.value) > MOST_DIGITS:
+            raise _problem(f"a whole number of {len(node.value)} digits", node)
+        return super().construct_yaml_int(node)
 
 
-_TAG = "tag:yaml.org,2002:"
 _ValueLoader.yaml_implicit_resolvers = {
-    letter: [(tag, pattern) for tag, pattern in resolvers if tag != f"{_TAG}timestamp"]
+    letter: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
     for letter, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_ValueLoader.yaml_constructors = {
-    **{
-        f"{_TAG}{name}": getattr(_ValueLoader, f"construct_yaml_{name}")
-        for name in ("null", "bool", "int", "float", "str", "seq", "map")
-    },
-    None: yaml.SafeLoader.construct_undefined,
-}
+_ValueLoader.add_constructor("tag:yaml.org,2002:int", _ValueLoader.construct_yaml_int)

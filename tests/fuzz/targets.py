@@ -38,7 +38,7 @@ from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
 from robosim.robot.robots import read_robot
 from robosim.support.checkpoint import Checkpoint
-from robosim.support.run_folder import read_settings, run_folder
+from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume
 from robosim.training.made_links import read_homes
@@ -174,7 +174,6 @@ def _settings(folder: Path, file: Path) -> None:
     settings = settings_of(read_suite(folder / "suite.json"), EpisodeConfig())
     with run_folder(folder, "evaluate", settings, grows=("plans", "tasks")):
         pass
-    read_settings(folder, "evaluate")
 
 
 def _shard(folder: Path, file: Path) -> None:

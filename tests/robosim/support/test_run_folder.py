@@ -6,7 +6,7 @@ import os
 import pytest
 
 from robosim.support.files import partial_path
-from robosim.support.run_folder import FolderError, check_folder, read_settings, run_folder
+from robosim.support.run_folder import SETTINGS, FolderError, check_folder, run_folder
 
 ONE = {"seed": 1, "tracer": {"reflections": 3}}
 
@@ -15,11 +15,15 @@ def _write(folder, name="result.txt"):
     (folder / name).write_text("done")
 
 
+def settings_in(folder):
+    return json.loads((folder / SETTINGS).read_text())["settings"]
+
+
 def test_the_same_settings_go_on(tmp_path):
     for _ in range(2):
         with run_folder(tmp_path / "a", "dataset", ONE) as folder:
             _write(folder)
-    assert read_settings(tmp_path / "a", "dataset") == ONE
+    assert settings_in(tmp_path / "a") == ONE
 
 
 def test_other_settings_are_named_and_change_nothing(tmp_path):
@@ -40,7 +44,7 @@ def test_settings_may_grow_where_that_is_meant(tmp_path):
         _write(folder)
     with run_folder(tmp_path, "evaluate", {"plans": {"b": 2}}, grows=("plans",)):
         pass
-    assert read_settings(tmp_path, "evaluate") == {"plans": {"a": 1, "b": 2}}
+    assert settings_in(tmp_path) == {"plans": {"a": 1, "b": 2}}
     with (
         pytest.raises(FolderError, match=r"plans\.a 1 there, 9 now"),
         run_folder(tmp_path, "evaluate", {"plans": {"a": 9}}, grows=("plans",)),
@@ -106,7 +110,7 @@ def test_files_of_a_person_do_not_matter(tmp_path):
     _write(tmp_path, "job.log")
     with run_folder(tmp_path, "dataset", ONE) as folder:
         _write(folder)
-    assert read_settings(tmp_path, "dataset") == ONE
+    assert settings_in(tmp_path) == ONE
 
 
 def test_a_claimed_folder_inside_is_its_own(tmp_path):
