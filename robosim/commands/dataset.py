@@ -10,10 +10,11 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
 from robosim.commands.shared_options import (
     ALL_CORES,
+    DEFAULT_RADIO,
     NO_OPTIONS,
+    RadioOptions,
     Reading,
     Work,
     output_folder,

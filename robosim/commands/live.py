@@ -6,8 +6,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
-from robosim.commands.shared_options import NO_OPTIONS, Reading, read_place
+from robosim.commands.shared_options import DEFAULT_RADIO, NO_OPTIONS, RadioOptions, Reading, read_place
 
 
 def live(

@@ -21,7 +21,7 @@ from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_formats import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.manifest import settings_of
+from robosim.evaluation.evaluate import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.layers import Layer
 from robosim.plans.files import write_png, write_ros

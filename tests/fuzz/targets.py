@@ -19,7 +19,7 @@ from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
 from robosim.environments.collect import collect_searches
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.manifest import settings_of
+from robosim.evaluation.evaluate import settings_of
 from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite

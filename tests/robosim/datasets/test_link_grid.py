@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robosim.building.building import BuildingConfig
-from robosim.datasets import link_grid
-from robosim.datasets.link_grid import LinkGrid
+from robosim.datasets import trace
+from robosim.datasets.trace import LinkGrid
 from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from tests.plans import two_rooms
@@ -22,7 +22,7 @@ TX = np.array([[1.0, 1.4, 1.5], [4.0, 2.1, 1.2], [5.5, 0.6, 1.5]])
 def small_units():
     """Some units of receivers, the last one smaller, for each of three transmitters."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(link_grid, "UNIT_RX", 16)
+        patch.setattr(trace, "UNIT_RX", 16)
         yield
 
 

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.evaluation.task_pictures import GOAL_COLOURS, trajectories_figure
+from robosim.evaluation.charts import GOAL_COLOURS, trajectories_figure
 from robosim.policies.reason import ARRIVAL, EXPLORE, GoalKind
 from tests import kept
 from tests.steps import write_episode
