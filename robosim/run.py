@@ -59,36 +59,23 @@ def record_episode(
     rerun: bool = False,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Run an episode and write its files into a folder.
+    """Run an episode and write its files into a folder; returns the content of `result.json`.
 
     The files: `result.json`, `trajectory.tum` and `estimate.tum`, the built map as `map.yaml` and `map.pgm`,
     `map.png`, `episode.npz` (all steps, from which `robosim replay` draws), and `episode.mp4`. An interrupted episode
-    leaves the same files, of what was done until then.
-
-    Args:
-        plan: Where.
-        config: How.
-        out: The folder, made if it is missing.
-        start: Pose of the robot at first; drawn from the seed if not given.
-        target: Where the target stands; drawn from the seed if not given.
-        anchors: Other transmitters.
-        video: Whether to draw the video; without it the loop is faster.
-        rerun: Whether to record `episode.rrd` for the Rerun viewer.
-        console: Where progress is shown; nowhere if not given.
-
-    Returns:
-        What `result.json` holds.
+    leaves the same files, of the steps until then. Start and target are drawn from the seed if they are not given.
+    Without `video` the loop is faster. `rerun` records `episode.rrd` for the Rerun viewer.
 
     Raises:
         MapError: If the task cannot be done in the plan.
         FolderError: If the folder cannot be used.
-        ValueError: If weights cannot be read, or a Rerun recording is asked for and Rerun is not installed.
+        ValueError: If weights cannot be read, or Rerun is needed and not installed.
     """
     if rerun:
         rerun_sdk()
     check_weights(config)
     with run_folder(out, "episode") as folder:
-        # Files of an earlier episode, or version, must not be taken for this one's.
+        # Files of an earlier episode, or version, would be mistaken for new ones.
         for name in (*FILES, "replay.mp4", "sheet.png", "decisions.npz", RECORDING):
             (folder / name).unlink(missing_ok=True)
         with compiled_beside(config):
@@ -115,7 +102,7 @@ def _record(
         places = reach(building, robot.radius_m, robot.height_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
         task = with_anchors(task, places, anchors)
-    _tell_cut_off(places, task.start, console)
+    _print_cut_off(places, task.start, console)
     rings = building_rings(building)
     title = f"{plan.name}  {part_name(config.goal)}"
     picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
@@ -148,7 +135,7 @@ def _record(
         log, estimate = run_episode(building, places, task, config, record, watch)
     from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
 
-    # The result last: it shows that all files are there. A second Ctrl-C must not cost it.
+    # The result last: it shows that all files are there.
     with noted_interrupt("writing the files"):
         log.save_trajectories(out)
         result = plain(_result(plan, building, config, log, watch))
@@ -201,7 +188,7 @@ def _progress(console: Console) -> Progress:
     )
 
 
-def _tell_cut_off(places: Reach, start: Float[np.ndarray, "3"], console: Console) -> None:
+def _print_cut_off(places: Reach, start: Float[np.ndarray, "3"], console: Console) -> None:
     rooms = places.cut_off(places.part_at(start[:2]))
     if rooms:
         listed = ", ".join(f"{r.area_m2:.1f} m2 at ({r.centre[0]:.1f}, {r.centre[1]:.1f})" for r in rooms[:5])

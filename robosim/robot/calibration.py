@@ -66,9 +66,9 @@ def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: 
             drawn = backwards if action is Action.BACKWARD else rng
             world.reset(start)
             world.move(noise.actuation(action, drawn))
-            moved = between(start, world.pose)
-            errors[action].append(noise.sense(action, moved, drawn) - moved)
-            motions[action].append(moved)
+            motion = between(start, world.pose)
+            errors[action].append(noise.sense(action, motion, drawn) - motion)
+            motions[action].append(motion)
     return _runs(errors, motions)
 
 
@@ -97,7 +97,7 @@ def read_runs(path: Path) -> Runs:
             errors[Action[row["action"].upper()]].append(error)
             motions[Action[row["action"].upper()]].append(values[3:])
         runs = _runs(errors, motions)
-        calibrated(*runs)  # a table with too few runs is refused by its name
+        calibrated(*runs)  # raises an error, named after the table, if there are too few runs
     return runs
 
 

@@ -1,17 +1,16 @@
-"""Walls as few convex solids: what the robot's hull collides with.
+"""Walls as few convex solids, with which the robot's hull collides.
 
-A wall is a line, the boundary of free space; behind it anything may be solid. So the solid beside the
-walls is covered by convex pieces whose faces lie on the wall lines exactly, that reach into no free
-space, and that may overlap, since walls do not collide with each other. Time per physics step grows with
-the number of pieces.
+A wall is a line, the boundary of free space; anything behind it may be solid. So the solid along the walls is covered
+by convex pieces whose faces lie on the wall lines exactly, that reach into no free space, and that may overlap, since
+walls do not collide with each other. Time per physics step grows with the number of pieces.
 
-Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind
-each wall, as thick as there is room for, and where the solid is too narrow for one, at sharp corners, the
-triangle that the constrained Delaunay triangulation has there. Rectangles are preferred because MuJoCo
-knows the distance of a sphere from a box in closed form.
+Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind each wall, as
+thick as there is room for, and where the solid is too narrow for one, at sharp corners, the triangle that the
+constrained Delaunay triangulation has there. MuJoCo knows the distance of a sphere from a box in closed form, so
+rectangles are preferred.
 
-What is placed in a building is convex pieces of the floor that it takes from a robot of some height, and these are as
-high as walls: what is lower than the robot stops its whole hull, and what is higher does not touch it.
+Furnishings are convex pieces of the floor that they take from a robot of some height, as high as walls: what is lower
+than the robot stops its whole hull, and what is higher does not touch it.
 Left out: the solid further inside, which nothing can reach.
 """
 
@@ -111,8 +110,8 @@ def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> Wal
     in_cells = plan.to_cells(segments)
     for shift in (0.0, 0.5):
         steps = np.round(in_cells - shift)
-        way = np.abs(steps[:, 1] - steps[:, 0])
-        straight = (way.min(axis=1) == 0) | (way[:, 0] == way[:, 1])
+        extent = np.abs(steps[:, 1] - steps[:, 0])
+        straight = (extent.min(axis=1) == 0) | (extent[:, 0] == extent[:, 1])
         if straight.all() and np.abs(in_cells - shift - steps).max() < _EXACT:
             break
     else:

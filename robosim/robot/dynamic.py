@@ -53,7 +53,7 @@ class World:
         """Build the model; takes some tenths of a second on a large plan."""
         self.building = building
         self.robot = robot or RobotConfig()
-        self._stall_slip_mps = self.robot.stall_slip_mps  # asked for thirty times a motion
+        self._stall_slip_mps = self.robot.stall_slip_mps  # used thirty times a motion
         self.config = config or PhysicsConfig()
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
@@ -87,7 +87,7 @@ class World:
         self._floor = self.data.qpos[floor_at.qposadr[0] :][:2]  # and of the floor likewise
         self._slide = self.data.qvel[floor_at.dofadr[0] :][:2]
         self._touch = self.data.sensordata[self.model.sensor("touch").adr[0] :][:2]
-        self._told = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] that the wheels were last told
+        self._commanded = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] of the last command to the wheels
         self._steps, self._deepest_m = 0, 0.0
         self._touched = self._at_wall = False  # during this motion, in its last control period
 
@@ -128,7 +128,7 @@ class World:
         steps = round(duration_s / self.config.timestep_s)
         wanted = self.robot.within_reach(v_mps, w_radps)
         while self._steps < steps:
-            self._tell(*self._towards(*wanted), self._pose()[2])
+            self._command(*self._towards(*wanted), self._pose()[2])
             self._advance(min(self.config.control_steps, steps - self._steps))
         return self._motion(self._touched)
 
@@ -136,7 +136,7 @@ class World:
         """Reset the state with the robot at a pose in the model's frame."""
         mujoco.mj_resetData(self.model, self.data)
         self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
-        self._told, self._at_wall = (0.0, 0.0), False
+        self._commanded, self._at_wall = (0.0, 0.0), False
         mujoco.mj_forward(self.model, self.data)
 
     def _pose(self) -> _Pose:
@@ -182,13 +182,13 @@ class World:
             slip = max(-SCRAPE_MPS, min(SCRAPE_MPS, slip))
         else:
             slip += max(-DRIFT_MPS, min(DRIFT_MPS, c * ey - s * ex))
-        self._tell(v, w, pose[2], slip)
+        self._command(v, w, pose[2], slip)
 
-    def _tell(self, v_mps: float, w_radps: float, yaw: float, sideways_mps: float = 0.0) -> None:
-        """Set the speeds of the wheels, and slide the floor to the left of the robot, which looks along `yaw`.
+    def _command(self, v_mps: float, w_radps: float, yaw: float, sideways_mps: float = 0.0) -> None:
+        """Set the speeds of the wheels, and slide the floor to the left of the robot at a yaw.
 
-        Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres
-        give way sideways: their grip would hold it, where real robots scrape along.
+        Where the robot pushes against a wall, half of the motors' torque is left for turning, and the tyres
+        slip sideways: their grip would hold the robot, where real robots scrape along.
         """
         robot = self.robot
         c, s = math.cos(yaw), math.sin(yaw)
@@ -203,14 +203,14 @@ class World:
         stall_mps = self._stall_slip_mps
         spare = max(stall_mps - abs(rim - w_now * half_track), stall_mps / 2)
         v = max(-top + abs(rim), min(0.0, v_now) - spare, min(top - abs(rim), max(0.0, v_now) + spare, v_mps))
-        self._told = v, rim / half_track
+        self._commanded = v, rim / half_track
         self.data.ctrl[0] = (v - rim) / robot.wheel_radius_m
         self.data.ctrl[1] = (v + rim) / robot.wheel_radius_m
         self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
 
     def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
         """Speeds towards target speeds, as far as a wheel's acceleration allows in one control period."""
-        v, w = self._told
+        v, w = self._commanded
         dv, dw = v_mps - v, w_radps - w
         change = abs(dv) + abs(dw) * self.robot.track_m / 2
         most = self.robot.max_accel_mps2 * self.config.control_steps * self.config.timestep_s
@@ -219,8 +219,8 @@ class World:
 
     def _halt(self) -> None:
         """Stop the wheels, and wait for the robot to come to rest."""
-        while self._told != (0.0, 0.0):
-            self._tell(*self._towards(0.0, 0.0), self._pose()[2])
+        while self._commanded != (0.0, 0.0):
+            self._command(*self._towards(0.0, 0.0), self._pose()[2])
             self._advance(self.config.control_steps)
         self._slide[:] = 0.0
         last = self._steps + round(REST_S / self.config.timestep_s)

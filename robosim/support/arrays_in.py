@@ -1,8 +1,8 @@
 """NumPy files from outside: single arrays (`.npy`) and archives of them (`.npz`).
 
-What a header declares is held against the bytes that are there before any memory is asked for, and against what the
-reader expects: kinds of numbers, shapes, how large a number may be. No pickles. Of an archive only what is expected is
-unpacked. For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
+The header is compared with the bytes of the file before any memory is allocated, and with the kinds of numbers, shapes
+and bounds that the reader expects. No pickles. Only expected arrays of an archive are unpacked. For use inside of
+`robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import io
@@ -62,7 +62,7 @@ def read_npz(
             if left < 0:
                 raise ValueError(f"unpacked it has more than {most_bytes} bytes")
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                raise ValueError(f"{name} is compressed in another way than NumPy does")
+                raise ValueError(f"{name} is not compressed by NumPy's method")
             arrays[name] = checked(parse_npy(archive.read(member), name), array, name, sizes)
     return arrays
 
@@ -77,12 +77,13 @@ def parse_npy(content: bytes, name: str = "the array") -> np.ndarray:
     shape, in_columns, kind = read_header(stream, max_header_size=_MOST_HEADER)
     if kind.kind not in "biufU" or kind.subdtype is not None:
         raise ValueError(f"{name} holds {kind}, expected plain numbers or text")
-    size, there = math.prod(shape) * kind.itemsize, len(content) - stream.tell()
+    data = stream.read()
+    size, there = math.prod(shape) * kind.itemsize, len(data)
     if min(shape, default=0) < 0 or size > there:
         raise ValueError(f"{name} is declared as {shape} of {kind}, but {there} bytes are there")
     flat = np.empty(0, kind)
     if size:
-        flat = np.frombuffer(content, kind, count=math.prod(shape), offset=stream.tell())
+        flat = np.frombuffer(data, kind, count=math.prod(shape))
     # A copy that may be written to, in the machine's own order of bytes; of truth values whatever is not 0 is true.
     array = flat.view(np.uint8) != 0 if kind.kind == "b" else flat.astype(kind.newbyteorder("="))
     return array.reshape(shape, order="F" if in_columns else "C")
@@ -111,7 +112,7 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
         if letters.size and (letters.max() > 0x10FFFF or ((letters >= 0xD800) & (letters < 0xE000)).any()):
             raise ValueError(f"{name} is no text")
     elif expected.most is not None and array.size:
-        # NaN fails every comparison, so it is asked for what is good.
+        # NaN fails every comparison.
         low, high = float(array.min()), float(array.max())
         if not (-expected.most <= low and high <= expected.most):
             raise ValueError(f"{name} goes from {low:g} to {high:g}, expected at most {expected.most:g}")
@@ -127,7 +128,7 @@ def ragged(name: str, some: Sequence[np.ndarray], empty: tuple[int, ...]) -> dic
 def parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
     """The arrays that `ragged` has joined; ValueError if their lengths do not sum up."""
     joined, lengths = arrays[name], arrays[f"{name}_count"]
-    # Each is asked for before their sum, which may overflow.
+    # Each is checked before their sum, which may overflow.
     if len(lengths) and not (lengths.min() >= 0 and lengths.max() <= len(joined) == lengths.sum()):
         raise ValueError(f"the lengths of {name} do not sum up to {len(joined)}")
     return np.split(joined, np.cumsum(lengths)[:-1]) if len(lengths) else []
@@ -141,7 +142,7 @@ def _check_directory(file: IO[bytes]) -> None:
     if at < 0 or len(tail) < at + 22:
         raise ValueError("the end of the archive is missing")
     (size,) = struct.unpack_from("<L", tail, at + 12)
-    # Archives of more than 4 GB have their directory elsewhere.
+    # Archives of more than 4 GB have their directory in another place.
     if size > _MOST_DIRECTORY or tail[:at][-20:-16] == b"PK\x06\x07":
         raise ValueError("its directory is larger than that of arrays")
     file.seek(0)

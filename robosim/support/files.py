@@ -1,8 +1,8 @@
 """Files that appear whole or not at all.
 
-What is written first lies beside its place under a hidden name, `.NAME.partial-PID.SUFFIX`. It takes its own name when
-it is whole, and is removed if it does not become so. A process that is killed leaves it; whoever works in that
-folder next removes it (`robosim.support.run_folder`).
+A file is written next to its place under a hidden name, `.NAME.partial-PID.SUFFIX`. It takes its own name when it is
+whole, and is removed after an error. A killed process leaves it, and the next command in that folder removes it
+(`robosim.support.run_folder`).
 """
 
 import io
@@ -19,7 +19,7 @@ import numpy as np
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` to write to; it takes that name when the block ends without an error."""
+    """A temporary path next to `path` to write to; it takes that name when the block ends without an error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = partial_path(path)

@@ -1,8 +1,8 @@
-"""Signals that a loop asks for, rather than ones that strike anywhere in it.
+"""Signals that a loop handles where its state is complete.
 
 Python raises KeyboardInterrupt between any two instructions: in the middle of a step, which leaves half a log, or
-inside of a callback from C, where it is printed and lost. Here the first Ctrl-C is only noted, the person is told what
-it waits for, and the loop ends where it is whole. A second one raises, for whoever cannot wait.
+inside of a callback from C, where it is printed and lost. Here the first Ctrl-C is noted, a line says what is finished
+first, and the loop ends where its state is complete. A second one raises the error at once.
 """
 
 import contextlib
@@ -33,16 +33,11 @@ class Interrupt:
 
     @property
     def word(self) -> str:
-        """How what was stopped has ended."""
+        """Name of such an end in results."""
         return "terminated" if self.signal == signal.SIGTERM else "interrupted"
 
     def stop(self) -> None:
-        """End as the signal would have: to be called where the loop is whole.
-
-        Raises:
-            KeyboardInterrupt: If it was SIGINT.
-            SystemExit: If it was another.
-        """
+        """Raise KeyboardInterrupt after SIGINT, SystemExit after another signal."""
         if self.signal == signal.SIGINT:
             raise KeyboardInterrupt
         if self.is_requested:

@@ -7,7 +7,7 @@ checks and messages are made. Whatever a configuration holds for a part may be
 - `module:Name`, which is looked for in the current folder and wherever Python looks;
 - in Python, an object: the part itself, or a class or function that makes one.
 
-A class or function is called with what that kind is made from, and has to give what is asked of a part of that kind.
+A class or function is called with the inputs of its kind, and must return a part with the methods of its kind.
 
 `module:Name` counts where a person types it. Data files (maps, furnishings, storeys, layers of walls) name registered
 parts only: their readers use `Kind.name_in_data`. Suites and configurations may name code, which is imported within

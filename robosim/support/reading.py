@@ -2,7 +2,7 @@
 
 Within `reading`, each error of a damaged file becomes one line that names the file, what is wrong and what would be
 right; the library's error is its cause. Folders, pipes, devices, dangling links and very large files are rejected
-before they are opened. `robosim.support.text_in`, `arrays_in` and `images_in` bound what a file may ask for.
+before they are opened. `robosim.support.text_in`, `arrays_in` and `images_in` bound size and content.
 """
 
 import logging
@@ -122,7 +122,7 @@ def one_line(text: str, most: int | None = _REASON) -> str:
 def reason_of(error: BaseException) -> str:
     """What an error of a library says of a file, in a few words."""
     if isinstance(error, MemoryError):
-        return "it asks for more memory than there is"
+        return "it needs more memory than there is"
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, UnicodeDecodeError):
@@ -137,11 +137,11 @@ def reason_of(error: BaseException) -> str:
 def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]) -> int:
     """The open file's number; its kind is checked again after opening, since another file may have taken its name."""
     try:
-        _refuse(os.stat(path), name, what, remedy, most_bytes, kind)
+        _check(os.stat(path), name, what, remedy, most_bytes, kind)
         # Without O_NONBLOCK, opening a pipe that took the file's place would wait.
         number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
-            _refuse(os.fstat(number), name, what, remedy, most_bytes, kind)
+            _check(os.fstat(number), name, what, remedy, most_bytes, kind)
         except BaseException:
             os.close(number)
             raise
@@ -157,7 +157,7 @@ def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind
         raise _named(kind(f"{name}: cannot be read ({reason_of(error)}), expected {what}."), path) from error
 
 
-def _refuse(
+def _check(
     found: os.stat_result, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]
 ) -> None:
     """Raise an error for anything but a regular file of a possible size."""

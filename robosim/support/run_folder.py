@@ -1,8 +1,8 @@
-"""Folders of results: whose they are, of which settings, and who is at work there.
+"""Folders of results: their command, their settings, and a lock.
 
-Every command that writes into a folder claims it. `settings.json` says which command that was, and for runs that go
-on after an interruption all that their results depend on: other settings are not mixed in. One process is at work in
-a folder at a time. What a killed one has left half is removed.
+Every command that writes into a folder claims it. `settings.json` names the command, and for runs that resume all that
+their results depend on: other settings are not mixed in. One process is at work in a folder at a time. Partial files of
+a killed one are removed.
 """
 
 import contextlib
@@ -44,14 +44,14 @@ def run_folder(
         try:
             ours = (folder / SETTINGS).exists()
             before = set() if ours else set(_results(folder))
-            if _kept(folder) is not None:
+            if _stored(folder) is not None:
                 remove_partials(folder)
             _settle(folder, command, settings, grows)
             try:
                 yield folder
             except BaseException:
                 if not ours and set(_results(folder)) == before:
-                    (folder / SETTINGS).unlink(missing_ok=True)  # somebody's folder stays as it was
+                    (folder / SETTINGS).unlink(missing_ok=True)  # a user's folder stays as it was
                 raise
         finally:
             if not _holds_results(folder):
@@ -70,7 +70,7 @@ def check_folder(folder: Path, command: str) -> None:
         raise FolderError(f"out is {str(folder)!r}, but {str(at)!r} is no folder. Choose another.")
     if not os.access(at, os.W_OK | os.X_OK):
         raise FolderError(f"out is {str(folder)!r}, but you may not write to {str(at)!r}. Choose another.")
-    there = _kept(folder)
+    there = _stored(folder)
     if there is not None and there["command"] != command and _holds_results(folder):
         raise FolderError(
             f"out is {str(folder)!r}, which holds the results of `robosim {one_line(there['command'], 80)}`. "
@@ -109,18 +109,18 @@ def _remove_empty(folder: Path) -> None:
 def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grows: tuple[str, ...]) -> None:
     """Note command and settings, or find the same ones."""
     now: dict[str, Any] = json.loads(json.dumps(plain(dict(settings or {})), allow_nan=False))
-    there = _kept(folder)
+    there = _stored(folder)
     if there is None and (folder / SETTINGS).exists():
         raise FolderError(
-            f"{folder / SETTINGS}: does not say of which command and settings the files beside it are. Choose another "
+            f"{folder / SETTINGS}: does not say of which command and settings the files next to it are. Choose another "
             "folder, or empty this one."
         )
     if there is not None and settings is not None and _holds_results(folder):
         before = there["settings"]
-        if told := _difference(before, now, grows):
+        if difference := _difference(before, now, grows):
             raise FolderError(
-                f"{shown(folder)} holds results of other settings: {one_line(told, 400)}. Choose another folder, or "
-                "the same settings."
+                f"{shown(folder)} holds results of other settings: {one_line(difference, 400)}. Choose another folder, "
+                "or the same settings."
             )
         for name in grows:
             now[name] = {**before.get(name, {}), **now[name]}
@@ -128,7 +128,7 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
         write_json(folder / SETTINGS, {"command": command, "settings": now})
 
 
-def _kept(folder: Path) -> dict[str, Any] | None:
+def _stored(folder: Path) -> dict[str, Any] | None:
     """What `settings.json` says, if it is one of ours."""
     try:
         there = read_json(folder / SETTINGS, "settings", keys=("command", "settings"))

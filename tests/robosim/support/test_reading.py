@@ -79,7 +79,7 @@ def test_a_link_to_a_regular_file_is_followed(cake, tmp_path):
     ("error", "words"),
     [
         (zlib.error("Error -3 while\ndecompressing"), "(Error -3 while decompressing)"),
-        (MemoryError(), "(it asks for more memory than there is)"),
+        (MemoryError(), "(it needs more memory than there is)"),
         (RecursionError("maximum recursion depth exceeded"), "(it is nested too deeply)"),
         (UnicodeDecodeError("utf-8", b"\x8c", 0, 1, "invalid"), "(byte 0 is no UTF-8 text)"),
         (KeyError("flour"), "('flour' is missing)"),
