@@ -1,4 +1,4 @@
-"""Variants of `fused`: each takes away, or tells the truth about, one thing, and no other."""
+"""Variants of `fused`: each removes one thing, or gives the truth about it."""
 
 from dataclasses import replace
 

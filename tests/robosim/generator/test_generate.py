@@ -1,4 +1,4 @@
-"""Invented buildings: in one piece, with human doors, the same each time, and like scanned homes."""
+"""Generated buildings: in one piece, with human doors, the same each time, and like scanned homes."""
 
 import hashlib
 import os
@@ -138,7 +138,7 @@ def test_different_seeds_give_different_plans(many: list[FloorPlan]):
 
 @pytest.mark.parametrize("door_m", [(0.7, 1.0), (0.95, 1.05)])
 def test_doors_are_as_wide_as_asked(door_m: tuple[float, float]):
-    """Without furniture ways between rooms are no narrower than asked, but for bays (5 %) and half a cell.
+    """Without furniture passages between rooms are no narrower than asked, but for bays (5 %) and half a cell.
 
     Wider ones are open-plan; the raster adds 1.5 cells at most, so most lie between the two bounds.
     """
@@ -197,7 +197,7 @@ def test_a_building_without_furniture_has_its_floor_free():
         assert 0.9 * 80 < generate_plan(seed, config=config).free.sum() * 0.05**2 < 1.3 * 80
 
 
-def test_furniture_takes_floor_and_leaves_ways():
+def test_furniture_takes_floor_and_leaves_passages():
     """The same building, emptied and furnished: floor is only taken, a sixth of it and more, and no room lost."""
     for seed in range(4):
         empty, full = (
@@ -325,7 +325,7 @@ def test_the_shipped_flat_hides_its_rooms_from_each_other():
         ({"area_m2": float("nan")}, "area_m2 is nan"),
     ],
 )
-def test_wrong_configurations_are_told(wrong: dict, said: str):
+def test_wrong_configurations_are_errors(wrong: dict, said: str):
     """Name, value, what was expected."""
     with pytest.raises(ValueError, match=said):
         GeneratorConfig(**wrong)

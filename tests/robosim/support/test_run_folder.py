@@ -39,7 +39,7 @@ def test_other_settings_are_named_and_change_nothing(tmp_path):
 
 
 def test_settings_may_grow_where_that_is_meant(tmp_path):
-    """Plans may be added or not asked for, the ones in both have to be the same."""
+    """Plans may be added or left out, the ones in both have to be the same."""
     with run_folder(tmp_path, "evaluate", {"plans": {"a": 1}}, grows=("plans",)) as folder:
         _write(folder)
     with run_folder(tmp_path, "evaluate", {"plans": {"b": 2}}, grows=("plans",)):
@@ -65,7 +65,7 @@ def test_the_results_of_another_command_are_left_alone(tmp_path, settings):
 
 
 def test_what_came_to_nothing_leaves_nothing(tmp_path):
-    """A folder that was made is gone again, one that was there is empty, and its settings do not bind."""
+    """A folder that was made is removed again, one that was there is empty, and its settings do not bind."""
     (tmp_path / "there").mkdir()
     for name in ("there", "new"):
         with pytest.raises(ValueError, match="no good"), run_folder(tmp_path / name, "dataset", ONE):
@@ -122,7 +122,7 @@ def test_a_claimed_folder_inside_is_its_own(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["file", "below a file", "dangling link", "long"])
-def test_what_cannot_be_a_folder_is_refused_before_the_work(tmp_path, kind):
+def test_what_cannot_be_a_folder_is_an_error_before_the_work(tmp_path, kind):
     _write(tmp_path, "file")
     os.symlink("nowhere", tmp_path / "dangling link")
     path = {"below a file": tmp_path / "file" / "x", "long": tmp_path / ("x" * 300)}.get(
