@@ -29,7 +29,7 @@ from robosim.support.parts import part_name, to_dict
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.task.tasks import Anchor, Task, make_task, with_anchors
+from robosim.task.tasks import Anchor, make_task, with_anchors
 from slam.grid import MapEstimate
 
 #: Files of an episode, in the order in which they are listed.
@@ -107,15 +107,20 @@ def _record(
     title = f"{plan.name}  {part_name(config.goal)}"
     picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
     steps = EpisodeWriter(rings)
-    with ExitStack() as files, _progress(console) as progress:
+    ends = text_column("{task.description}"), text_column("{task.fields[note]}")
+    columns = ends[0], BarColumn(bar_width=12), MofNCompleteColumn(), ends[1]
+    with ExitStack() as files, Progress(*columns, console=console, refresh_per_second=4) as progress:
         writer = None
         if video:
             from robosim.drawing.video import VideoWriter  # brings ffmpeg
 
             writer = VideoWriter(out / "episode.mp4", picture.size)
             files.callback(_timed, writer.close, watch, "video")
-        recording = _recording(out, building, task, config) if rerun else None
-        if recording is not None:
+        recording = None
+        if rerun:
+            simulator = config.simulator
+            place = out / RECORDING, building, task
+            recording = RerunRecording(*place, simulator.image, simulator.radio.height_m)
             files.callback(_timed, recording.close, watch, "rerun")
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
@@ -169,22 +174,6 @@ def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
         resolution_m=estimate.frame.resolution_m,
         origin=(float(x), float(y), 0.0),
         name=name,
-    )
-
-
-def _recording(out: Path, building: Building, task: Task, config: EpisodeConfig) -> RerunRecording:
-    c = config.simulator
-    return RerunRecording(out / RECORDING, building, task, c.image, c.radio.height_m)
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        text_column("{task.description}"),
-        BarColumn(bar_width=12),
-        MofNCompleteColumn(),
-        text_column("{task.fields[note]}"),
-        console=console,
-        refresh_per_second=4,
     )
 
 

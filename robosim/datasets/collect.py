@@ -25,10 +25,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from jaxtyping import Bool
 from rich.console import Console
 
 from robosim.building.building import Building, make_building
-from robosim.building.reach import Reach, reach
+from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import TruePatches
 from robosim.episode import drive
@@ -143,52 +144,34 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
     places = reach(building, robot.radius_m, robot.height_m)
     truth = TruePatches(building, hfov_deg=simulator.config.image.hfov_deg, height_m=robot.height_m)
     rng = np.random.default_rng([config.seed, seed, 1])
-    frames = _Frames(truth)
+    rows: list[dict[str, Any]] = []
+
+    def add(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
+        rows.append(_row(sensed, estimated, true, truth.at(true.pose)))
+        return len(rows) < config.steps
+
     try:
         for _ in range(_RESTARTS + config.steps):
-            if len(frames.rows) < config.steps:
-                _walk(simulator, places, frames, config.steps, rng)
+            if len(rows) < config.steps:  # explore until everything is seen
+                navigator = make_navigator(simulator.config)
+                task = make_task(places, rng, min_path_m=1.0)
+                drive(simulator, navigator, Explore(navigator.explorer), task, rng, add)
     finally:
         simulator.close()
-    return frames.arrays()
+    return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def _walk(
-    simulator: Simulator, places: Reach, frames: "_Frames", steps: int, rng: np.random.Generator
-) -> None:
-    """Explore until everything is seen or there are enough frames."""
-    navigator = make_navigator(simulator.config)
-    task = make_task(places, rng, min_path_m=1.0)
-
-    def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
-        frames.add(sensed, estimated, true)
-        return len(frames.rows) < steps
-
-    drive(simulator, navigator, Explore(navigator.explorer), task, rng, judge)
-
-
-class _Frames:
-    """Rows of a shard."""
-
-    def __init__(self, truth: TruePatches) -> None:
-        self._truth = truth
-        self.rows: list[dict[str, Any]] = []
-
-    def add(self, sensed: Observation, estimated: Estimates, true: Truth) -> None:
-        """Add a row with sensor data, estimates and ground truth."""
-        self.rows.append(
-            {
-                "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
-                "rgb": sensed.rgb.copy(),
-                "action": np.int8(-1 if true.action is None else true.action),
-                "odometry": sensed.odometry.astype(np.float32),
-                "pose": true.pose,
-                "estimate": estimated.pose,
-                "belief": np.rint(255 * belief_ahead(estimated.map)).astype(np.uint8),
-                "truth": np.packbits(self._truth.at(true.pose), axis=-1),
-            }
-        )
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """One array for each column."""
-        return {name: np.stack([row[name] for row in self.rows]) for name in self.rows[0]}
+def _row(
+    sensed: Observation, estimated: Estimates, true: Truth, patch: Bool[np.ndarray, "3 ny nx"]
+) -> dict[str, Any]:
+    """Sensor data, estimates and ground truth of a frame."""
+    return {
+        "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
+        "rgb": sensed.rgb.copy(),
+        "action": np.int8(-1 if true.action is None else true.action),
+        "odometry": sensed.odometry.astype(np.float32),
+        "pose": true.pose,
+        "estimate": estimated.pose,
+        "belief": np.rint(255 * belief_ahead(estimated.map)).astype(np.uint8),
+        "truth": np.packbits(patch, axis=-1),
+    }

@@ -11,7 +11,7 @@ import hashlib
 import io
 import math
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from itertools import groupby, product
 from pathlib import Path
@@ -53,90 +53,77 @@ PATHS, UNITS = "paths.parquet", "units"
 UNIT_RX = BLOCK_RX
 
 
-class LinkGrid:
-    """All links between transmitters and the receivers on a grid over a plan."""
+def trace_grid(
+    plan: FloorPlan | OneStorey,
+    config: RadioConfig,
+    grid_m: float,
+    tx: Float[np.ndarray, "n_tx 3"],
+    rx: Float[np.ndarray, "n_rx 3"],
+    folder: Path,
+    *,
+    workers: int,
+    cluster: str | None = None,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> Path:
+    """Trace the links that are missing in a folder; returns the file of all paths, for `Paths.read_parquet`.
 
-    def __init__(
-        self,
-        plan: FloorPlan | OneStorey,
-        config: RadioConfig,
-        grid_m: float,
-        tx: Float[np.ndarray, "n_tx 3"],
-        rx: Float[np.ndarray, "n_rx 3"],
-    ) -> None:
-        """Define the links; `rx` are the positions [m] of a `receiver_grid`, `grid_m` apart."""
-        self._site = Site(plan.digest(), plan, tx, len(rx))
-        self._config, self._grid_m = config, grid_m
-        self._tx, self._rx = tx, rx
-        self._starts = range(0, len(rx), UNIT_RX)
+    `rx` are the positions [m] of a `receiver_grid`, `grid_m` apart. `report` is called with the numbers of finished and
+    of all links, at first and after each unit.
+    """
 
-    def trace(
-        self,
-        folder: Path,
-        *,
-        workers: int,
-        cluster: str | None = None,
-        report: Callable[[int, int], None] = lambda done, total: None,
-    ) -> Path:
-        """Trace the links that are missing in a folder; returns the file of all paths, for `Paths.read_parquet`.
+    def unit(tx: int, first: int) -> Path:
+        return folder / UNITS / f"tx{tx:04d}_rx{first:07d}.parquet"
 
-        `report` is called with the numbers of finished and of all links, at first and after each unit.
-        """
-        total = len(self._tx) * len(self._rx)
-        if not (folder / PATHS).exists():
-            calls = list(self._missing(folder / UNITS))
-            done = total - sum(len(txs) * (self._end(first) - first) for txs, first in calls)
-            report(done, total)
-            arguments = [
-                (self._site, self._config, self._grid_m, txs, first, self._end(first)) for txs, first in calls
-            ]
-            with Workers(workers, cluster, what="links") as pool:
-                for number, tables in pool.run(_trace_unit, arguments):
-                    txs, first = calls[number]
-                    for i, table in zip(txs, tables, strict=True):
-                        write_whole(self._unit(folder / UNITS, i, first), table)
-                    done += len(txs) * (self._end(first) - first)
-                    report(done, total)
-            self._join(folder)
-        shutil.rmtree(folder / UNITS, ignore_errors=True)
-        report(total, total)
-        return folder / PATHS
+    def missing(first: int) -> list[int]:
+        return [i for i in range(len(tx)) if not unit(i, first).exists()]
 
-    def _unit(self, folder: Path, tx: int, first: int) -> Path:
-        return folder / f"tx{tx:04d}_rx{first:07d}.parquet"
-
-    def _end(self, first: int) -> int:
-        """Index after the last receiver of a unit."""
-        return min(first + UNIT_RX, len(self._rx))
-
-    def _missing(self, folder: Path) -> Iterator[tuple[list[int], int]]:
-        """Missing units as transmitters and first receiver of each call.
-
-        The view from receivers does not depend on the transmitter, so that several share it.
-        """
-
-        def missing(first: int) -> list[int]:
-            return [i for i in range(len(self._tx)) if not self._unit(folder, i, first).exists()]
-
-        for txs, group in groupby(self._starts, missing):
-            for first, j in product(group, range(0, len(txs), BLOCK_TX)):
-                yield txs[j : j + BLOCK_TX], first
-
-    def _join(self, folder: Path) -> None:
-        """Join the paths of all units in one file."""
+    total, starts = len(tx) * len(rx), range(0, len(rx), UNIT_RX)
+    ends = {first: min(first + UNIT_RX, len(rx)) for first in starts}
+    if not (folder / PATHS).exists():
+        # The view from receivers does not depend on the transmitter, so that several transmitters share it.
+        calls = [
+            (txs[j : j + BLOCK_TX], first)
+            for txs, group in groupby(starts, missing)
+            for first, j in product(group, range(0, len(txs), BLOCK_TX))
+        ]
+        done = total - sum(len(txs) * (ends[first] - first) for txs, first in calls)
+        report(done, total)
+        site = Site(plan.digest(), plan, tx, len(rx))
+        with Workers(workers, cluster, what="links") as pool:
+            arguments = [(site, config, grid_m, txs, first, ends[first]) for txs, first in calls]
+            for number, tables in pool.run(_trace_unit, arguments):
+                txs, first = calls[number]
+                for i, table in zip(txs, tables, strict=True):
+                    write_whole(unit(i, first), table)
+                done += len(txs) * (ends[first] - first)
+                report(done, total)
         with whole_file(folder / PATHS) as partial:
-            writer = None
-            try:
-                for i, first in product(range(len(self._tx)), self._starts):
-                    unit = Paths.read_parquet(self._unit(folder / UNITS, i, first))
-                    table = replace(
-                        unit, tx_position=self._tx, rx_position=self._rx, tx=unit.tx + i, rx=unit.rx + first
-                    ).to_table()
-                    writer = writer or pq.ParquetWriter(partial, table.schema, compression="zstd")
-                    writer.write_table(table)
-            finally:
-                if writer is not None:
-                    writer.close()
+            _join(
+                partial, {(i, first): unit(i, first) for i, first in product(range(len(tx)), starts)}, tx, rx
+            )
+    shutil.rmtree(folder / UNITS, ignore_errors=True)
+    report(total, total)
+    return folder / PATHS
+
+
+def _join(
+    file: Path,
+    units: dict[tuple[int, int], Path],
+    tx: Float[np.ndarray, "n_tx 3"],
+    rx: Float[np.ndarray, "n_rx 3"],
+) -> None:
+    """Join the paths of units, by transmitter and first receiver, in one file."""
+    writer = None
+    try:
+        for (i, first), path in units.items():
+            paths = Paths.read_parquet(path)
+            paths = replace(paths, tx_position=tx, rx_position=rx, tx=paths.tx + i, rx=paths.rx + first)
+            table = paths.to_table()
+            writer = writer or pq.ParquetWriter(file, table.schema, compression="zstd")
+            writer.write_table(table)
+    finally:
+        if writer is not None:
+            writer.close()
 
 
 def _trace_unit(
@@ -190,10 +177,19 @@ def trace_plan(
     scene, transmitters = _prepare(plan, config, tx, console)
     given_rx = None if rx is None else scene.places((rx,), "rx")[0]
     grid = scene.grid(grid_m)
-    links = LinkGrid(plan, config, grid_m, transmitters, grid.position)
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
         with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
-            path = links.trace(out, workers=workers, cluster=cluster, report=progress.report)
+            path = trace_grid(
+                plan,
+                config,
+                grid_m,
+                transmitters,
+                grid.position,
+                out,
+                workers=workers,
+                cluster=cluster,
+                report=progress.report,
+            )
             timing = progress.timing()
         states = _write_formats(scene, transmitters, grid, path, out, console)
         if plots:

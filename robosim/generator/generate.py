@@ -97,13 +97,13 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     """
     check_number("seed", seed, *SEED, whole=True)
     rng = np.random.default_rng(seed)
-    draft = _draft(rng, config)
+    area_m2, rooms, furniture, yaw = _draft(rng, config)
     style = STYLES[config.style]
-    layout = lay_out(rng, area_m2=draft.area_m2, rooms=draft.rooms, door_m=config.door_width_m, style=style)
-    canvas = Canvas(layout.bounds(), draft.yaw, config.resolution_m)
+    layout = lay_out(rng, area_m2=area_m2, rooms=rooms, door_m=config.door_width_m, style=style)
+    canvas = Canvas(layout.bounds(), yaw, config.resolution_m)
     _paint(canvas, layout)
     floor = canvas.free.copy()
-    density, name = draft.furniture * style.crowding, f"{config.style}-{seed}"
+    density, name = furniture * style.crowding, f"{config.style}-{seed}"
     if not config.heights:
         furnish(canvas, layout, rng, density=density, passage_m=config.passage_m)
         return _plan(canvas.free, floor, name, config)
@@ -130,18 +130,8 @@ def write_shipped(folder: Path) -> None:
         write_ros(replace(generate_plan(seed, config=config), name=name), folder / f"{name}.yaml")
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Draft:
-    """Numbers that are drawn before rooms are laid out."""
-
-    area_m2: float
-    rooms: int
-    furniture: float
-    yaw: float
-
-
-def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
-    """Draw what the configuration leaves open; fixing one value does not change the draws of the others."""
+def _draft(rng: np.random.Generator, config: GeneratorConfig) -> tuple[float, int, float, float]:
+    """Area [m2], number of rooms, share of furniture, yaw [rad]; fixing one does not change the draws of the others."""
     size, room_size, crowd, turn, empty = (
         rng.random(),
         rng.standard_normal(),
@@ -160,7 +150,7 @@ def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
     if config.furniture is not None:
         furniture = config.furniture
     yaw = 2 * np.pi * turn if config.rotation_deg is None else np.radians(config.rotation_deg)
-    return _Draft(area_m2=area_m2, rooms=rooms, furniture=furniture, yaw=float(yaw))
+    return area_m2, rooms, furniture, float(yaw)
 
 
 def _paint(canvas: Canvas, layout: Layout) -> None:

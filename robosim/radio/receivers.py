@@ -7,7 +7,7 @@ cell lower than that cell's centre: such a plan with such a step gets exactly th
 link by link. Some of them are on a wall or beyond it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -62,11 +62,6 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
     if not len(grid.position):
         raise ValueError(f"grid is {step_m:g} m, and no receiver fits into {plan.name}; take a finer one.")
     return grid
-
-
-def raised(grid: ReceiverGrid, by_m: float) -> ReceiverGrid:
-    """The same grid so much higher [m], as on another storey."""
-    return replace(grid, position=grid.position + np.array([0.0, 0.0, by_m])) if by_m else grid
 
 
 def check_step(step_m: float) -> None:

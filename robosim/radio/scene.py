@@ -11,7 +11,7 @@ from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.multi_storey import Storeys, StoreysConfig, make_storeys
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
-from robosim.radio.receivers import ReceiverGrid, check_height, raised, receiver_grid
+from robosim.radio.receivers import ReceiverGrid, check_height, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -95,7 +95,8 @@ class RadioScene:
 
     def grid(self, step_m: float) -> ReceiverGrid:
         """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
-        return raised(receiver_grid(self.building, step_m, self.config.height_m), self.floor_m)
+        grid = receiver_grid(self.building, step_m, self.config.height_m)
+        return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
         """Points (x, y) or (x, y, z) [m] as positions; heights count from the lowest floor.

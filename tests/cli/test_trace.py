@@ -102,7 +102,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("robosim.datasets.trace.LinkGrid.trace", interrupted)
+    monkeypatch.setattr("robosim.datasets.trace.trace_grid", interrupted)
     with pytest.raises(SystemExit) as stop:
         main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
     assert stop.value.code == 130
