@@ -24,7 +24,7 @@ from robosim.environments.sources import Source, TaskSpec
 from robosim.parts import LIDAR
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter
-from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import ARRIVAL_M, Task, make_task
 from slam.actions import PUBLISHED, Action
@@ -278,8 +278,8 @@ class Search:
                 found["lidar"] = senses.ranges(view.laser)
             elif sense == "odometry":
                 found["odometry"] = senses.odometry(view)
-            elif sense == "radio" and view.paths is not None:
-                found |= senses.paths(view.paths, self._probability(view))
+            elif sense == "radio" and view.paths is not None and self._interpreter is not None:
+                found |= senses.paths(view.paths, self._interpreter.probability(view.paths))
             elif sense == "map" and self._coverage is not None:
                 found["map"] = senses.map_ahead(
                     self.place.plan, self._coverage.seen, pose, config.map_cells, config.map_cell_m
@@ -287,11 +287,6 @@ class Search:
             elif sense == "pose":
                 found["pose"] = senses.pose_since(self._task.start, pose)
         return found
-
-    def _probability(self, view: Observation) -> Float[np.ndarray, "4"]:
-        """Probabilities of the link states, as the robot estimates them."""
-        assert self._interpreter is not None and view.paths is not None
-        return self._interpreter.probability(view.paths)
 
     def _info(self, pose: Float[np.ndarray, "3"], collided: bool, arrived: bool) -> dict[str, Any]:
         return {

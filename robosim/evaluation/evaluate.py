@@ -36,12 +36,11 @@ from robosim.support.files import plain
 from robosim.support.installation import package_version
 from robosim.support.parts import to_dict
 from robosim.support.progress import unit_progress
-from robosim.support.reading import read_bytes
+from robosim.support.reading import PACKAGES, read_bytes
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 
-#: Packages whose code results depend on, loaded by what is imported above.
-_OURS = ("robosim", "slam", "wireless")
+#: Packages whose versions results depend on.
 _PACKAGES = (
     "robosim",
     "mujoco",
@@ -79,7 +78,7 @@ def code_digest(policies: Iterable[str] = ()) -> str:
             digest.update(policy.encode() + read_bytes(policy, "weights of a goal policy"))
     for file in sorted((assets_dir() / "weights").glob("*")):
         digest.update(file.name.encode() + file.read_bytes())
-    for package in _OURS:
+    for package in PACKAGES:
         folder = Path(str(sys.modules[package].__file__)).parent
         for file in sorted(folder.rglob("*.py")):
             digest.update(f"{package}/{file.relative_to(folder)}".encode() + file.read_bytes())

@@ -11,7 +11,6 @@ through the outermost free cells. Left out: storeys, windows, what furniture loo
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 import cv2
@@ -24,7 +23,6 @@ from robosim.generator.hull_places import hull_places, largest_piece
 from robosim.generator.layout import Layout, lay_out
 from robosim.generator.place_cells import furnish
 from robosim.generator.place_groups import place_pieces
-from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import SEED, Range, check_choice, check_number, checked
 
@@ -111,23 +109,6 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     plan = _plan(canvas.free, floor, name, config)
     placed = place_pieces(canvas, layout, rng, plan.free, density=density, passage_m=config.passage_m)
     return replace(plan, furnishings=tuple(placed))
-
-
-#: Seeds and kinds of the plans that come with the package, which `write_shipped` writes.
-SHIPPED = {
-    "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
-    "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
-    "flat": (4, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
-    "townhouse": (9, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
-    "villa": (13, GeneratorConfig(area_m2=150, rooms=12, furniture=0.9)),
-    "office": (22, GeneratorConfig(style="office")),
-}
-
-
-def write_shipped(folder: Path) -> None:
-    """Write the plans that come with the package, as ROS maps."""
-    for name, (seed, config) in SHIPPED.items():
-        write_ros(replace(generate_plan(seed, config=config), name=name), folder / f"{name}.yaml")
 
 
 def _draft(rng: np.random.Generator, config: GeneratorConfig) -> tuple[float, int, float, float]:

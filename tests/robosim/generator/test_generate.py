@@ -13,7 +13,7 @@ from scipy import ndimage
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.generator.building_style import STYLES
-from robosim.generator.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
+from robosim.generator.generate import GeneratorConfig, generate_plan, in_one_piece
 from robosim.generator.hull_places import largest_piece
 from robosim.generator.layout import Layout, lay_out
 from robosim.plans.files import find_plans, read_plan
@@ -43,6 +43,16 @@ SCANNED = {
     "detour": (1.028, 1.065, 1.108, 1.133, 1.149, 1.188, 1.204, 1.243, 1.311, 1.33),
     "bottleneck_m": (0.403, 0.45, 0.461, 0.495, 0.495, 0.522, 0.566, 0.632, 0.673, 0.707),
     "passage_widths_m": (0.461, 0.502, 0.559, 0.602, 0.652, 0.7, 0.75, 0.851, 0.966, 1.254),
+}
+
+#: Seeds and kinds of the shipped plans.
+SHIPPED = {
+    "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "flat": (4, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "townhouse": (9, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "villa": (13, GeneratorConfig(area_m2=150, rooms=12, furniture=0.9)),
+    "office": (22, GeneratorConfig(style="office")),
 }
 
 
