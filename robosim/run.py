@@ -28,7 +28,7 @@ from robosim.support.parts import part_name, to_dict
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.task.tasks import Anchor, Task, make_task, with_anchors
+from robosim.task.tasks import Anchor, make_task, with_anchors
 from slam.grid import MapEstimate
 
 #: Files of an episode, in the order in which they are listed.
@@ -58,36 +58,23 @@ def record_episode(
     rerun: bool = False,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Run an episode and write its files into a folder.
+    """Run an episode and write its files into a folder; returns the content of `result.json`.
 
     The files: `result.json`, `trajectory.tum` and `estimate.tum`, the built map as `map.yaml` and `map.pgm`,
     `map.png`, `episode.npz` (all steps, from which `robosim replay` draws), and `episode.mp4`. An interrupted episode
-    leaves the same files, of what was done until then.
-
-    Args:
-        plan: Where.
-        config: How.
-        out: The folder, made if it is missing.
-        start: Pose of the robot at first; drawn from the seed if not given.
-        target: Where the target stands; drawn from the seed if not given.
-        anchors: Other transmitters.
-        video: Whether to draw the video; without it the loop is faster.
-        rerun: Whether to record `episode.rrd` for the Rerun viewer.
-        console: Where progress is shown; nowhere if not given.
-
-    Returns:
-        What `result.json` holds.
+    leaves the same files, of the steps until then. Start and target are drawn from the seed if they are not given.
+    Without `video` the loop is faster. `rerun` records `episode.rrd` for the Rerun viewer.
 
     Raises:
         MapError: If the task cannot be done in the plan.
         FolderError: If the folder cannot be used.
-        ValueError: If weights cannot be read, or a Rerun recording is asked for and Rerun is not installed.
+        ValueError: If weights cannot be read, or Rerun is needed and not installed.
     """
     if rerun:
         rerun_sdk()
     check_weights(config)
     with run_folder(out, "episode") as folder:
-        # Files of an earlier episode, or version, must not be taken for this one's.
+        # Files of an earlier episode, or version, would be mistaken for new ones.
         for name in (*FILES, "replay.mp4", "sheet.png", "decisions.npz", RECORDING):
             (folder / name).unlink(missing_ok=True)
         return _record(
@@ -113,20 +100,25 @@ def _record(
         places = reach(building, robot.radius_m, robot.height_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
         task = with_anchors(task, places, anchors)
-    _tell_cut_off(places, task.start, console)
+    _print_cut_off(places, task.start, console)
     rings = building_rings(building)
     title = f"{plan.name}  {part_name(config.goal)}"
     picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
     steps = EpisodeWriter(rings)
-    with ExitStack() as files, _progress(console) as progress:
+    ends = text_column("{task.description}"), text_column("{task.fields[note]}")
+    columns = ends[0], BarColumn(bar_width=12), MofNCompleteColumn(), ends[1]
+    with ExitStack() as files, Progress(*columns, console=console, refresh_per_second=4) as progress:
         writer = None
         if video:
             from robosim.drawing.video import VideoWriter  # brings ffmpeg
 
             writer = VideoWriter(out / "episode.mp4", picture.size)
             files.callback(_timed, writer.close, watch, "video")
-        recording = _recording(out, building, task, config) if rerun else None
-        if recording is not None:
+        recording = None
+        if rerun:
+            simulator = config.simulator
+            place = out / RECORDING, building, task
+            recording = RerunRecording(*place, simulator.image, simulator.radio.height_m)
             files.callback(_timed, recording.close, watch, "rerun")
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
@@ -146,7 +138,7 @@ def _record(
         log, estimate = run_episode(building, places, task, config, record, watch)
     from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
 
-    # The result last: it shows that all files are there. A second Ctrl-C must not cost it.
+    # The result last: it shows that all files are there.
     with noted_interrupt("writing the files"):
         log.save_trajectories(out)
         result = plain(_result(plan, building, config, log, watch))
@@ -183,23 +175,7 @@ def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
     )
 
 
-def _recording(out: Path, building: Building, task: Task, config: EpisodeConfig) -> RerunRecording:
-    c = config.simulator
-    return RerunRecording(out / RECORDING, building, task, c.image, c.radio.height_m)
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        text_column("{task.description}"),
-        BarColumn(bar_width=12),
-        MofNCompleteColumn(),
-        text_column("{task.fields[note]}"),
-        console=console,
-        refresh_per_second=4,
-    )
-
-
-def _tell_cut_off(places: Reach, start: Float[np.ndarray, "3"], console: Console) -> None:
+def _print_cut_off(places: Reach, start: Float[np.ndarray, "3"], console: Console) -> None:
     rooms = places.cut_off(places.part_at(start[:2]))
     if rooms:
         listed = ", ".join(f"{r.area_m2:.1f} m2 at ({r.centre[0]:.1f}, {r.centre[1]:.1f})" for r in rooms[:5])

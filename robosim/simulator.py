@@ -150,11 +150,11 @@ class Simulator:
     def clone(self) -> "Simulator":
         """A second robot, alone in the same building; both share what is built for the building."""
         other = copy(self)
-        again = getattr(self.world, "another", None)
+        again = getattr(self.world, "clone", None)
         other.world = (
             again() if again else PHYSICS.make(self.config.physics, self.building, robot=self.config.robot)
         )
-        other.radio = None if self.radio is None else self.radio.another()
+        other.radio = None if self.radio is None else self.radio.clone()
         other.anchors, other._anchor_rngs = {}, {}
         other._camera, other._target = None, None
         return other
@@ -169,7 +169,7 @@ class Simulator:
             self._place_target(task.target)
         if self.radio is not None:
             self.radio.place(task.target)
-            self.anchors = {anchor.name: self.radio.another() for anchor in task.anchors}
+            self.anchors = {anchor.name: self.radio.clone() for anchor in task.anchors}
             self._anchor_rngs = dict(zip(self.anchors, anchor_rngs, strict=True))
             for anchor in task.anchors:
                 self.anchors[anchor.name].place(anchor.place)

@@ -1,4 +1,4 @@
-"""Logs of a robot that goes once round a small building, in every format that is read."""
+"""Logs of a robot that drives once round a small building, in every format that is read."""
 
 import gzip
 import math
@@ -15,25 +15,25 @@ ROOM = [
     *beams.rectangle(3, 2, 4, 3.5),
     *beams.rectangle(6, 0, 8, 1.2),
 ]
-WAY = beams.along([(1, 1), (5, 1), (5, 5), (1, 5), (1, 1.5)])
+ROUTE = beams.along([(1, 1), (5, 1), (5, 5), (1, 5), (1, 1.5)])
 BEAMS = 181
 
 
 class Drive:
-    """What the robot's laser saw and its odometry told on a way, as lines of a log.
+    """Scans and odometry of a robot along a route, as lines of a log.
 
     Args:
-        way: True poses x [m], y [m], yaw [rad], one a scan.
+        route: True poses x [m], y [m], yaw [rad], one per scan.
         count: Beams of a scan, over 180 degrees.
     """
 
-    def __init__(self, way: list[np.ndarray] = WAY, count: int = BEAMS) -> None:
-        self.way, self.count = way, count
+    def __init__(self, route: list[np.ndarray] = ROUTE, count: int = BEAMS) -> None:
+        self.route, self.count = route, count
         self.bearing = np.linspace(-math.pi / 2, math.pi / 2, count)
-        rng, told = np.random.default_rng(0), [np.array([3.0, -2.0, 1.0])]
-        for a, b in pairwise(way):
-            told.append(compose(told[-1], between(a, b) + rng.normal(0, [0.02, 0.02, 0.02])))
-        self.told = told
+        rng, measured = np.random.default_rng(0), [np.array([3.0, -2.0, 1.0])]
+        for a, b in pairwise(route):
+            measured.append(compose(measured[-1], between(a, b) + rng.normal(0, [0.02, 0.02, 0.02])))
+        self.odometry = measured
 
     def fan(self, pose: np.ndarray) -> list[float]:
         """Ranges [m] from a pose; the longest where nothing is near."""
@@ -43,20 +43,20 @@ class Drive:
     def raw(self) -> str:
         """As a robot writes it: both poses of a scan are odometry."""
         lines = ["# message formats defined: ODOM FLASER"]
-        for k, (true, told) in enumerate(zip(self.way, self.told, strict=True)):
-            lines.append(_line("ODOM", *told, 0, 0, 0, float(k), "host", float(k)))
+        for k, (true, measured) in enumerate(zip(self.route, self.odometry, strict=True)):
+            lines.append(_line("ODOM", *measured, 0, 0, 0, float(k), "host", float(k)))
             lines.append(
-                _line("FLASER", self.count, *self.fan(true), *told, *told, float(k), "host", float(k))
+                _line("FLASER", self.count, *self.fan(true), *measured, *measured, float(k), "host", float(k))
             )
         return "\n".join(lines)
 
     def corrected(self) -> str:
-        """As a mapping program writes it: odometry starts anew from each corrected pose."""
+        """As a mapping program writes it: odometry starts again from each corrected pose."""
         lines = []
-        for k, pose in enumerate(self.way):
+        for k, pose in enumerate(self.route):
             if k:
-                moved = compose(self.way[k - 1], between(self.told[k - 1], self.told[k]))
-                lines.append(_line("ODOM", *moved, 0, 0, 0, 0, "h", 0))
+                motion = compose(self.route[k - 1], between(self.odometry[k - 1], self.odometry[k]))
+                lines.append(_line("ODOM", *motion, 0, 0, 0, 0, "h", 0))
             lines.append(_line("FLASER", self.count, *self.fan(pose), *pose, *pose, float(k), "h", float(k)))
             lines.append(_line("ODOM", *pose, 0, 0, 0, 0, "h", 0))
         return "\n".join(lines)
@@ -64,26 +64,26 @@ class Drive:
     def newer(self) -> str:
         """With the newer lines, the first of whose poses is the laser's."""
         lines, step = [], math.pi / (self.count - 1)
-        for k, (true, told) in enumerate(zip(self.way, self.told, strict=True)):
+        for k, (true, measured) in enumerate(zip(self.route, self.odometry, strict=True)):
             head = ("ROBOTLASER1", 0, -math.pi / 2, math.pi, step, 80.0, 0.01, 0, self.count)
-            laser = compose(told, np.array([0.1, 0.0, 0.0]))
+            laser = compose(measured, np.array([0.1, 0.0, 0.0]))
             lines.append(
-                _line(*head, *self.fan(true), 0, *laser, *told, 0, 0, 0, 0, 0, float(k), "h", float(k))
+                _line(*head, *self.fan(true), 0, *laser, *measured, 0, 0, 0, 0, 0, float(k), "h", float(k))
             )
         return "\n".join(lines)
 
     def write_tum(self, folder: Path) -> tuple[Path, Path]:
-        """Odometry as a TUM file, and scans beside it."""
+        """Odometry as a TUM file, and a file of scans."""
         odometry, scans = folder / "odometry.tum", folder / "scans.txt"
         odometry.write_text(
             "\n".join(
                 f"{k} {x:.9f} {y:.9f} 0 0 0 {math.sin(yaw / 2):.9f} {math.cos(yaw / 2):.9f}"
-                for k, (x, y, yaw) in enumerate(self.told)
+                for k, (x, y, yaw) in enumerate(self.odometry)
             )
         )
         ends = (-math.pi / 2, math.pi / 2)
         scans.write_text(
-            "\n".join(_line(float(k), *ends, *self.fan(pose)) for k, pose in enumerate(self.way))
+            "\n".join(_line(float(k), *ends, *self.fan(pose)) for k, pose in enumerate(self.route))
         )
         return odometry, scans
 

@@ -25,9 +25,9 @@ COMMANDS = {
     "dataset": "dataset:dataset",
     "generate": "scenes:generate",
     "collect": "collect:collect",
-    "collect-searches": "collect_searches:collect_searches",
+    "collect-searches": "collect:collect_searches",
     "calibrate": "calibrate:calibrate",
-    "calibrate-materials": "calibrate_materials:calibrate_materials",
+    "calibrate-materials": "calibrate:calibrate_materials",
     "slam": "slam:slam",
     "doctor": "machine:doctor",
     "warm-up": "machine:warm_up",
@@ -39,9 +39,7 @@ COMMANDS = {
     "train search": "train_policies:search",
 }
 #: Commands of two words by their first.
-GROUPS = {
-    "train": "Train networks",
-}
+GROUPS = {"train": "Train networks"}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,11 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
 from robosim.commands.shared_options import (
     ALL_CORES,
+    DEFAULT_RADIO,
     NO_OPTIONS,
+    RadioOptions,
     Reading,
     Work,
     output_folder,
@@ -37,7 +38,6 @@ def dataset(
     receiver: TerminalPart = "ue",
     headings: Literal["fixed", "random"] = "fixed",
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
-    tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
     work: Work = ALL_CORES,
@@ -64,8 +64,6 @@ def dataset(
         receiver: Antennas of the receiver; ue are those of the published robot.
         headings: Headings of receivers: fixed, as published, or random, as of a moving robot.
         format: Additional formats: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
-        tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
-            in published grids; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plans.
         work: Worker processes.
@@ -89,7 +87,7 @@ def dataset(
         rx=receiver,
         headings=headings,
         formats=tuple(sorted(set(format))),
-        radio=radio.config(tolerance),
+        radio=radio.config(),
     )
     folder = output_folder(out, "dataset")
     with console.status("reading plans ..."):

@@ -13,15 +13,7 @@ from tyro.conf import Positional, UseAppendAction
 
 from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, GoalOption, Settings
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    NO_OPTIONS,
-    XY,
-    NamedPlace,
-    Pose,
-    Reading,
-    output_folder,
-    read,
-)
+from robosim.commands.shared_options import NO_OPTIONS, XY, NamedPlace, Pose, Reading, output_folder, read
 from robosim.evaluation.ablations import configured
 from robosim.run import FILES, record_episode
 from robosim.support.checks import check_number

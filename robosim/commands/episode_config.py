@@ -92,7 +92,7 @@ def read_config(path: Path) -> EpisodeConfig:
     with naming(path, what, remedy):
         settings = content.get("settings")
         config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
-        # Settings of an evaluation hold digests of weights: see `robosim.evaluation.manifest`.
+        # Settings of an evaluation hold digests of weights: see `robosim.evaluation.evaluate`.
         given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
         _keep_passage(given)
         _rename_fields(given.get("fused"))

@@ -8,12 +8,7 @@ from tyro.conf import Positional
 
 from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, Settings, command_options
 from robosim.commands.output import console, emit_result, emit_result_file
-from robosim.commands.shared_options import (
-    ALL_CORES,
-    Work,
-    output_folder,
-    resume_hint,
-)
+from robosim.commands.shared_options import ALL_CORES, Work, output_folder, resume_hint
 from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
 from robosim.evaluation.evaluate import evaluate as run
 from robosim.evaluation.suite import SUFFIXES, write_suite

@@ -6,8 +6,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
-from robosim.commands.shared_options import NO_OPTIONS, Reading, read_place
+from robosim.commands.shared_options import DEFAULT_RADIO, NO_OPTIONS, RadioOptions, Reading, read_place
 
 
 def live(
@@ -17,7 +16,6 @@ def live(
     port: int = 8080,
     browser: bool = True,
     export: Path | None = None,
-    tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
 ) -> None:
@@ -36,14 +34,12 @@ def live(
         browser: Whether to open a browser, if there is one.
         export: File (.html) to write the episode of a folder to, as a page that plays without Python; nothing is
             served then.
-        tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
-            in published grids; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plan.
     """
     from robosim.live.server import check_address, viser_module
 
-    config = radio.config(tolerance)
+    config = radio.config()
     if export is not None and (export.suffix.lower() != ".html" or not Path(plan).is_dir()):
         raise ValueError(
             f"export is {str(export)!r} for {plan!r}, expected a name that ends in .html, and the folder of an episode."

@@ -6,9 +6,7 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    output_folder,
-)
+from robosim.commands.shared_options import output_folder
 from robosim.support.checks import Range
 from robosim.support.run_folder import run_folder
 

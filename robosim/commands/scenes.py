@@ -3,19 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    NO_OPTIONS,
-    PlanOptions,
-    read,
-    results_folder,
-)
+from robosim.commands.shared_options import NO_OPTIONS, PlanOptions, read, results_folder
 from robosim.support.checks import RADIUS_M, SEED, Range
 from wireless.support.counting import counted
 
@@ -73,59 +68,57 @@ def plan(
         export_mitsuba(building, folder / "mitsuba", frequency_hz=MITSUBA_HZ)
         pose = np.array([*places.widest(), 0.0])
         export_mjcf(building, folder / "mujoco.xml", robot=robot, pose=pose)
-    slabs = {str(material): itu_slab(material, MITSUBA_HZ) for material in building.materials}
-    n_parts, cut_off = len(np.unique(places.parts[places.indoors])), places.cut_off(1)
-    rows, columns = floor_plan.shape
-    n_placed = len(building.mesh.faces) - len(building.bare.mesh.faces)
+    slabs = {str(material): itu_slab(material, MITSUBA_HZ)._asdict() for material in building.materials}
     extruded = find_extruded(building.mesh, building.face_material.astype(np.int64), TracerConfig.snap_m)
-    engine = "space" if extruded is None else "plan"
-    emit_result(
-        {
-            "plan": floor_plan.name,
-            "cells": [columns, rows],
-            "resolution_m": floor_plan.resolution_m,
-            "free_m2": building.indoor_m2,
-            "wall_pieces": len(building.walls_2d),
-            "triangles": len(building.mesh.faces),
-            "mitsuba": {name: slab._asdict() for name, slab in slabs.items()},
-            "radius_m": radius,
-            "height_m": robot.height_m,
-            "furnishings": len(building.furnishings),
-            "radio": engine,
-            "parts": n_parts,
-            "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in cut_off],
-        },
-        folder,
-    )
-    details = (
-        f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.indoor_m2:.1f} m2 free, "
-        f"{counted(len(building.walls_2d), 'wall piece')}, {counted(len(building.mesh.faces), 'triangle')}"
-    )
-    console.print(Text.assemble((floor_plan.name, "bold"), details))
-    tall = f" and a height of {robot.height_m:g} m" if building.furnishings else ""
-    console.print(
-        f"A hull of radius {radius:g} m{tall} can drive in {counted(n_parts, 'separate part')} of it."
-    )
-    if building.furnishings:
-        console.print(
-            f"{counted(len(building.furnishings), 'furnishing')} placed in it, of {counted(n_placed, 'triangle')}."
-        )
-    if engine == "space":
-        console.print(
-            "It is not an extruded plan, so radio is traced in space: ten to a hundred times slower per link."
-        )
-    for room in cut_off:
-        at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
-        console.print(f"  out of reach from the largest part: {room.area_m2:.1f} m2 around {at} m")
-    for name, slab in slabs.items():
-        if slab.off_db > 0.5:
-            console.print(
-                f"In mitsuba/, {name} is a slab of {slab.itu_type} of {1e3 * slab.thickness_m:g} mm, whose reflections "
-                f"differ by {slab.off_db:.1f} dB (root mean square, incidence to 85 degrees, {MITSUBA_HZ / 1e9:g} GHz)."
-            )
+    result = {
+        "plan": floor_plan.name,
+        "cells": list(floor_plan.shape[::-1]),
+        "resolution_m": floor_plan.resolution_m,
+        "free_m2": building.indoor_m2,
+        "wall_pieces": len(building.walls_2d),
+        "triangles": len(building.mesh.faces),
+        "mitsuba": slabs,
+        "radius_m": radius,
+        "height_m": robot.height_m,
+        "furnishings": len(building.furnishings),
+        "radio": "space" if extruded is None else "plan",
+        "parts": len(np.unique(places.parts[places.indoors])),
+        "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in places.cut_off(1)],
+    }
+    emit_result(result, folder)
+    _print_plan(result, len(building.mesh.faces) - len(building.bare.mesh.faces))
     console.print(f"Wrote {floor_plan.name}.yaml, reach.png, building.glb, mitsuba/ and more in {folder}")
     # The written file needs no options for reading.
     console.print(f"Next: robosim episode {quote(str(folder / floor_plan.name))}.yaml --out out/episode")
+
+
+def _print_plan(result: dict[str, Any], n_furnishing_triangles: int) -> None:
+    columns, rows = result["cells"]
+    details = (
+        f": {columns} x {rows} cells of {result['resolution_m']:g} m, {result['free_m2']:.1f} m2 free, "
+        f"{counted(result['wall_pieces'], 'wall piece')}, {counted(result['triangles'], 'triangle')}"
+    )
+    console.print(Text.assemble((result["plan"], "bold"), details))
+    tall = f" and a height of {result['height_m']:g} m" if result["furnishings"] else ""
+    parts = counted(result["parts"], "separate part")
+    console.print(f"A hull of radius {result['radius_m']:g} m{tall} can drive in {parts} of it.")
+    if count := result["furnishings"]:
+        triangles = counted(n_furnishing_triangles, "triangle")
+        console.print(f"{counted(count, 'furnishing')} placed in it, of {triangles}.")
+    if result["radio"] == "space":
+        console.print(
+            "It is not an extruded plan, so radio is traced in space: ten to a hundred times slower per link."
+        )
+    for room in result["cut_off"]:
+        at = "({:.2f}, {:.2f})".format(*room["centre_m"])
+        console.print(f"  out of reach from the largest part: {room['area_m2']:.1f} m2 around {at} m")
+    for name, slab in result["mitsuba"].items():
+        if slab["off_db"] > 0.5:
+            console.print(
+                f"In mitsuba/, {name} is a slab of {slab['itu_type']} of {1e3 * slab['thickness_m']:g} mm, whose "
+                f"reflections differ by {slab['off_db']:.1f} dB (root mean square, incidence to 85 degrees, "
+                f"{MITSUBA_HZ / 1e9:g} GHz)."
+            )
 
 
 def generate(

@@ -10,9 +10,7 @@ from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    results_folder,
-)
+from robosim.commands.shared_options import results_folder
 from robosim.logs.log_mapping import LogConfig
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked
@@ -75,7 +73,7 @@ def slam(
             for name, poses in trajectories.items():
                 row: dict[str, Any] = {"cells": count_filled_cells(log, poses)}
                 if log.reference is not None and name != "reference":
-                    row |= compare_trajectories(poses, log.reference).plain()
+                    row |= compare_trajectories(poses, log.reference)
                 if name in made:
                     row |= {"loops": made[name].loops, "seconds": made[name].seconds}
                 rows[name] = row

@@ -9,12 +9,13 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
 from robosim.commands.shared_options import (
     ALL_CORES,
+    DEFAULT_RADIO,
     NO_OPTIONS,
     OnePlace,
     Place,
+    RadioOptions,
     Reading,
     Work,
     output_folder,
@@ -33,7 +34,6 @@ def trace(
     rx: Place = None,
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
-    tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
     plots: bool = True,
@@ -58,8 +58,6 @@ def trace(
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         polarisation: Polarisation of all antennas; both takes the mean.
-        tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
-            in published grids; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plan.
         plots: Whether to draw pictures.
@@ -71,7 +69,7 @@ def trace(
     from robosim.radio.receivers import check_step
     from wireless.paths import LinkCategory
 
-    config = radio.config(tolerance, polarisation)
+    config = radio.config(polarisation)
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)

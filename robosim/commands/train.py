@@ -1,19 +1,14 @@
 """`robosim train` for networks that are trained on data: link states, maps, poses."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    ALL_CORES,
-    THREADS,
-    Work,
-    command_line,
-    output_folder,
-    resume_hint,
-)
+from robosim.commands.shared_options import ALL_CORES, THREADS, Work, training
 from robosim.support.checks import Range
 
 
@@ -75,22 +70,9 @@ def link_state(
         epochs = 10 if homes and model == "ours" else recipe.epochs
     used = {"aoa": True, "aod": aod, "snr": True, "peak": peak, "delay": delay}
     inputs = tuple(name for name, is_used in used.items() if is_used)
-    command = command_line(
-        "train link-state",
-        data=data.name,
-        model=model,
-        aod=aod,
-        peak=peak,
-        delay=delay,
-        epochs=epochs,
-        members=members,
-        homes=homes,
-        folds=folds,
-        n_folds=n_folds,
-        seed=seed,
-    )
-    folder = output_folder(out, "train link-state")
-    with resume_hint(folder):
+    options = {"data": data.name, "model": model, "aod": aod, "peak": peak, "delay": delay, "epochs": epochs}
+    options |= {"members": members, "homes": homes, "folds": folds, "n_folds": n_folds, "seed": seed}
+    with training(out, "link-state", **options) as (folder, command):
         card = train_link_state(
             data,
             folder,
@@ -110,9 +92,8 @@ def link_state(
     if test is not None:
         score = f"test accuracy {card['test']['accuracy']:.4f} ({card['test']['links']} links)"
     else:
-        score = (
-            f"validation accuracy {card['validation']['mean_accuracy']:.4f} (held-out buildings, see above)"
-        )
+        mean = card["validation"]["mean_accuracy"]
+        score = f"validation accuracy {mean:.4f} (held-out buildings, see above)"
     console.print(score, highlight=False)
 
 
@@ -144,7 +125,7 @@ def mapper(
         smoke: Whether to try everything in a minute or two, with few frames and steps.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from robosim.training.mapper import smoke_frames, train_mapper
+    from robosim.training.mapper import train_mapper
     from slam.learning.mapper import Recipe
     from slam.networks.map_network import NetworkConfig
 
@@ -152,11 +133,7 @@ def mapper(
     recipe = Recipe(
         network=NetworkConfig(widths=widths), steps=steps, batch=batch, seed=seed, every=20 if smoke else 250
     )
-    _check_data(data, smoke)
-    folder = output_folder(out, "train mapper")
-    data = data or smoke_frames(folder / "frames", console)
-    about = command_line("train mapper", data=data.name, steps=steps, batch=batch, seed=seed)
-    with resume_hint(folder):
+    with _frames(data, smoke, out, "mapper", steps=steps, batch=batch, seed=seed) as (data, folder, about):
         card = train_mapper(data, folder, recipe, threads=threads, console=console, about=about)
     emit_result(card, folder)
     for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
@@ -198,16 +175,13 @@ def pose(
         smoke: Whether to try everything in less than a minute, with few frames and steps.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.training.mapper import smoke_frames, train_pose_network
+    from robosim.training.mapper import train_pose_network
     from slam.learning.pose import PoseRecipe
 
     steps = min(steps, 60) if smoke else steps
     recipe = PoseRecipe(steps=steps, batch=batch, seed=seed)
-    _check_data(data, smoke)
-    folder = output_folder(out, "train pose")
-    data = data or smoke_frames(folder / "frames", console)
-    about = command_line("train pose", data=data.name, steps=steps, batch=batch, seed=seed)
-    card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=about)
+    with _frames(data, smoke, out, "pose", steps=steps, batch=batch, seed=seed) as (data, folder, about):
+        card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=about)
     emit_result(card, folder)
     score = card["validation"]
     console.print(
@@ -219,13 +193,17 @@ def pose(
     console.print(f"Wrote the pose network and its card in {folder}")
 
 
-def _check_data(data: Path | None, smoke: bool) -> None:
-    """See that there is a folder of frames, or that frames are to be collected.
-
-    Raises:
-        ValueError: If there is neither.
-    """
+@contextmanager
+def _frames(
+    data: Path | None, smoke: bool, out: Path | None, network: str, **options: Any
+) -> Iterator[tuple[Path, Path, str]]:
+    """Folder of frames, some collected to try if none is given; output folder, and the command as typed."""
     if data is None and not smoke:
         raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
     if data is not None and not data.is_dir():
         raise ValueError(f"data is {str(data)!r}, which is not a folder. Make one with `robosim collect`.")
+    from robosim.training.mapper import smoke_frames
+
+    name = "frames" if data is None else data.name
+    with training(out, network, data=name, **options) as (folder, about):
+        yield data or smoke_frames(folder / "frames", console), folder, about

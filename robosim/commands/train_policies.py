@@ -4,13 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robosim.commands.output import console, emit_result
-from robosim.commands.shared_options import (
-    ALL_CORES,
-    Work,
-    command_line,
-    output_folder,
-    resume_hint,
-)
+from robosim.commands.shared_options import ALL_CORES, Work, training
 
 
 def explorer(
@@ -50,11 +44,9 @@ def explorer(
     recipe = ExplorerRecipe(
         rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, every=1 if smoke else 5, seed=seed
     )
-    folder = output_folder(out, "train explorer")
-    about = command_line(
-        "train explorer", rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, seed=seed
-    )
-    with resume_hint(folder):
+    with training(
+        out, "explorer", rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, seed=seed
+    ) as (folder, about):
         card = train_explorer(
             folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=about
         )
@@ -97,9 +89,8 @@ def steering(
     recipe = SteeringRecipe(rounds=rounds, homes=homes, held_out=held_out, seed=seed)
     if smoke:
         recipe = replace(recipe, epochs=2, max_steps=15)
-    folder = output_folder(out, "train steering")
-    about = command_line("train steering", rounds=rounds, homes=homes, held_out=held_out, seed=seed)
-    with resume_hint(folder):
+    options = {"rounds": rounds, "homes": homes, "held_out": held_out, "seed": seed}
+    with training(out, "steering", **options) as (folder, about):
         card = train_steering(
             folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=about
         )
@@ -161,11 +152,9 @@ def search(
             held_out=min(held_out, 2),
             every=1,
         )
-    folder = output_folder(out, "train search")
-    about = command_line(
-        "train search", epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed
-    )
-    with resume_hint(folder):
+    with training(
+        out, "search", epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed
+    ) as (folder, about):
         card = train_search(folder, recipe, console=console, about=about)
     emit_result(card, folder)
     for name, score in card["scores"].items():

@@ -16,17 +16,20 @@ episodes; robots pass through them, and the ground truth does not contain them.
 | estimate | (n, 3) float64 | pose of the classical mapper |
 | belief | (n, 64, 64) uint8 | classical map ahead of the estimated pose after this frame: 255 times the probability |
 | truth | (n, 3, 64, 8) uint8 | channels of `robosim.datasets.true_patch`, bits packed along the last axis |
+
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from jaxtyping import Bool
 from rich.console import Console
 
 from robosim.building.building import Building, make_building
-from robosim.building.reach import Reach, reach
+from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import TruePatches
 from robosim.episode import drive
@@ -37,14 +40,31 @@ from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Truth
-from robosim.support.arrays_in import FAR, Array
+from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import unit_progress
+from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
 from slam.sensing.egocentric import belief_ahead
+
+#: Bytes of a shard, packed and unpacked.
+_MOST_BYTES = 400_000_000
+#: Least and largest height or width of a depth image.
+_SIDES = (8, 4096)
+
+
+def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
+    """Arrays of a shard; FileError if the file is not one."""
+    with reading(path, "a shard of `robosim collect`", "Collect it again.", most_bytes=_MOST_BYTES) as file:
+        arrays = read_npz(file, {name: SHARD[name] for name in names}, most_bytes=_MOST_BYTES)
+        frames, *size = arrays["depth"].shape if "depth" in arrays else (1, *_SIDES)
+        if not (frames and _SIDES[0] <= min(size) and max(size) <= _SIDES[1]):
+            raise ValueError(f"it has {frames} frames of {size[0]} x {size[1]} pixels")
+    return [arrays[name] for name in names]
+
 
 #: Arrays of a shard, as above.
 SHARD = {
@@ -83,17 +103,7 @@ class CollectConfig:
 def collect(
     config: CollectConfig, out: Path, *, workers: int, cluster: str | None = None, console: Console
 ) -> list[Path]:
-    """Write the missing shards.
-
-    Args:
-        config: What to collect.
-        out: Folder for the shards.
-        workers: Processes at once; the files do not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
-
-    Returns:
-        All shards.
+    """Write the missing shards; returns the paths of all.
 
     Raises:
         FolderError: If the folder holds shards of another configuration, or another process works in it.
@@ -126,70 +136,42 @@ def home_building(config: CollectConfig, home: int) -> Building:
 
 
 def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dict[str, np.ndarray]:
-    """Explore one building.
-
-    Args:
-        building: The building.
-        config: The configuration.
-        seed: Seed of all random numbers, together with that of the configuration.
-
-    Returns:
-        The arrays of a shard.
-    """
+    """Explore one building; `seed` and that of the configuration seed all random numbers. Returns a shard's arrays."""
     simulator = Simulator(
-        building,
-        SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise),
+        building, SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise)
     )
     robot = simulator.config.robot
     places = reach(building, robot.radius_m, robot.height_m)
     truth = TruePatches(building, hfov_deg=simulator.config.image.hfov_deg, height_m=robot.height_m)
     rng = np.random.default_rng([config.seed, seed, 1])
-    frames = _Frames(truth)
+    rows: list[dict[str, Any]] = []
+
+    def add(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
+        rows.append(_row(sensed, estimated, true, truth.at(true.pose)))
+        return len(rows) < config.steps
+
     try:
         for _ in range(_RESTARTS + config.steps):
-            if len(frames.rows) < config.steps:
-                _walk(simulator, places, frames, config.steps, rng)
+            if len(rows) < config.steps:  # explore until everything is seen
+                navigator = make_navigator(simulator.config)
+                task = make_task(places, rng, min_path_m=1.0)
+                drive(simulator, navigator, Explore(navigator.explorer), task, rng, add)
     finally:
         simulator.close()
-    return frames.arrays()
+    return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def _walk(
-    simulator: Simulator, places: Reach, frames: "_Frames", steps: int, rng: np.random.Generator
-) -> None:
-    """Explore until everything is seen or there are enough frames."""
-    navigator = make_navigator(simulator.config)
-    task = make_task(places, rng, min_path_m=1.0)
-
-    def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
-        frames.add(sensed, estimated, true)
-        return len(frames.rows) < steps
-
-    drive(simulator, navigator, Explore(navigator.explorer), task, rng, judge)
-
-
-class _Frames:
-    """Rows of a shard."""
-
-    def __init__(self, truth: TruePatches) -> None:
-        self._truth = truth
-        self.rows: list[dict[str, Any]] = []
-
-    def add(self, sensed: Observation, estimated: Estimates, true: Truth) -> None:
-        """Add a row with sensor data, estimates and ground truth."""
-        self.rows.append(
-            {
-                "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
-                "rgb": sensed.rgb.copy(),
-                "action": np.int8(-1 if true.action is None else true.action),
-                "odometry": sensed.odometry.astype(np.float32),
-                "pose": true.pose,
-                "estimate": estimated.pose,
-                "belief": np.rint(255 * belief_ahead(estimated.map)).astype(np.uint8),
-                "truth": np.packbits(self._truth.at(true.pose), axis=-1),
-            }
-        )
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """One array for each column."""
-        return {name: np.stack([row[name] for row in self.rows]) for name in self.rows[0]}
+def _row(
+    sensed: Observation, estimated: Estimates, true: Truth, patch: Bool[np.ndarray, "3 ny nx"]
+) -> dict[str, Any]:
+    """Sensor data, estimates and ground truth of a frame."""
+    return {
+        "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
+        "rgb": sensed.rgb.copy(),
+        "action": np.int8(-1 if true.action is None else true.action),
+        "odometry": sensed.odometry.astype(np.float32),
+        "pose": true.pose,
+        "estimate": estimated.pose,
+        "belief": np.rint(255 * belief_ahead(estimated.map)).astype(np.uint8),
+        "truth": np.packbits(patch, axis=-1),
+    }

@@ -21,15 +21,7 @@ Files = dict[str, bytes]
 def csv_files(
     scene: RadioScene, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
 ) -> Files:
-    """`NAME_Tx_K.csv` with the traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` if there are estimates.
-
-    Args:
-        scene: The building.
-        grid: The receivers.
-        paths: Paths of this transmitter, and perhaps of others.
-        tx: Number of the transmitter, from 0.
-        estimates: Estimated paths of its links, in the frame of the scene.
-    """
+    """`NAME_Tx_K.csv` with traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` with its estimates."""
     config, start = scene.config, f"{scene.building.plan.name}_Tx_{tx + 1}"
     power = {"tx_power_dbm": config.tx_power_dbm, "threshold_db": config.threshold_db}
     files = {f"{start}.csv": traced_csv(paths, tx, grid.cell, grid.shape, **power)}

@@ -91,11 +91,7 @@ def unit_path(out: Path, name: str, tx: int) -> Path:
 
 
 def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
-    """Trace, sound and estimate all links of a transmitter.
-
-    Returns:
-        The files of the unit by their paths below the folder of the data set, the table of links last.
-    """
+    """Trace, sound and estimate all links of a transmitter; files by paths below the data set's, links last."""
     scene, grid = prepare_site(site, config.radio, config.grid_m)
     paths = scene.tracer.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
     rng = stream(config.seed, site.digest, tx)

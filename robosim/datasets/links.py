@@ -34,9 +34,8 @@ from robosim.datasets.link_units import (
 )
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.storey_plans import OneStorey, StoreysPlan
-from robosim.radio.receivers import receiver_grid
+from robosim.radio.receivers import random_transmitters, receiver_grid
 from robosim.radio.scene import RadioScene, built
-from robosim.radio.transmitters import random_transmitters
 from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
 from robosim.support.progress import tracked
@@ -59,19 +58,10 @@ def make_dataset(
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Make a data set in a folder, or its missing parts.
+    """Make a data set, or its missing parts, in a folder; returns the content of `manifest.json`.
 
-    Args:
-        plans: Buildings of different names. A building of several storeys has units for the receivers of each storey,
-            named NAME_storey_0 and so on; its transmitters are spread over all storeys.
-        config: Content of the data set.
-        out: The folder, made if it is missing.
-        workers: Processes. No result depends on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown; nowhere if not given.
-
-    Returns:
-        The content of `manifest.json`, and under "timing" links, seconds and links per second of this run.
+    A building of several storeys has units for the receivers of each storey, named NAME_storey_0 and so on; its
+    transmitters are spread over all storeys. Under "timing" are links, seconds and links per second of this run.
 
     Raises:
         FolderError: If the folder belongs to other settings or another process works in it.
@@ -86,11 +76,11 @@ def make_dataset(
     with run_folder(out, "dataset", _settings(sites, config)):
         with link_progress(console, sum(len(s.transmitters) * s.n_rx for s in sites), out) as progress:
             _make_units(sites, config, out, workers, cluster, progress)
+            timing = progress.timing()
         manifest = _manifest(sites, config, out)
         _finish_formats(sites, config, out, manifest)
         write_json(out / "manifest.json", manifest)
-    timing = {"links": progress.new, "seconds": progress.seconds, "links_per_s": progress.rate}
-    return {**manifest, "timing": timing}
+    return {**manifest, "timing": {**timing, "links_per_s": timing["links"] / timing["seconds"]}}
 
 
 def _places(plans: Sequence[FloorPlan | StoreysPlan]) -> list[FloorPlan | OneStorey]:

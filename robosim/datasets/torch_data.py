@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.datasets.collect import SHARD
-from robosim.datasets.shards import read_shard
+from robosim.datasets.collect import SHARD, read_shard
 from robosim.support.installation import missing_extra
 from robosim.support.reading import FileError, shown
 from wireless.linkstate.data import read_links

@@ -1,16 +1,24 @@
 """Radio over a whole floor plan: traced paths, in formats of others too, and pictures.
 
-The grid is traced into `paths.parquet` in units (`robosim.datasets.link_grid`), so that an interrupted run can be
-resumed; the other files are made from it, one transmitter at a time.
+The grid is traced into one file, `paths.parquet`, in units of one transmitter and some consecutive receivers. A unit is
+written whole or not at all, so that a run resumes with the same result as an uninterrupted one. Complete units are
+joined, by transmitter and receiver. The memory needed is that of a few thousand links. Worker processes make the
+building from the plan and cache it; those of a cluster need no common folder. The other files are made from
+`paths.parquet`, one transmitter at a time.
 """
 
 import hashlib
+import io
 import math
-from dataclasses import asdict
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 from jaxtyping import Float, Int
 from rich.console import Console
 
@@ -22,8 +30,8 @@ from robosim.datasets.link_formats import (
     deepmimo_scene,
     transmitters_file,
 )
-from robosim.datasets.link_grid import UNIT_RX, LinkGrid
 from robosim.datasets.link_progress import link_progress
+from robosim.datasets.link_units import Site, prepare_site
 from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_rays
 from robosim.drawing.storeys_picture import plot_storeys
 from robosim.plans.floorplan import FloorPlan
@@ -31,12 +39,109 @@ from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
-from robosim.support.files import whole_file, whole_folder, write_files, write_json
+from robosim.support.files import whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.paths import LinkCategory, Paths
+from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
+
+PATHS, UNITS = "paths.parquet", "units"
+#: Receivers of a unit, as many as the tracer handles at once.
+UNIT_RX = BLOCK_RX
+
+
+def trace_grid(
+    plan: FloorPlan | OneStorey,
+    config: RadioConfig,
+    grid_m: float,
+    tx: Float[np.ndarray, "n_tx 3"],
+    rx: Float[np.ndarray, "n_rx 3"],
+    folder: Path,
+    *,
+    workers: int,
+    cluster: str | None = None,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> Path:
+    """Trace the links that are missing in a folder; returns the file of all paths, for `Paths.read_parquet`.
+
+    `rx` are the positions [m] of a `receiver_grid`, `grid_m` apart. `report` is called with the numbers of finished and
+    of all links, at first and after each unit.
+    """
+
+    def unit(tx: int, first: int) -> Path:
+        return folder / UNITS / f"tx{tx:04d}_rx{first:07d}.parquet"
+
+    def missing(first: int) -> list[int]:
+        return [i for i in range(len(tx)) if not unit(i, first).exists()]
+
+    total, starts = len(tx) * len(rx), range(0, len(rx), UNIT_RX)
+    ends = {first: min(first + UNIT_RX, len(rx)) for first in starts}
+    if not (folder / PATHS).exists():
+        # The view from receivers does not depend on the transmitter, so that several transmitters share it.
+        calls = [
+            (txs[j : j + BLOCK_TX], first)
+            for txs, group in groupby(starts, missing)
+            for first, j in product(group, range(0, len(txs), BLOCK_TX))
+        ]
+        done = total - sum(len(txs) * (ends[first] - first) for txs, first in calls)
+        report(done, total)
+        site = Site(plan.digest(), plan, tx, len(rx))
+        with Workers(workers, cluster, what="links") as pool:
+            arguments = [(site, config, grid_m, txs, first, ends[first]) for txs, first in calls]
+            for number, tables in pool.run(_trace_unit, arguments):
+                txs, first = calls[number]
+                for i, table in zip(txs, tables, strict=True):
+                    write_whole(unit(i, first), table)
+                done += len(txs) * (ends[first] - first)
+                report(done, total)
+        with whole_file(folder / PATHS) as partial:
+            _join(
+                partial, {(i, first): unit(i, first) for i, first in product(range(len(tx)), starts)}, tx, rx
+            )
+    shutil.rmtree(folder / UNITS, ignore_errors=True)
+    report(total, total)
+    return folder / PATHS
+
+
+def _join(
+    file: Path,
+    units: dict[tuple[int, int], Path],
+    tx: Float[np.ndarray, "n_tx 3"],
+    rx: Float[np.ndarray, "n_rx 3"],
+) -> None:
+    """Join the paths of units, by transmitter and first receiver, in one file."""
+    writer = None
+    try:
+        for (i, first), path in units.items():
+            paths = Paths.read_parquet(path)
+            paths = replace(paths, tx_position=tx, rx_position=rx, tx=paths.tx + i, rx=paths.rx + first)
+            table = paths.to_table()
+            writer = writer or pq.ParquetWriter(file, table.schema, compression="zstd")
+            writer.write_table(table)
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _trace_unit(
+    site: Site, config: RadioConfig, grid_m: float, txs: list[int], first: int, end: int
+) -> list[bytes]:
+    """Paths from some transmitters to consecutive receivers, one file per transmitter."""
+    scene, grid = prepare_site(site, config, grid_m)
+    paths = scene.tracer.trace(site.transmitters[txs], grid.position[first:end], workers=1)
+    tables = []
+    for j, tx in enumerate(txs):
+        some = paths.select(paths.tx == j)
+        buffer = io.BytesIO()
+        replace(some, tx_position=site.transmitters[tx : tx + 1], tx=np.zeros_like(some.tx)).write_parquet(
+            buffer
+        )
+        tables.append(buffer.getvalue())
+    return tables
+
 
 #: Least distance of receiver and transmitter, half a wavelength at 28 GHz: ray optics does not hold below it [m].
 APART_M = 0.005
@@ -57,24 +162,9 @@ def trace_plan(
 ) -> dict[str, Any]:
     """Trace transmitters to a grid of receivers over a plan, and write the results into a folder.
 
-    The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and
-    `NAME_tx_pos.csv` in the format of mmwRobotNav; pictures of each transmitter; `trace.json`. After an interruption
-    the same call resumes, to the same files.
-
-    Args:
-        plan: The plan.
-        config: How links are traced.
-        out: The folder, made if it is missing.
-        tx: Transmitters [m], with or without height.
-        grid_m: Step between receivers [m].
-        rx: Receiver whose rays are drawn; None for one with many paths.
-        plots: Whether to draw pictures.
-        workers: Processes. The results do not depend on it.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown; nowhere if not given.
-
-    Returns:
-        The content of `trace.json`.
+    The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and `NAME_tx_pos.csv` in
+    the format of mmwRobotNav; pictures of each transmitter, with rays to `rx` or to a receiver with many paths;
+    `trace.json`, whose content is returned. After an interruption the same call resumes, to the same files.
 
     Raises:
         ValueError: If a position or the grid does not fit.
@@ -87,11 +177,20 @@ def trace_plan(
     scene, transmitters = _prepare(plan, config, tx, console)
     given_rx = None if rx is None else scene.places((rx,), "rx")[0]
     grid = scene.grid(grid_m)
-    links = LinkGrid(plan, config, grid_m, transmitters, grid.position)
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
         with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
-            path = links.trace(out, workers=workers, cluster=cluster, report=progress.report)
-        seconds = progress.seconds
+            path = trace_grid(
+                plan,
+                config,
+                grid_m,
+                transmitters,
+                grid.position,
+                out,
+                workers=workers,
+                cluster=cluster,
+                report=progress.report,
+            )
+            timing = progress.timing()
         states = _write_formats(scene, transmitters, grid, path, out, console)
         if plots:
             for i in range(len(transmitters)):
@@ -107,9 +206,9 @@ def trace_plan(
             "deepmimo": scenario_name(plan.name),
             "config": to_dict(config),
             "timing": {
-                "seconds": round(seconds, 3),
-                "traced": progress.new,
-                "links_per_s": round(progress.new / seconds, 1),
+                "seconds": round(timing["seconds"], 3),
+                "traced": timing["links"],
+                "links_per_s": round(timing["links"] / timing["seconds"], 1),
             },
         }
         write_json(out / "trace.json", result)
@@ -154,16 +253,7 @@ def height_of(plan: FloorPlan | OneStorey, config: RadioConfig) -> float:
 
 
 def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
-    """See that terminals are in different places.
-
-    Args:
-        tx: Transmitters [m], with or without height.
-        rx: The receiver, if there is a single one.
-        height_m: Height of terminals without one of their own.
-
-    Raises:
-        ValueError: If there is no transmitter, one is given twice, or the receiver is at one.
-    """
+    """Raise ValueError if there is no transmitter, one is given twice, or the receiver is at one."""
     check_some("tx", tx, "at least one transmitter, such as --tx 2.0,1.5")
     places = [tuple([*place, height_m][:3]) for place in tx]
     for number, at in enumerate(places):
@@ -230,10 +320,7 @@ def _write_formats(
     """Write the paths as a DeepMIMO scenario and as CSV files; returns the number of links of each state."""
     config, name = scene.config, scene.building.plan.name
     states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
-    with (
-        whole_folder(deepmimo_folder(out, name)) as folder,
-        console.status("writing ...") as status,
-    ):
+    with whole_folder(deepmimo_folder(out, name)) as folder, console.status("writing ...") as status:
         for i in range(len(transmitters)):
             status.update(f"writing transmitter {i + 1} of {len(transmitters)} ...")
             paths = Paths.read_parquet(path, i)

@@ -20,7 +20,6 @@ from jaxtyping import Bool, Float, UInt8
 from robosim.building.building import Building
 from robosim.plans.formats.scanline import winding_numbers
 from robosim.robot.collision import wall_segments
-from slam.grid import GridFrame
 from slam.sensing.egocentric import AHEAD
 from wireless.support.compiled import compiled
 
@@ -31,6 +30,8 @@ OBSTACLE, SEEN, MATTERS = 0, 1, 2
 FINE_M = 0.0125
 #: Solid this near to floor counts as the face of a wall [m].
 FACE_M = 0.10
+#: Range of the camera [m].
+RANGE_M = 3.2
 #: Angle between rays [rad]: 13 mm at 3.2 m.
 RAY_RAD = 0.004
 
@@ -45,22 +46,11 @@ class TruePatches:
         building: Building,
         *,
         hfov_deg: float = 90.0,
-        range_m: float = 3.2,
-        patch: GridFrame = AHEAD,
         height_m: float | None = None,
     ) -> None:
-        """Raster the building's section.
-
-        Args:
-            building: The building; its `floor` is the section.
-            hfov_deg: Horizontal field of view of the camera [deg].
-            range_m: Range of the camera [m].
-            patch: The cells, in the robot's frame.
-            height_m: Height of the robot [m]; None for as high as the ceiling.
-        """
+        """Raster the section of a building for a robot of a height [m]; None for as high as the ceiling."""
         floor = building.floor(building.height_m if height_m is None else height_m)
-        self.patch = patch
-        self._half_fov, self._range_m = math.radians(hfov_deg) / 2, range_m
+        self._half_fov = math.radians(hfov_deg) / 2
         xmin, ymin, xmax, ymax = building.free.bounds
         margin = FACE_M + 2 * FINE_M
         self._origin = (xmin - margin, ymin - margin)
@@ -79,10 +69,9 @@ class TruePatches:
             Channels obstacle, seen, matters. Hidden cells matter and are not seen.
         """
         place = np.array([pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2]])
-        patch = self.patch
-        out = np.zeros((3, *patch.shape), np.bool_)
-        corner = np.array([*patch.origin_xy, patch.resolution_m])
-        _fill(self._section, place, corner, self._half_fov, self._range_m, out)
+        out = np.zeros((3, *AHEAD.shape), np.bool_)
+        corner = np.array([*AHEAD.origin_xy, AHEAD.resolution_m])
+        _fill(self._section, place, corner, self._half_fov, RANGE_M, out)
         return out
 
 

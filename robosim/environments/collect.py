@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 
 from robosim.environments.config import Sense
-from robosim.environments.route_guide import route_action
+from robosim.environments.places import route_action
 from robosim.environments.target_search import TargetSearch
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.installation import DISTRIBUTION, missing_extra, package_version
@@ -58,15 +58,7 @@ class CollectSearchesConfig:
 
 
 def collect_searches(config: CollectSearchesConfig, out: Path, console: Console) -> Path:
-    """Write the missing searches.
-
-    Args:
-        config: What to collect.
-        out: Folder of the run.
-        console: Where progress is shown.
-
-    Returns:
-        Folder of the data set, for `minari.MinariDataset`.
+    """Write the missing searches; returns the folder of the data set, for `minari.MinariDataset`.
 
     Raises:
         ImportError: If Minari is not installed.

@@ -78,11 +78,7 @@ def simulator_for(config: SearchConfig) -> SimulatorConfig:
 
 
 def check_senses(config: SearchConfig, simulator: SimulatorConfig) -> None:
-    """See that the robot has the sensors that it observes by.
-
-    Raises:
-        ValueError: If it does not.
-    """
+    """Raise ValueError if the robot lacks a sensor that it observes by."""
     for sense, carrier in (("rgb", "camera"), ("depth", "camera"), ("lidar", "lidar")):
         if sense in config.observe and getattr(simulator, carrier) == "none":
             raise ValueError(

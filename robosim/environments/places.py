@@ -1,7 +1,11 @@
-"""Buildings that the robots of a process search in: each is built once and shared.
+"""Buildings in which the robots of a process search, each built once and shared; and a guide along the shortest drive.
 
 A building holds walls for robots and rays, the places that a robot can reach, a simulator to clone, and shortest drives
 to targets. The most recently used buildings are cached.
+
+The guide turns to the nearby place from which the remaining drive is shortest, and drives there. Collected trajectories
+mix in random actions, so that they show how to return to the route, as in DART (Laskey et al., Noise injection for
+robust imitation learning, CoRL 2017).
 """
 
 from functools import cache, cached_property, lru_cache
@@ -14,11 +18,17 @@ from robosim.building.reach import Reach, reach
 from robosim.drawing.plan_view import building_rings
 from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
-from robosim.radio.classifier import Classifier
+from robosim.radio.link_state import Classifier
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.parts import Part
 from robosim.task.tasks import make_task
+from slam.actions import TURN_RAD, Action
+from slam.poses import wrap
 
+#: Distance of the next place [m].
+_AHEAD_M = 0.6
+#: Turns are steps, so directions within this count as ahead.
+_STRAIGHT_RAD = 0.75 * TURN_RAD
 #: Cached buildings; those among them with a radio, whose tables take some 25 MB for each place of a transmitter; cached
 #: drives of each building.
 _BUILDINGS, _WITH_RADIO, _DRIVES = 128, 32, 64
@@ -30,13 +40,7 @@ class Place:
     """A building with everything that is computed once for it."""
 
     def __init__(self, plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) -> None:
-        """Build it.
-
-        Args:
-            plan: Its floor plan.
-            config: How robots are simulated in it.
-            uses_radio: Whether they have a radio.
-        """
+        """Build it."""
         self.plan, self.config, self.uses_radio = plan, config, uses_radio
         self.building = make_building(plan)
         self.reach = places = reach(self.building, config.robot.radius_m, config.robot.height_m)
@@ -91,3 +95,26 @@ def shared_place(plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) 
     for old in [one for one in _recent if one.uses_radio][:-_WITH_RADIO] or _recent[:-_BUILDINGS]:
         _recent.remove(old)
     return place
+
+
+def route_action(place: Place, pose: Float[np.ndarray, "3"], target: Float[np.ndarray, "2"]) -> Action:
+    """The next action along the shortest drive from a true pose to a target."""
+    plan, travel = place.plan, place.travel_m(target)
+    column, row = plan.to_cells(pose[:2]) - 0.5
+    reach = _AHEAD_M / plan.resolution_m
+    corner = np.maximum(np.floor([row - reach, column - reach]), 0).astype(int)
+    end = np.maximum(np.ceil([row + reach, column + reach]) + 1, 0).astype(int)
+    cells = np.argwhere(np.isfinite(travel[corner[0] : end[0], corner[1] : end[1]])) + corner
+    gap = np.hypot(cells[:, 0] - row, cells[:, 1] - column)
+    # A place whose remaining drive is shorter by more than the gap lies behind a wall.
+    saved = place.reach.remaining_m(travel, pose[:2]) - travel[cells[:, 0], cells[:, 1]]
+    cells = cells[(gap <= reach) & (saved <= (gap + 1) * plan.resolution_m)]
+    if not len(cells):  # the robot stands between cells: straight to the target
+        goal = target
+    else:
+        best = cells[np.argmin(travel[cells[:, 0], cells[:, 1]])]
+        goal = plan.to_map(best[::-1] + 0.5)
+    turn = wrap(float(np.arctan2(goal[1] - pose[1], goal[0] - pose[0]) - pose[2]))
+    if abs(turn) <= _STRAIGHT_RAD:
+        return Action.FORWARD
+    return Action.LEFT if turn > 0 else Action.RIGHT

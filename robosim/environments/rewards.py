@@ -33,22 +33,13 @@ OwnTerm = Callable[[dict[str, Any], dict[str, Any]], float]
 TERMS = ("arrival", "progress", "step", "collision", "coverage", "link_state", "snr")
 DEFAULT_WEIGHTS: Mapping[str, float] = {"arrival": 10.0, "progress": 1.0, "step": -0.01}
 #: How good a link state is for finding the transmitter.
-WORTH = {
-    LinkState.OUTAGE: 0.0,
-    LinkState.HIGHER_ORDER: 0.25,
-    LinkState.FIRST_ORDER: 0.5,
-    LinkState.LOS: 1.0,
-}
+WORTH = {LinkState.OUTAGE: 0.0, LinkState.HIGHER_ORDER: 0.25, LinkState.FIRST_ORDER: 0.5, LinkState.LOS: 1.0}
 #: SNR of an outage [dB].
 NO_SNR_DB = -30.0
 
 
 def check_weights(weights: Mapping[str, float | OwnTerm]) -> None:
-    """See that known terms have numbers as weights, and other names functions.
-
-    Raises:
-        ValueError: If they do not.
-    """
+    """Raise ValueError unless known terms have numbers as weights, and other names functions."""
     for term, weight in weights.items():
         if callable(weight) == (term in TERMS):
             raise ValueError(
@@ -65,11 +56,7 @@ def weighted(
     observation: dict[str, Any],
     info: dict[str, Any],
 ) -> dict[str, float]:
-    """Each term of a step's reward times its weight; their sum is the reward.
-
-    Raises:
-        ValueError: If a user's own term is NaN, infinite or beyond 1e6.
-    """
+    """Each term of a step's reward times its weight; ValueError if one of the user is NaN, infinite or beyond 1e6."""
     found = {}
     for term, weight in weights.items():
         if callable(weight):

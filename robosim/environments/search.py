@@ -1,8 +1,12 @@
 """Searches of one robot, one after the other: task, simulator, observations and rewards.
 
-Environments of one robot and of many use this class, so they agree step for step.
+Environments of one robot and of many use this class, so they agree step for step. At difficulty d between 0 and 1 the
+shortest drive is at most 2 m + 30 m d^2 longer than the shortest allowed one; at 1 it is not bounded. A curriculum
+changes the difficulty by the share of arrivals among the last episodes.
 """
 
+import math
+from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -14,19 +18,72 @@ from jaxtyping import Float, UInt8
 from robosim.drawing.plan_view import BriefPicture
 from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
-from robosim.environments.curriculum import Curriculum, longest_drive_m
 from robosim.environments.places import Place, shared_place
 from robosim.environments.rewards import NO_SNR_DB, WORTH, weighted
 from robosim.environments.sources import Source, TaskSpec
-from robosim.environments.text_plan import draw_text
 from robosim.parts import LIDAR
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter
-from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import ARRIVAL_M, Task, make_task
 from slam.actions import PUBLISHED, Action
 from wireless.paths import LinkState
+
+#: Bound of drives above the shortest allowed one [m]: at difficulty 0, and what difficulty 1 adds.
+_NEAR_M, _FAR_M = 2.0, 30.0
+#: Episodes between changes, the shares of arrivals that raise and lower difficulty, and the change.
+_EPISODES, _RAISE, _LOWER, _STEP = 10, 0.7, 0.3, 0.05
+
+
+def longest_drive_m(difficulty: float, min_path_m: float) -> float:
+    """Upper bound of the shortest drive of a task [m]."""
+    return math.inf if difficulty >= 1 else min_path_m + _NEAR_M + _FAR_M * difficulty**2
+
+
+class Curriculum:
+    """The difficulty of the next task."""
+
+    def __init__(self, difficulty: float, *, moves: bool) -> None:
+        """Start with a difficulty from 0 to 1, which adapts to success if it `moves`."""
+        self.difficulty, self._moves = difficulty, moves
+        self._recent: deque[bool] = deque(maxlen=_EPISODES)
+
+    def record(self, arrived: bool) -> None:
+        """Record whether the robot arrived in an episode."""
+        if not self._moves:
+            return
+        self._recent.append(arrived)
+        if len(self._recent) < _EPISODES:
+            return
+        share = sum(self._recent) / _EPISODES
+        change = _STEP if share >= _RAISE else -_STEP if share <= _LOWER else 0.0
+        if change:
+            self.difficulty = min(max(self.difficulty + change, 0.0), 1.0)
+            self._recent.clear()
+
+
+#: Largest width in characters; a character stands for twice as many rows as columns.
+_WIDTH = 72
+_ARROWS = ">^<v"
+
+
+def draw_text(plan: FloorPlan, pose: Float[np.ndarray, "3"], target: Float[np.ndarray, "2"]) -> str:
+    """Lines from top to bottom: # wall, . floor, X target, and > ^ < v for the robot."""
+    ny, nx = plan.shape
+    step = max(1, -(-nx // _WIDTH))
+    rows, columns = range(0, ny, 2 * step), range(0, nx, step)
+    free = plan.free.astype(int)
+    some = np.maximum.reduceat(np.maximum.reduceat(free, rows, axis=0), columns, axis=1) > 0
+    every = np.minimum.reduceat(np.minimum.reduceat(free, rows, axis=0), columns, axis=1) > 0
+    letters = np.where(every, ".", np.where(some, "#", " "))
+    arrow = _ARROWS[round((pose[2] - plan.origin[2]) / (np.pi / 2)) % 4]
+    for place, letter in ((target, "X"), (pose[:2], arrow)):
+        column, row = np.floor(plan.to_cells(np.asarray(place, float))).astype(int)
+        if 0 <= row < ny and 0 <= column < nx:
+            letters[row // (2 * step), column // step] = letter
+    return "\n".join("".join(row).rstrip() for row in letters[::-1]) + "\n"
+
 
 #: Full scale of continuous actions, and their duration.
 MAX_SPEED_MPS = 0.5
@@ -49,16 +106,7 @@ class Search:
     """The searches of a robot."""
 
     def __init__(self, source: Source, config: SearchConfig, simulator: SimulatorConfig) -> None:
-        """Nothing is built before the first reset.
-
-        Args:
-            source: Source of plans.
-            config: Observations, rewards and tasks.
-            simulator: Configuration of the simulator.
-
-        Raises:
-            ValueError: If the robot lacks a sensor that it observes by.
-        """
+        """Check the sensors; nothing is built before the first reset."""
         check_senses(config, simulator)
         self.config, self.simulator_config, self._source = config, simulator, source
         self._curriculum = Curriculum(config.difficulty, moves=config.curriculum)
@@ -230,8 +278,8 @@ class Search:
                 found["lidar"] = senses.ranges(view.laser)
             elif sense == "odometry":
                 found["odometry"] = senses.odometry(view)
-            elif sense == "radio" and view.paths is not None:
-                found |= senses.paths(view.paths, self._probability(view))
+            elif sense == "radio" and view.paths is not None and self._interpreter is not None:
+                found |= senses.paths(view.paths, self._interpreter.probability(view.paths))
             elif sense == "map" and self._coverage is not None:
                 found["map"] = senses.map_ahead(
                     self.place.plan, self._coverage.seen, pose, config.map_cells, config.map_cell_m
@@ -239,11 +287,6 @@ class Search:
             elif sense == "pose":
                 found["pose"] = senses.pose_since(self._task.start, pose)
         return found
-
-    def _probability(self, view: Observation) -> Float[np.ndarray, "4"]:
-        """Probabilities of the link states, as the robot estimates them."""
-        assert self._interpreter is not None and view.paths is not None
-        return self._interpreter.probability(view.paths)
 
     def _info(self, pose: Float[np.ndarray, "3"], collided: bool, arrived: bool) -> dict[str, Any]:
         return {

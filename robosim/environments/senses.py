@@ -48,13 +48,7 @@ _FLOOR, _WALL = 128, 255
 def observation_space(
     config: SearchConfig, simulator: SimulatorConfig, lidar: Lidar | None
 ) -> spaces.Space[Any]:
-    """The space of the observations of a configuration.
-
-    Args:
-        config: The configuration.
-        simulator: Has the size of pictures.
-        lidar: Has number and reach of beams.
-    """
+    """The space of the observations of a configuration; the lidar has number and reach of beams."""
     size = simulator.image.height, simulator.image.width
     found: dict[str, spaces.Space[Any]] = {}
     for sense in config.observe:
@@ -124,15 +118,7 @@ def pose_since(start: Float[np.ndarray, "3"], pose: Float[np.ndarray, "3"]) -> F
 def map_ahead(
     plan: FloorPlan, seen: np.ndarray, pose: Float[np.ndarray, "3"], cells: int, cell_m: float
 ) -> UInt8[np.ndarray, "n n 1"]:
-    """The floor seen so far and the walls next to it, around the robot and in its frame.
-
-    Args:
-        plan: The floor plan.
-        seen: Cells of the plan that were seen.
-        pose: True pose in `map`.
-        cells: Side of the map [cells].
-        cell_m: Side of a cell [m].
-    """
+    """Floor seen so far, cells of the plan, and walls next to it, around the robot and in its frame."""
     floor = seen.astype(np.uint8)
     near = cv2.dilate(floor, np.ones((3, 3), np.uint8))
     known = np.where(seen, _FLOOR, np.where((near > 0) & ~plan.free, _WALL, 0)).astype(np.uint8)

@@ -100,12 +100,7 @@ class _Tasks:
 
 
 def source_of(plan: object) -> Source:
-    """The source that the argument `plan` of an environment stands for.
-
-    Raises:
-        ValueError: If it stands for none.
-        MapError: If a file or folder has no plan.
-    """
+    """The source for the argument `plan` of an environment; ValueError or MapError if there is none."""
     if isinstance(plan, GeneratedHomes):
         return plan
     if isinstance(plan, str) and plan.partition(":")[0] == "homes":

@@ -124,10 +124,6 @@ def target_search_v0(
 
 
 def check_render_mode(mode: str | None, known: list[str]) -> None:
-    """See that a render mode is known.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """Raise ValueError if a render mode is unknown."""
     if mode not in (None, *known):
         raise ValueError(f"render_mode = {mode!r}, expected None or one of {', '.join(known)}.")

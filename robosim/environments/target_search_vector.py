@@ -110,7 +110,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         """Do one action with each robot; robots whose search has ended start a new one instead."""
         rewards = np.zeros(self.num_envs)
         arrived, late = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, bool)
-        infos: list[dict[str, Any]] = []
+        infos: dict[str, Any] = {}
         for i, action in enumerate(iterate(self.action_space, actions)):
             if self._over[i]:
                 self._seen[i], info = self._begin(i, {})
@@ -118,9 +118,9 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
                 self._seen[i], rewards[i], arrived[i], info = self._searches[i].step(action)
                 self._steps[i] += 1
                 late[i] = self._steps[i] >= self._most
-            infos.append(info)
+            infos = self._add_info(infos, info, i)
         self._over = arrived | late
-        return self._stack(self._seen), rewards, arrived, late, self._merge_infos(infos)
+        return self._stack(self._seen), rewards, arrived, late, infos
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"] | str, ...] | None:
         """A picture of each search, as `TargetSearch.render` draws one."""
@@ -136,25 +136,6 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
     def _begin(self, i: int, options: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         self._steps[i], self._over[i] = 0, False
         return self._searches[i].reset(self._rngs[i], options)
-
-    def _merge_infos(self, infos: Sequence[dict[str, Any]]) -> dict[str, Any]:
-        """The same as Gymnasium's `_add_info`, but faster if all robots have the same keys."""
-        keys = infos[0].keys()
-        if any(info.keys() != keys for info in infos):
-            found: dict[str, Any] = {}
-            for i, info in enumerate(infos):
-                found = self._add_info(found, info, i)
-            return found
-        present = np.ones(self.num_envs, bool)
-        found = {}
-        for key in keys:
-            values = [info[key] for info in infos]
-            if isinstance(values[0], dict):
-                found[key] = self._merge_infos(values)
-            else:
-                found[key] = np.array(values, object if isinstance(values[0], str) else None)
-            found[f"_{key}"] = present.copy()
-        return found
 
     def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""

@@ -1,9 +1,8 @@
-"""Evaluation of goal policies: the same tasks for all of them, many at once, and what came of it.
+"""Evaluation of goal policies on the same tasks.
 
-- `suite`: which searches are made, drawn from floor plans or read from a file;
-- `episodes`: one episode in a process of its own, and the file it leaves;
-- `sweep`: all of them on any number of workers, going on where a run was stopped;
-- `scores`: difficulty, arrival rates, relative arrival times, with their intervals;
+- `suite`: tasks, drawn from floor plans or read from a file;
+- `episodes`: episodes on any number of workers, one file each; a run that was stopped resumes;
+- `search_scores`: difficulty, arrival rates, relative arrival times, with their intervals;
 - `charts`, `report`: pictures and a page of them;
-- `evaluate`: the whole, behind `robosim evaluate`.
+- `evaluate`: all of it, behind `robosim evaluate`.
 """

@@ -1,9 +1,13 @@
-"""One episode of an evaluation: what it needs to run in any process.
+"""Episodes of an evaluation, run by any number of workers; a run that was stopped resumes.
 
-Its result is one file (`robosim.recording.episode_file`, without pictures). A process caches the building of the last
-plan, since jobs come ordered by plan.
+The result of an episode is one file (`robosim.recording.episode_file`, without pictures). It is written whole, by the
+process that was started, and an episode whose file exists is not run again. It depends on its job only. A worker caches
+the building of the last plan, since jobs are ordered by plan. An episode that fails is reported and left out; the
+others continue, and the next run tries it again.
 """
 
+import traceback
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +16,8 @@ from typing import Any
 
 import numpy as np
 import shapely
+from rich.console import Console
+from rich.text import Text
 
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.reach import Reach, reach
@@ -24,9 +30,11 @@ from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
 from robosim.recording.episode_file import EpisodeWriter, Head
-from robosim.step import Step
-from robosim.support.files import plain
+from robosim.support.files import plain, write_whole
+from robosim.support.parts import place_in_part
+from robosim.support.progress import unit_progress
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
+from robosim.support.workers import Workers
 from robosim.task.tasks import Task, make_task
 
 #: Steps at which the seen part of the floor is reported.
@@ -38,13 +46,11 @@ class Job:
     """One episode to run."""
 
     task: SuiteTask
-    """What is searched."""
     plan_file: Path
-    """Where."""
     reader: str
     """Reader of the plan."""
     repeat: int
-    """Which repetition with other noise, from 0."""
+    """Number of the repetition with other noise, from 0."""
     policy: str
     """Goal policy."""
     config: EpisodeConfig
@@ -55,9 +61,13 @@ class Job:
     @property
     def name(self) -> str:
         """Of its file, unique in an evaluation."""
+        return name_of(self.identity)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Columns that name the episode."""
         task = self.task
-        row = {"plan": task.plan, "task": task.number, "policy": self.policy, "repeat": self.repeat}
-        return name_of(row)
+        return {"plan": task.plan, "task": task.number, "policy": self.policy, "repeat": self.repeat}
 
     def scene(self) -> tuple[Building, Reach]:
         """Its building, and what the robot can reach there."""
@@ -67,6 +77,17 @@ class Job:
     def file(self, out: Path) -> Path:
         """Where the episode is stored below the folder of an evaluation."""
         return Path(out) / "episodes" / f"{self.name}.npz"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An episode that raised an error."""
+
+    job: Job
+    error: str
+    """Its kind and the first line of its message."""
+    trace: str
+    """Where it happened."""
 
 
 def make_jobs(
@@ -91,12 +112,42 @@ def make_jobs(
     ]
 
 
-def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
-    """Run an episode and return the content of its file.
+def run_jobs(
+    jobs: Sequence[Job], out: Path, *, workers: int, console: Console, cluster: str | None = None
+) -> list[Failure]:
+    """Run all episodes, ordered by plan, whose file does not exist yet; returns those that failed.
 
-    Args:
-        job: What to run.
-        watch: Measures the stages; wall-clock time if not given.
+    Raises:
+        WorkerLost: If a process was killed, when the others are done.
+    """
+    left = [job for job in jobs if not job.file(out).is_file()]
+    failures: list[Failure] = []
+    with (
+        Workers(min(workers, len(left) or 1), cluster, what="episodes") as pool,
+        unit_progress(console, "episodes", len(jobs), len(jobs) - len(left)) as advance,
+    ):
+        for _, (job, content, failure) in pool.run(_safely, [(job,) for job in left]):
+            if failure is None:
+                write_whole(job.file(out), content)
+            else:
+                failures.append(failure)
+                console.print(Text(f"{job.name} failed: {failure.error}"), soft_wrap=True)
+            advance(job.name)
+    return failures
+
+
+def _safely(job: Job) -> tuple[Job, bytes, Failure | None]:
+    try:
+        return job, run_job(job), None
+    except Exception as error:
+        line = (str(error).splitlines() or [""])[0]
+        place = place_in_part(error)
+        words = f"{type(error).__name__}: {line}{place and f' ({place})'}"
+        return job, b"", Failure(job, words, traceback.format_exc())
+
+
+def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
+    """Run an episode and return the content of its file; wall-clock times without `watch`.
 
     Raises:
         MapError: If the task cannot be done in the plan.
@@ -106,11 +157,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     building, places = job.scene()
     task = task_of(places, job.task)
     steps = EpisodeWriter(building_rings(building), pictures=False)
-
-    def record(log: EpisodeLog, step: Step) -> None:
-        steps.add(step)
-
-    log, estimate = run_episode(building, places, task, job.config, record, watch)
+    log, estimate = run_episode(building, places, task, job.config, lambda _, step: steps.add(step), watch)
     if log.ended in ("interrupted", "terminated"):
         raise KeyboardInterrupt
     seconds = perf_counter() - begin
@@ -144,11 +191,7 @@ def scene(
 
 
 def task_of(places: Reach, task: SuiteTask) -> Task:
-    """A task of a suite in its building.
-
-    Raises:
-        MapError: If it cannot be done there.
-    """
+    """A task of a suite in its building; MapError if it cannot be done there."""
     x, y, yaw_deg = task.start
     start = np.array([x, y, np.radians(yaw_deg)])
     try:
@@ -165,10 +208,7 @@ def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
     seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
     deepest = max(0.0, robot.radius_m - float(clearance.min()))
     return {
-        "plan": job.task.plan,
-        "task": job.task.number,
-        "policy": job.policy,
-        "repeat": job.repeat,
+        **job.identity,
         "seed": job.config.seed,
         **plain(log.result()),
         **seen,

@@ -3,10 +3,20 @@
 The folder holds `suite.yaml` (the tasks), `settings.json`, `episodes/`, and from these `episodes.parquet` (one row per
 episode), `timing.parquet` (seconds by stage; all else is the same for the same seed), `summary.json`, `report.html` and
 its pictures.
+
+Episodes depend on the plans, the tasks and the configuration. A run that differs in any of these from the folder is
+rejected (`robosim.support.run_folder`); one that adds policies, repetitions, tasks or plans resumes. Code and versions
+of packages are stored with each episode: a mixture is reported, not rejected, since most changes of code change no
+result.
 """
 
-from collections.abc import Sequence
+import hashlib
+import importlib.metadata
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -14,27 +24,92 @@ from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
-from robosim.evaluation.episodes import draw_plan, make_jobs
-from robosim.evaluation.job_runs import run_jobs
-from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.report import Evaluation, summary_rows
-from robosim.evaluation.results import write_results
+from robosim.evaluation.episodes import draw_plan, make_jobs, run_jobs
+from robosim.evaluation.report import Evaluation, summary_rows, write_results
 from robosim.evaluation.rows import read_job_head
 from robosim.evaluation.search_scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
-from robosim.plans.files import find_plans
+from robosim.plans.files import find_plans, read_plan
 from robosim.policies.goals import SEEKERS
+from robosim.support.assets import assets_dir
+from robosim.support.files import plain
+from robosim.support.installation import package_version
+from robosim.support.parts import to_dict
 from robosim.support.progress import unit_progress
+from robosim.support.reading import PACKAGES, read_bytes
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 
+#: Packages whose versions results depend on.
+_PACKAGES = (
+    "robosim",
+    "mujoco",
+    "numpy",
+    "scipy",
+    "onnxruntime",
+    "embreex",
+    "pyrender",
+    "opencv-contrib-python-headless",
+)
+
+
+def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
+    """All that the episodes of a folder depend on."""
+    episode = plain(to_dict(config))
+    for varied in ("goal", "seed"):
+        episode.pop(varied)
+    for name, value in _flat(episode).items():
+        if isinstance(value, str) and value.endswith(".safetensors"):
+            content = read_bytes(value, "weights of a network")
+            episode[f"{name} content"] = hashlib.sha256(content).hexdigest()[:16]
+    return {
+        "seed": suite.seed,
+        "plans": {name: read_plan(file, reader=suite.reader).digest() for name, file in suite.plans.items()},
+        "tasks": {f"{t.plan}/{t.number}": [*t.start, *t.target] for t in suite.tasks},
+        "episode": episode,
+    }
+
+
+def code_digest(policies: Iterable[str] = ()) -> str:
+    """A text that changes with code and weights of the three packages, their libraries, and policies that are files."""
+    digest = hashlib.sha256(json.dumps(versions()).encode())
+    for policy in policies:
+        if policy.endswith(".safetensors"):
+            digest.update(policy.encode() + read_bytes(policy, "weights of a goal policy"))
+    for file in sorted((assets_dir() / "weights").glob("*")):
+        digest.update(file.name.encode() + file.read_bytes())
+    for package in PACKAGES:
+        folder = Path(str(sys.modules[package].__file__)).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{package}/{file.relative_to(folder)}".encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that results depend on."""
+    return {name: package_version(name) for name in _PACKAGES if _installed(name)}
+
+
+def _installed(name: str) -> bool:
+    try:
+        package_version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _flat(value: Any, name: str = "") -> dict[str, Any]:
+    """Nested dictionaries as one, keys joined by dots; lists whole."""
+    if not isinstance(value, Mapping):
+        return {name: value}
+    items: Iterable[tuple[str, Any]] = (
+        pair for key, item in value.items() for pair in _flat(item, f"{name}.{key}" if name else key).items()
+    )
+    return dict(items)
+
 
 def check_policies(names: Sequence[str]) -> tuple[str, ...]:
-    """Policies by name, in the order of tables; if none is given all that search for the target, without variants.
-
-    Raises:
-        ValueError: If there is no policy of a name.
-    """
+    """Policies by name, in the order of tables; if none is given all that search for the target, without variants."""
     for name in names:
         POLICY.check("policies", name)
     return tuple(sorted(set(names or SEEKERS), key=place_of))
@@ -51,17 +126,9 @@ def find_suite(
     cluster: str | None = None,
     console: Console,
 ) -> Suite:
-    """The suite of a file, or tasks drawn in floor plans.
+    """The suite of a file, or tasks drawn in plan files, folders of them and shipped plans.
 
-    Args:
-        plans: A suite file; or plan files, folders of them and names of shipped ones.
-        config: How plans become buildings, and the size of the robot.
-        targets: Tasks per plan, 10 if not given.
-        seed: Seed of the tasks, 0 if not given.
-        reader: Reader of the plans, of `robosim.parts.READER`, by name or `module:Name`.
-        workers: Processes at once.
-        cluster: Address of a dask scheduler that is used instead.
-        console: Where progress is shown.
+    By default 10 `targets` per plan are drawn from seed 0.
 
     Raises:
         ValueError: If a suite is given together with plans, targets or a seed, or two plans have one name.
@@ -105,16 +172,8 @@ def evaluate(
 ) -> Evaluation:
     """Run every task by the oracle and every policy, score the episodes, and write all results.
 
-    Args:
-        suite: The tasks.
-        out: Folder of the results; episodes that it holds are not run again.
-        config: How episodes run, but for policy and seed.
-        policies: Goal policies; the oracle is always run, and comes first.
-        repeats: Episodes of each task and policy, each with different noise.
-        workers: Processes at once; the results do not depend on their number.
-        console: Where progress is shown.
-        cluster: Address of a dask scheduler that runs the episodes instead.
-        options: Options of `robosim episode` for the same configuration.
+    Episodes that `out` holds are not run again. `config` applies but for policy and seed; `options` are those of
+    `robosim episode` for it. The results do not depend on the number of workers.
 
     Raises:
         FolderError: If the folder holds episodes of another configuration, or another process is at work in it.

@@ -1,6 +1,11 @@
-"""The page of an evaluation: one HTML file with its pictures inside, which needs no other file."""
+"""Files of an evaluation: tables, charts, pictures of tasks, and one HTML page that needs no other file.
+
+All of them are written from the recorded episodes at the end of every run. `episodes.parquet` is the same for the same
+seed, byte for byte; `timing.parquet` is not.
+"""
 
 import base64
+import io
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,18 +14,31 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from matplotlib.figure import Figure
+from PIL import Image
+from rich.console import Console
 
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.comparison import Compared, subject_of
-from robosim.evaluation.episodes import Job
-from robosim.evaluation.job_runs import Failure
-from robosim.evaluation.plain_names import plain_name
+from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart, trajectories_figure
+from robosim.evaluation.episodes import Failure, Job
 from robosim.evaluation.rows import read_job_episode
-from robosim.evaluation.search_scores import Estimate, Summary
+from robosim.evaluation.search_scores import Compared, Estimate, Summary, compared, subject_of
 from robosim.support.assets import shipped_plans
-from robosim.support.files import write_whole
+from robosim.support.figures import save_figure
+from robosim.support.files import plain, whole_file, write_json, write_whole
+from robosim.support.progress import unit_progress
+from robosim.support.workers import Workers
 from wireless.support.counting import counted
+
+#: Tasks that the page shows with a picture, the worst first; all are listed.
+_PICTURES = 60
+#: Pictures that a process draws at once.
+_AT_ONCE = 5
+
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto; padding: 0 1em }
@@ -69,10 +87,86 @@ class Evaluation:
             )
         return lines
 
-    def indices(self) -> dict[str, list[int]]:
-        """Numbers of the episodes of each policy."""
-        policies = dict.fromkeys(row["policy"] for row in self.rows)
-        return {p: [i for i, row in enumerate(self.rows) if row["policy"] == p] for p in policies}
+
+def write_results(
+    result: Evaluation, out: Path, *, config: EpisodeConfig, options: str, workers: int, console: Console
+) -> None:
+    """Write tables, charts, pictures and the page; `options` are those of `robosim episode` for `config`."""
+    write_parquet(result.rows, out / "episodes.parquet")
+    identities = [{name: row[name] for name in IDENTITY} for row in result.rows]
+    timing = [{**one, **seconds} for one, seconds in zip(identities, result.timing, strict=True)]
+    write_parquet(timing, out / "timing.parquet")
+    write_json(out / "summary.json", {"summary": [_finite(vars(summary)) for summary in result.summaries]})
+    figures = {
+        "arrival": (arrival_chart(result.summaries), "Arrival rates by difficulty."),
+        "relative_time": (
+            time_chart(result.rows),
+            "Episodes that have arrived by a time; a curve that ends below 100 % never gets higher.",
+        ),
+    }
+    if any(row["policy"] == "shortest" for row in result.rows):
+        caption = "The same relative to a robot that knows building and pose: the physical limit."
+        figures["limit_time"] = time_chart(result.rows, "shortest"), caption
+    figures["spl"] = spl_chart(result.summaries), "Mean success weighted by path length."
+    for name, (figure, _) in figures.items():
+        save_figure(figure, out / f"{name}.png")
+    charts = [(out / f"{name}.png", caption) for name, (_, caption) in figures.items()]
+    tasks = compared(result.rows)
+    pictures = _draw_tasks(result, tasks[:_PICTURES], out, workers, console)
+    write_report(result, out, config=config, options=options, charts=charts, tasks=tasks, pictures=pictures)
+
+
+def write_parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write rows; a column that one row lacks is null there."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    table = pa.Table.from_pylist([{name: row.get(name) for name in names} for row in map(plain, rows)])
+    with whole_file(path) as partial:
+        pq.write_table(table, partial)
+
+
+def _draw_tasks(
+    result: Evaluation, tasks: list[Compared], out: Path, workers: int, console: Console
+) -> dict[Compared, Path]:
+    """Pictures of tasks, each of the one or two episodes that are compared."""
+    files = [
+        [result.jobs[i].file(out) for i in (task.subject, task.rival) if i is not None] for task in tasks
+    ]
+    calls = [(files[first : first + _AT_ONCE],) for first in range(0, len(files), _AT_ONCE)]
+    drawn: dict[Compared, Path] = {}
+    with (
+        Workers(min(workers, len(calls) or 1), what="pictures") as pool,
+        unit_progress(console, "pictures of tasks", len(calls)) as advance,
+    ):
+        for number, pictures in pool.run(_draw, calls):
+            for task, content in zip(tasks[number * _AT_ONCE :], pictures, strict=False):
+                path = out / "tasks" / f"{task.plan}-{task.task:03d}-{task.repeat}.png"
+                write_whole(path, content)
+                drawn[task] = path
+            advance("")
+    return drawn
+
+
+def _draw(files: list[list[Path]]) -> list[bytes]:
+    return [_small(trajectories_figure([read_job_episode(file) for file in some])) for some in files]
+
+
+def _small(figure: Figure) -> bytes:
+    """A picture in few colours, since a page may hold many."""
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=85)
+    plt.close(figure)
+    few = Image.open(drawn).convert("RGB").quantize(192, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(small, format="png", optimize=True)
+    return small.getvalue()
+
+
+def _finite(value: Any) -> Any:
+    """Estimates as dictionaries, infinite as null: never."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if hasattr(value, "_asdict"):
+        return _finite(value._asdict())
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def write_report(
@@ -85,29 +179,17 @@ def write_report(
     tasks: Sequence[Compared],
     pictures: Mapping[Compared, Path],
 ) -> None:
-    """Write `report.html`; pictures become part of it.
-
-    Args:
-        result: What to report.
-        out: Folder of the evaluation.
-        config: How episodes ran, but for policy and seed.
-        options: Options of `robosim episode` for the same configuration.
-        charts: PNG files with their captions.
-        tasks: All tasks, in the order in which they are listed.
-        pictures: PNG files of some tasks.
-    """
-    own = result.indices()
-    seconds = {p: means([result.timing[i] for i in indices]) for p, indices in own.items()}
-    rates = {p: stages.pop("decisions_per_s", 0.0) for p, stages in seconds.items()}
+    """Write `report.html` with its pictures inside; `tasks` are listed in their order, and some have `pictures`."""
+    policies = list(dict.fromkeys(row["policy"] for row in result.rows))
     plans, count = {row["plan"] for row in result.rows}, len({(r["plan"], r["task"]) for r in result.rows})
-    title = f"Evaluation of {', '.join(own)}"
+    title = f"Evaluation of {', '.join(policies)}"
     lead = (
         f"{counted(count, 'task')} in {counted(len(plans), 'floor plan')}, {counted(len(result.rows), 'episode')}. "
         f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
         f"{config.simulator.noise.level:g}, at most {counted(config.max_steps, 'step')}."
     )
     order = (
-        f"Tasks that {subject_of(list(own))} failed come first, then those where it lost most to the best of the other "
+        f"Tasks that {subject_of(policies)} failed come first, then those where it lost most to the best of the other "
         f"policies. The first {len(pictures)} have a picture: both trajectories on one map, with the true walls, and "
         "below it the estimated link state and what the goal was at each decision."
     )
@@ -117,7 +199,6 @@ def write_report(
     ]
     heads, lines = summary_rows(result.summaries)
     first = [i for i in range(1, len(lines)) if lines[i][0] != lines[i - 1][0]]
-    speed = ", ".join(f"{policy} {rate:.1f}" for policy, rate in rates.items())
     body = [
         f"<h1>{escape(title)}</h1><p>{escape(lead)}</p>",
         *(f'<p class="warn">{escape(line)}</p>' for line in result.warnings),
@@ -133,11 +214,6 @@ def write_report(
         f"<h2>Task by task</h2><p>{escape(order)}</p>",
         _table(("task", "in short"), list_rows, "list"),
         *(_section(result, i, task, options, out, pictures.get(task)) for i, task in enumerate(tasks)),
-        "<h2>Where the time goes</h2><p>Mean seconds of an episode, by stage.</p>",
-        _columns_table(seconds, "{:.2f}"),
-        "<p>Decisions per second, without the time to prepare building, robot and radio: "
-        f"{escape(speed)}.</p><h2>Means of all episodes</h2>",
-        _columns_table({p: means([result.rows[i] for i in indices]) for p, indices in own.items()}, "{:.3g}"),
     ]
     head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{_STYLE}</style>'
     page = f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{chr(10).join(body)}\n</body></html>\n'
@@ -170,17 +246,6 @@ def replay_command(job: Job, options: str) -> str:
     words = f"--start {start} --target {target} --goal {job.policy} --seed {job.config.seed} {options}"
     reader = "" if job.reader == "auto" else f" --reader {job.reader}"
     return f"robosim episode {shlex.quote(plan)} {words}".strip() + reader
-
-
-def means(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Means of the columns that hold numbers, over the rows that have one."""
-    found = {}
-    for name in dict.fromkeys(name for row in rows for name in row if name not in IDENTITY):
-        values = [row[name] for row in rows if isinstance(row.get(name), (bool, int, float))]
-        finite = [float(value) for value in values if np.isfinite(value)]
-        if finite:
-            found[name] = float(np.mean(finite))
-    return found
 
 
 def _times(time: Estimate) -> str:
@@ -242,30 +307,13 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _columns_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
-    """A table with a column for each policy and a line for each name."""
-    names = dict.fromkeys(name for values in columns.values() for name in values)
-    rows = [
-        [escape(plain_name(name)), *(form.format(v[name]) if name in v else "" for v in columns.values())]
-        for name in names
-    ]
-    return _table(("", *columns), rows)
-
-
 def _table(
     heads: Sequence[str],
     rows: Iterable[Iterable[str]],
     kind: str = "",
     rows_of: Mapping[int, str] | None = None,
 ) -> str:
-    """A table of cells of HTML.
-
-    Args:
-        heads: Text above the columns.
-        rows: Cells.
-        kind: Its class.
-        rows_of: Classes of some rows, by number.
-    """
+    """A table of cells of HTML, of a class; `rows_of` are classes of rows by number."""
     classes = rows_of or {}
     lines = [
         f'<tr class="{classes.get(i, "")}">' + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>"

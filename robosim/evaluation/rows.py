@@ -27,20 +27,12 @@ def name_of(row: Mapping[str, Any]) -> str:
 
 
 def read_job_head(path: Path) -> Head:
-    """Read the result of an episode of an evaluation.
-
-    Raises:
-        FileError: If the file is no episode, damaged, or another than its name says.
-    """
+    """Read the result of an episode; FileError if the file is damaged, or another than its name says."""
     return read_head(path, lambda head: _check(head, path))
 
 
 def read_job_episode(path: Path) -> RecordedEpisode:
-    """Read an episode of an evaluation.
-
-    Raises:
-        FileError: As `read_job_head` does.
-    """
+    """Read an episode; errors as in `read_job_head`."""
     return read_episode(path, lambda head: _check(head, path))
 
 
@@ -51,11 +43,7 @@ def _check(head: Head, path: Path) -> None:
 
 
 def check_row(row: Mapping[str, Any]) -> None:
-    """Reject a row that no episode has.
-
-    Raises:
-        ValueError: In a few words, of the first column that is wrong.
-    """
+    """Raise ValueError for the first column of a row that no episode has."""
     at, found = row.get("arrived_at_step"), row.get("transmitter")
     good = {
         **{name: isinstance(row.get(name), str) for name in _TEXT},

@@ -1,15 +1,19 @@
-"""What the episodes come to: difficulty, arrival rates, relative arrival times, and how sure they are.
+"""Scores of episodes: difficulty, arrival rates, relative arrival times, their intervals, and the order of tasks.
 
-The difficulty of a task goes by the steps that the oracle needs: the tasks in order of them, the first 27 % easy, the
-next 39 % moderate, the rest hard, the shares of the published 52, 76 and 65 tasks (arXiv 2110.14789). The arrival
-time of a policy is counted in steps, relative to the oracle's on the same task; never arriving is infinite. Where
-`shortest` was run, which knows the building too, times are also given relative to its: the oracle is no bound. With
-repetitions a task's oracle steps are their median.
+The oracle's steps define the difficulty of a task: of the tasks in their order the first 27 % are easy, the next 39 %
+moderate, the rest hard, the shares of the published 52, 76 and 65 tasks (arXiv 2110.14789). The arrival time of a
+policy is counted in steps, relative to the oracle's on the same task, and infinite without arrival. Where `shortest`
+was run, which knows the building too, times are also given relative to its: the oracle is no bound. With repetitions a
+task's oracle steps are their median.
 
-Intervals are 95 %: Wilson's for rates, percentiles of the bootstrap for the others. What is drawn again, and what
-counts as one observation, is a task with all its repetitions. Left out: that tasks of one building are alike.
+Intervals are 95 %: Wilson's for rates, percentiles of the bootstrap for the others. A task with all its repetitions is
+one observation. Left out: that tasks of one building are alike.
+
+Task by task, one policy is compared with the best other one: `fused` where that was run, else the first that is no bar.
+The bars, `oracle` and `shortest`, know the target, and are compared only if no other policy was run.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +21,66 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+
+BARS = ("oracle", "shortest")
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One task, with all episodes of one repetition of it."""
+
+    plan: str
+    task: int
+    repeat: int
+    subject: int | None
+    """Number of the episode that is looked at; None if that policy was not run."""
+    rival: int | None
+    """Number of the best other one; None if there is none."""
+    episodes: tuple[int, ...]
+    """Numbers of all, in the order that policies come in."""
+    loss: float
+    """Steps of the first over those of the second: infinite if only the second arrived, 0 if only the first did, NaN if
+    neither, or if there is no second."""
+
+
+def subject_of(policies: Sequence[str]) -> str:
+    """The policy that is looked at: `fused`, or the first that is no bar."""
+    seekers = [policy for policy in policies if policy not in BARS]
+    return "fused" if "fused" in seekers else (seekers or list(policies))[0]
+
+
+def compared(rows: Sequence[Mapping[str, Any]]) -> list[Compared]:
+    """All tasks: failures of the policy first, then those where it lost most."""
+    subject = subject_of(list(dict.fromkeys(row["policy"] for row in rows)))
+    groups: dict[tuple[str, int, int], list[int]] = defaultdict(list)
+    for i, row in enumerate(rows):
+        groups[row["plan"], row["task"], row["repeat"]].append(i)
+    found = []
+    for (plan, task, repeat), episodes in groups.items():
+        own = next((i for i in episodes if rows[i]["policy"] == subject), None)
+        others = [i for i in episodes if i != own]
+        seekers = [i for i in others if rows[i]["policy"] not in BARS]
+        rival = min(seekers or others, key=lambda i: _steps(rows[i]), default=None)
+        loss = math.nan if own is None or rival is None else _loss(rows[own], rows[rival])
+        found.append(Compared(plan, task, repeat, own, rival, tuple(episodes), loss))
+    return sorted(found, key=lambda one: _order(one, rows))
+
+
+def _order(one: Compared, rows: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
+    """Failures that another avoids, failures, then by loss; what was not run comes last."""
+    failed = one.subject is not None and not rows[one.subject]["arrived"]
+    place = (not math.isinf(one.loss), not failed, one.subject is None)
+    return *place, math.inf if math.isnan(one.loss) else -one.loss, one.plan, one.task, one.repeat
+
+
+def _steps(row: Mapping[str, Any]) -> float:
+    return math.inf if row["arrived_at_step"] is None else float(row["arrived_at_step"])
+
+
+def _loss(own: Mapping[str, Any], rival: Mapping[str, Any]) -> float:
+    steps, others = _steps(own), _steps(rival)
+    return math.nan if math.isinf(steps) and math.isinf(others) else steps / max(others, 1.0)
+
 
 CLASSES = ("easy", "moderate", "hard")
 #: Tasks of each class in the published evaluation.
@@ -57,13 +121,10 @@ class Summary:
 
 
 def score(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with `difficulty`, `oracle_steps`, `relative_time` and `limit_time` added.
+    """Rows with `difficulty`, `oracle_steps`, `relative_time` and `limit_time` added; needs the oracle's episodes.
 
     `relative_time` is infinite without arrival, and NaN where the oracle did not arrive either: such tasks count as
     hard, and have no relative times. `limit_time` is the same relative to `shortest`, NaN where that was not run.
-
-    Raises:
-        ValueError: If a task has no episode of the oracle.
     """
     oracle, limit = (steps_of(rows, policy) for policy in ("oracle", "shortest"))
     missing = {_key(row) for row in rows} - set(oracle)
@@ -151,11 +212,10 @@ def wilson(successes: float, n: int) -> Estimate:
 
 
 def bootstrap(values: Float[np.ndarray, "n_tasks n_repeats"], quantile: float | None) -> Estimate:
-    """A quantile, or the mean if None, with percentiles of what it is for tasks drawn again with replacement.
+    """A quantile, or the mean if None, with percentiles of its values for tasks drawn again with replacement.
 
-    Args:
-        values: NaN where there is none; infinite is larger than all others.
-        quantile: Which one, 0 to 1; the least value that so many do not exceed.
+    NaN are no values, and infinite is larger than all others. The quantile is the least value that so many do not
+    exceed.
     """
     values = values[~np.isnan(values).all(axis=1)]
     if not len(values):

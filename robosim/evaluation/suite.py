@@ -85,12 +85,7 @@ class Suite:
     """What it was read from."""
 
     def check_places(self) -> None:
-        """Reject tasks that begin or end outside of their plan, before any of them is run.
-
-        Raises:
-            ValueError: If one does; the message names the suite's file and the task.
-            MapError: If a plan cannot be read.
-        """
+        """Raise FileError, before any task is run, if one begins or ends outside of its plan."""
         name = None
         for task in self.tasks:
             if task.plan != name:  # one plan in memory at a time
@@ -106,17 +101,7 @@ class Suite:
 
 
 def draw_tasks(plan: str, reach: Reach, count: int, seed: int) -> list[SuiteTask]:
-    """Tasks in one plan, each with its start and target drawn again.
-
-    Args:
-        plan: Name of the plan in the suite.
-        reach: What the robot's hull can reach there.
-        count: How many.
-        seed: The suite's.
-
-    Raises:
-        MapError: If the hull fits nowhere.
-    """
+    """Tasks in one plan of the suite, each with its start and target drawn again; MapError if the hull fits nowhere."""
     tasks = []
     for number in range(count):
         task = make_task(reach, np.random.default_rng([seed, _seed_of(seed, plan, number)]))
@@ -128,11 +113,7 @@ def draw_tasks(plan: str, reach: Reach, count: int, seed: int) -> list[SuiteTask
 
 
 def name_plans(files: Sequence[Path]) -> dict[str, Path]:
-    """Short names of plan files: what they are called without folders and endings.
-
-    Raises:
-        ValueError: If two would have one name.
-    """
+    """Names of plan files, which are those of the files; ValueError if two have the same."""
     names = [file.stem.removesuffix(".glb_topdownmap") for file in files]
     for name, count in Counter(names).items():
         if count > 1:
@@ -155,12 +136,7 @@ def is_suite(path: str | Path) -> bool:
 
 
 def read_suite(path: str | Path) -> Suite:
-    """Read a suite from a YAML or JSON file.
-
-    Raises:
-        FileError: If it is no suite; the message names file, entry and fix. If it names code outside of
-            `robosim.support.parts.code_allowed`.
-    """
+    """Read a suite from a YAML or JSON file."""
     path = expanded(path)
     is_json = path.suffix.lower() == ".json"
     with reading(path, _WHAT, _REMEDY, most_bytes=MOST_JSON if is_json else MOST_YAML) as file:

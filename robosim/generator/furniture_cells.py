@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from robosim.generator.rect import Polygon, Rect
+from robosim.generator.canvas import Polygon, Rect
 
 Piece = list[Polygon]
 """Polygons [m] in the piece's frame: x along the wall, middle at 0; y into the room, wall at 0."""

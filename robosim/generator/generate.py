@@ -11,21 +11,18 @@ through the outermost free cells. Left out: storeys, windows, what furniture loo
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 import cv2
 import numpy as np
 
 from robosim.generator.building_style import STYLES
-from robosim.generator.canvas import Canvas
+from robosim.generator.canvas import Canvas, Rect
 from robosim.generator.furniture_cells import structure
 from robosim.generator.hull_places import hull_places, largest_piece
 from robosim.generator.layout import Layout, lay_out
 from robosim.generator.place_cells import furnish
 from robosim.generator.place_groups import place_pieces
-from robosim.generator.rect import Rect
-from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import SEED, Range, check_choice, check_number, checked
 
@@ -98,13 +95,13 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     """
     check_number("seed", seed, *SEED, whole=True)
     rng = np.random.default_rng(seed)
-    draft = _draft(rng, config)
+    area_m2, rooms, furniture, yaw = _draft(rng, config)
     style = STYLES[config.style]
-    layout = lay_out(rng, area_m2=draft.area_m2, rooms=draft.rooms, door_m=config.door_width_m, style=style)
-    canvas = Canvas(layout.bounds(), draft.yaw, config.resolution_m)
+    layout = lay_out(rng, area_m2=area_m2, rooms=rooms, door_m=config.door_width_m, style=style)
+    canvas = Canvas(layout.bounds(), yaw, config.resolution_m)
     _paint(canvas, layout)
     floor = canvas.free.copy()
-    density, name = draft.furniture * style.crowding, f"{config.style}-{seed}"
+    density, name = furniture * style.crowding, f"{config.style}-{seed}"
     if not config.heights:
         furnish(canvas, layout, rng, density=density, passage_m=config.passage_m)
         return _plan(canvas.free, floor, name, config)
@@ -114,35 +111,8 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     return replace(plan, furnishings=tuple(placed))
 
 
-#: Seeds and kinds of the plans that come with the package, which `write_shipped` writes.
-SHIPPED = {
-    "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
-    "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
-    "flat": (4, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
-    "townhouse": (9, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
-    "villa": (13, GeneratorConfig(area_m2=150, rooms=12, furniture=0.9)),
-    "office": (22, GeneratorConfig(style="office")),
-}
-
-
-def write_shipped(folder: Path) -> None:
-    """Write the plans that come with the package, as ROS maps."""
-    for name, (seed, config) in SHIPPED.items():
-        write_ros(replace(generate_plan(seed, config=config), name=name), folder / f"{name}.yaml")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Draft:
-    """Numbers that are drawn before rooms are laid out."""
-
-    area_m2: float
-    rooms: int
-    furniture: float
-    yaw: float
-
-
-def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
-    """Draw what the configuration leaves open; fixing one value does not change the draws of the others."""
+def _draft(rng: np.random.Generator, config: GeneratorConfig) -> tuple[float, int, float, float]:
+    """Area [m2], number of rooms, share of furniture, yaw [rad]; fixing one does not change the draws of the others."""
     size, room_size, crowd, turn, empty = (
         rng.random(),
         rng.standard_normal(),
@@ -161,7 +131,7 @@ def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
     if config.furniture is not None:
         furniture = config.furniture
     yaw = 2 * np.pi * turn if config.rotation_deg is None else np.radians(config.rotation_deg)
-    return _Draft(area_m2=area_m2, rooms=rooms, furniture=furniture, yaw=float(yaw))
+    return area_m2, rooms, furniture, float(yaw)
 
 
 def _paint(canvas: Canvas, layout: Layout) -> None:
@@ -207,12 +177,9 @@ def _distance(mask: np.ndarray) -> np.ndarray:
 
 
 def in_one_piece(plan: FloorPlan, hull_radius_m: float) -> FloorPlan:
-    """Close what a hull cannot reach from the largest piece of a plan.
+    """Close places that a hull cannot reach from the largest piece of a plan; ValueError if it fits nowhere.
 
     Narrow places in which no hull fits stay open if they are connected to the rest.
-
-    Raises:
-        ValueError: If the hull fits nowhere.
     """
     occupancy = plan.occupancy.copy()
     while True:

@@ -8,11 +8,7 @@ from robosim.plans.floorplan import FloorPlan
 
 
 def hull_places(plan: FloorPlan, hull_radius_m: float) -> Bool[np.ndarray, "ny nx"]:
-    """Cells at whose centre the centre of a round hull can be.
-
-    Raises:
-        ValueError: If there are none.
-    """
+    """Cells at whose centre the centre of a round hull can be; ValueError if there are none."""
     fits = plan.free & (distance_m(plan)[1::2, 1::2] >= hull_radius_m - 1e-6)
     if not fits.any():
         raise ValueError(

@@ -10,10 +10,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from robosim.generator.canvas import Canvas, Window, fits
+from robosim.generator.canvas import Canvas, Rect, Window, fits, points_along
 from robosim.generator.furniture_cells import Entry, Piece, box, entries, turn
 from robosim.generator.layout import Layout, Opening
-from robosim.generator.rect import Rect, points_along
 
 #: Places that are tried for a piece before it is left out.
 TRIES = 5
@@ -32,15 +31,9 @@ def furnish(
     passage_m: float,
     things: Callable[[str], list[Entry]] = entries,
 ) -> None:
-    """Place furniture in the rooms of a building on a canvas.
+    """Place furniture, `things` of a kind of room, in the rooms of a building on a canvas.
 
-    Args:
-        canvas: Cells to be made solid.
-        layout: Rooms and openings that the canvas shows.
-        rng: Source of all chance.
-        density: Share of the usual furniture; above 1 for crowded rooms.
-        passage_m: Width of a passage that stays free between any two places that have one before [m].
-        things: Furniture of a kind of room.
+    `density` is the share of the usual furniture, above 1 for crowded rooms. Passages of `passage_m` stay free.
     """
     for i, room in enumerate(layout.rooms):
         space = Space(canvas, layout, i, passage_m)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robosim.generator.building_style import Style
-from robosim.generator.rect import Rect
+from robosim.generator.canvas import Rect
 
 
 def cut(rng: np.random.Generator, area_m2: float, n: int, style: Style) -> tuple[list[Rect], list[bool]]:

@@ -66,11 +66,7 @@ class _Lines:
 
 
 def read_carmen(path: Path) -> RobotLog:
-    """Read a CARMEN log, packed by gzip or not.
-
-    Raises:
-        FileError: If it is damaged, or has no two scans.
-    """
+    """Read a CARMEN log, packed by gzip or not; FileError if it is damaged, or has no two scans."""
     remedy = "Give a CARMEN log with FLASER or ROBOTLASER1 lines"
     with reading(path, "a robot's log", remedy) as file:
         packed = file.read()
@@ -86,49 +82,39 @@ def read_carmen(path: Path) -> RobotLog:
 
 
 def _parse(text: str) -> _Lines:
-    lines = _Lines()
+    lines, rows = _Lines(), text.splitlines()
     last: Float[np.ndarray, 3] | None = None
-    step, n_odometry, fresh = np.zeros(3), 0, False
-    rows = text.splitlines()
+    step, n_odometry, is_fresh = np.zeros(3), 0, False
     for number, line in enumerate(rows, 1):
         words = line.split()
         kind = words[0] if words else ""
-        if number == len(rows) and not text.endswith("\n") and not _whole(words, number):
-            break
+        try:
+            if kind == "ODOM":
+                pose = _numbers(words[1:4], 3, number)
+            elif kind in ("FLASER", "ROBOTLASER1"):
+                scan = _flaser(words, number) if kind == "FLASER" else _robotlaser(words, number)
+        except ValueError:
+            if number == len(rows) and not text.endswith("\n"):
+                break  # a recording may be cut off anywhere
+            raise
         if kind == "ODOM":
-            pose = _numbers(words[1:4], 3, number)
-            if fresh and np.array_equal(pose, lines.robot[-1]):
+            if is_fresh and np.array_equal(pose, lines.robot[-1]):
                 lines.resets += 1
             elif last is not None and not np.array_equal(pose, last) and not _was_reset(last, pose):
                 step, n_odometry = compose(step, between(last, pose)), n_odometry + 1
-            last, fresh = pose, False
+            last, is_fresh = pose, False
         elif kind in ("FLASER", "ROBOTLASER1"):
-            scan = _flaser(words, number) if kind == "FLASER" else _robotlaser(words, number)
-            for values, value in zip(
-                (lines.bearings, lines.ranges, lines.laser, lines.robot), scan, strict=False
-            ):
-                values.append(value)  # type: ignore[arg-type]
+            bearings, ranges, laser, robot, time = scan
+            lines.bearings.append(bearings)
+            lines.ranges.append(ranges)
+            lines.laser.append(laser)
+            lines.robot.append(robot)
+            lines.times.append(time)
             lines.lines.append(number)
-            lines.times.append(scan[4])
             lines.displacement.append(step)
             lines.n_odometry.append(n_odometry)
-            last, step, n_odometry, fresh = scan[3], np.zeros(3), 0, True
+            last, step, n_odometry, is_fresh = robot, np.zeros(3), 0, True
     return lines
-
-
-def _whole(words: list[str], line: int) -> bool:
-    """Whether the last line is complete: a recording may be cut off anywhere."""
-    kind = words[0] if words else ""
-    try:
-        if kind == "ODOM":
-            _numbers(words[1:4], 3, line)
-        elif kind == "FLASER":
-            _flaser(words, line)
-        elif kind == "ROBOTLASER1":
-            _robotlaser(words, line)
-    except ValueError:
-        return False
-    return True
 
 
 def _was_reset(before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]) -> bool:

@@ -1,27 +1,89 @@
-"""Reading logs of all supported formats."""
+"""Readers of logs: CARMEN, or odometry as a TUM file with scans in another file; and of reference trajectories."""
 
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
 from robosim.logs.carmen import read_carmen
-from robosim.logs.robot_log import RobotLog
-from robosim.logs.tum_log import read_tum_log, with_reference
+from robosim.logs.robot_log import RobotLog, check_bearings
 from robosim.support.reading import FileError, reading
+from robosim.support.text_in import check_rising, number_rows
+from robosim.support.tum import read_tum
+from slam.poses import between
+
+#: Scans outside of the trajectory's time by more than this have no pose [s].
+_OUTSIDE_S = 0.5
+
+
+def read_tum_log(path: Path, scans: Path) -> RobotLog:
+    """A log of odometry (TUM) and scans; FileError if a file is damaged, or they have no time in common."""
+    times, bearing, ranges = _read_scans(scans)
+    track = _at(path, times)
+    steps = [between(a, b) for a, b in pairwise(track)]
+    return RobotLog(
+        name=path.stem,
+        file=path,
+        bearing_rad=bearing,
+        range_m=ranges,
+        displacement=np.array([np.zeros(3), *steps]),
+        known=np.ones(len(track), bool),
+        times=times,
+    )
+
+
+def with_reference(log: RobotLog, path: Path) -> RobotLog:
+    """The log with poses of a TUM file to compare with; FileError if that is damaged, or of another time."""
+    return replace(log, reference=_at(path, log.times))
+
+
+def _at(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+    """Poses of a trajectory at some times."""
+    known, poses = read_tum(path)
+    with reading(path, "a trajectory", "Give one of the time of the scans"):
+        if times[0] < known[0] - _OUTSIDE_S or times[-1] > known[-1] + _OUTSIDE_S:
+            raise ValueError(
+                f"it lasts from {known[0]:g} to {known[-1]:g} s, and the scans from {times[0]:g} to {times[-1]:g} s"
+            )
+    x, y, yaw = poses.T
+    return np.column_stack([np.interp(times, known, part) for part in (x, y, np.unwrap(yaw))])
+
+
+def _read_scans(
+    path: Path,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " w"], Float[np.ndarray, "n w"]]:
+    remedy = "Give a line a scan: time [s], first and last bearing [rad], ranges [m]"
+    with reading(path, "a table of scans", remedy) as file:
+        lines, rows = number_rows(file.read())
+        if len(rows) < 2:
+            raise ValueError(f"{len(rows)} scans in it, expected two at least")
+        for line, row in zip(lines, rows, strict=True):
+            if len(row) != len(rows[0]) or len(row) < 6:
+                raise ValueError(f"line {line} has {len(row) - 3} ranges, the first {len(rows[0]) - 3}")
+        values = np.array(rows)
+        times, (first, last) = values[:, 0], values[0, 1:3]
+        check_rising(lines, times)
+        if not -7 < first < last < 7:
+            raise ValueError(
+                f"line {lines[0]} has bearings from {first:g} to {last:g}, expected rising ones in radians"
+            )
+        check_bearings(lines, values[:, 1:3])
+        ranges = values[:, 3:]
+        ranges = np.where((ranges > 0.05) & (ranges < 1e3), ranges, np.inf)
+        return times, np.linspace(first, last, ranges.shape[1]), ranges
+
 
 #: First bytes of recordings that are not supported, and their names.
-_RECORDINGS = {
-    b"#ROSBAG": "a ROS 1 bag",
-    b"\x89MCAP": "an MCAP recording",
-    b"SQLite format 3": "a ROS 2 bag",
-}
+_RECORDINGS = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP": "an MCAP recording", b"SQLite format 3": "a ROS 2 bag"}
 
 
 def read_log(path: Path, scans: Path | None = None, reference: Path | None = None) -> RobotLog:
-    """Read a log.
+    """Read a CARMEN log, packed by gzip or not, or odometry as a TUM file with scans.
 
-    Args:
-        path: A CARMEN log, packed by gzip or not; or odometry as a TUM file, which needs `scans`.
-        scans: Scans of a TUM file: a line each of time [s], first and last bearing [rad], and ranges [m].
-        reference: Poses to compare with, as a TUM file; instead of those in the log.
+    Each line of `scans` has time [s], first and last bearing [rad], and ranges [m]. A TUM file of reference poses
+    replaces those of the log.
 
     Raises:
         FileError: If a file is damaged, or none of these.

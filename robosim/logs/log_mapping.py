@@ -77,11 +77,7 @@ class LogConfig:
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
         return TrackerConfig(
-            cell_m=self.resolution_m,
-            loops=loops,
-            match=match,
-            drift_m=self.drift_m,
-            drift_rad=self.drift_rad,
+            cell_m=self.resolution_m, loops=loops, match=match, drift_m=self.drift_m, drift_rad=self.drift_rad
         )
 
 
@@ -104,16 +100,12 @@ def map_log(
     loops: bool = True,
     watched: Callable[[range, str], Iterable[int]] = lambda numbers, _: numbers,
 ) -> Mapped:
-    """Estimate the pose of each scan of a log.
+    """Estimate the pose of each scan; without `loops` each is matched to those before, without a graph.
 
-    Args:
-        log: The log.
-        config: Settings.
-        loops: Whether loops are closed by a graph; if not, each scan is matched to those before.
-        watched: Progress display: it iterates over numbers, given them and their name.
+    `watched` is a progress display: it iterates over numbers, given them and their name.
 
     Raises:
-        ValueError: If the poses that odometry gives make a map of too many cells, or lie too far apart.
+        ValueError: If the poses of odometry make a map of too many cells, or lie too far apart.
     """
     begin = process_time()
     step_m = np.hypot(log.displacement[:, 0], log.displacement[:, 1])
@@ -139,11 +131,7 @@ def map_log(
 def _map_grid(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> tuple[Float[np.ndarray, "2"], tuple[int, int], list[Float[np.ndarray, "w 2"]], Float[np.ndarray, "n w"]]:
-    """Lower left corner [m], columns and rows of a map; ends of all beams, and how far they went within the range [m].
-
-    Raises:
-        ValueError: If it has too many cells.
-    """
+    """Lower left corner [m], columns and rows of a map; ends of beams, and their lengths within the range [m]."""
     directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
     reach = np.where(log.range_m < range_m, log.range_m, 0.0)
     ends = [to_map(pose, ranges[:, None] * directions) for pose, ranges in zip(poses, reach, strict=True)]
@@ -162,11 +150,7 @@ def _map_grid(
 def make_log_plan(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> FloorPlan:
-    """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it.
-
-    Raises:
-        ValueError: If it has too many cells.
-    """
+    """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it."""
     low, (nx, ny), ends, reach = _map_grid(log, poses, resolution_m, range_m)
     passed, hit = np.zeros((ny, nx), np.uint16), np.zeros((ny, nx), np.uint16)
     for pose, places, ranges in zip(poses, ends, reach, strict=True):

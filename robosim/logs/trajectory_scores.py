@@ -10,8 +10,6 @@ none: walls that are thick, or appear twice, fill more.
 """
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,45 +23,24 @@ NEAR_M, FAR_M = 1.0, 5.0
 CELL_M, _RANGE_M = 0.05, 10.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scores:
-    """Errors of a trajectory against a reference."""
+def compare_trajectories(
+    poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]
+) -> dict[str, float]:
+    """Errors of a trajectory against a reference, `_m` [m] and of turns `_deg` [deg].
 
-    ate_m: float
-    """Absolute trajectory error, root mean square [m]."""
-    rpe_m: float
-    """Relative pose error between places 1 to 5 m apart, mean [m]."""
-    rpe_deg: float
-    """The same for the turn [deg]."""
-    rpe_median_m: float
-    """Its median [m]."""
-    rpe_median_deg: float
-    """Its median for the turn [deg]."""
-    path_rpe_m: float
-    """Relative pose error over 1 to 5 m of trajectory, mean [m]."""
-    path_rpe_deg: float
-    """The same for the turn [deg]."""
-
-    def plain(self) -> dict[str, Any]:
-        """As a dictionary."""
-        return asdict(self)
-
-
-def compare_trajectories(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Scores:
-    """Errors of a trajectory against a reference."""
+    `ate` is the absolute trajectory error, root mean square; `rpe` the mean relative pose error between places 1 to 5 m
+    apart, and `path_rpe` that over 1 to 5 m of trajectory.
+    """
     off_m, off_rad = _relative(poses, reference, _near_in_place(reference))
     along_m, along_rad = _relative(poses, reference, _near_along(reference))
-    return Scores(
-        ate_m=float(
-            math.sqrt(((align_trajectory(poses, reference) - reference)[:, :2] ** 2).sum(axis=1).mean())
-        ),
-        rpe_m=_mean(off_m),
-        rpe_deg=math.degrees(_mean(off_rad)),
-        rpe_median_m=_median(off_m),
-        rpe_median_deg=math.degrees(_median(off_rad)),
-        path_rpe_m=_mean(along_m),
-        path_rpe_deg=math.degrees(_mean(along_rad)),
-    )
+    away = (align_trajectory(poses, reference) - reference)[:, :2]
+    return {
+        "ate_m": math.sqrt(float((away**2).sum(axis=1).mean())),
+        "rpe_m": _mean(off_m),
+        "rpe_deg": math.degrees(_mean(off_rad)),
+        "path_rpe_m": _mean(along_m),
+        "path_rpe_deg": math.degrees(_mean(along_rad)),
+    }
 
 
 def align_trajectory(
@@ -137,7 +114,3 @@ def _displacements(
 
 def _mean(values: Float[np.ndarray, " m"]) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def _median(values: Float[np.ndarray, " m"]) -> float:
-    return float(np.median(values)) if len(values) else math.nan

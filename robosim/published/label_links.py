@@ -1,19 +1,29 @@
 """Paths between the ends of a published link, as the published ray tracer would have found them.
 
-The walls are those of `robosim.published.label_walls`, which the published ray tracer let paths through once: two
-plasterboards with air between (`GAP_M`). Of the paths, those are taken that the published ray tracer could find
-(`robosim.published.label_adjacent`).
+The walls are those of `robosim.published.label_walls`: two plasterboards with air between (`GAP_M`), of which paths
+pass one at most. The published ray tracer searched for paths at a quarter of the receivers only: every second
+receiver of every second row. A receiver between adopted the interactions of the paths found around it, and the exact
+paths with these interactions were computed. A path that exists between but nowhere around is missing. The authors
+describe this as adjacent path generation; the coarse grid and how far around is searched were found from the labels.
+
+The coarse grid continues outside of the building, where nothing is published: these receivers are traced too.
 """
 
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from robosim.published.label_adjacent import adopted, with_coarse
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
 
+#: Distance between receivers [m].
+SPACING_M = 0.15
+#: Receivers adopt what is found at most so many rows and columns away: 93.4 % of links of seven buildings agree
+#: so, 93.2 % with 2.
+REACH = 1
+#: More than there are rows or columns.
+_WIDE = 1 << 20
 #: Plasterboard and the air between two of it [m]. Found from the published estimates: in line of sight, 2056 single
 #: reflections received apart are, over incidence, as strong as this wall says, with a median of 0.2 dB over all; of all
 #: thicknesses from 8 to 20 mm and gaps to 130 mm it fits best. It lets 8 dB more through than a layer of 0.1 m.
@@ -41,19 +51,68 @@ TRACER = TracerConfig(
 def published_paths(
     tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], cell: Int[np.ndarray, "n 2"], tracer: Tracer
 ) -> Paths:
-    """Paths from a transmitter, as far as the published ray tracer could find them.
+    """Paths to receivers [m] at one height, as far as the published ray tracer could find them.
 
-    Args:
-        tx: Where the transmitter is [m].
-        rx: Where receivers are [m], all at one height.
-        cell: Row and column of each, from 1 at the north-west.
-        tracer: Of the published walls.
-
-    Raises:
-        ValueError: If receivers are on no regular grid.
+    Cells are rows and columns from 1 at the north-west. ValueError if receivers are on no regular grid.
     """
     all_cells, position = with_coarse(cell, rx[:, :2])
     all_rx = np.column_stack([position, np.full(len(position), rx[0, 2])])
     paths = tracer.trace(tx[None], all_rx, workers=1)
     paths = paths.select(adopted(paths, all_cells) & (paths.rx < len(rx)))
     return replace(paths, rx_position=rx)
+
+
+def fully_traced(cell: Int[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+    """Which receivers, by row and column from 1, rays were shot to: even row, odd column."""
+    return (cell[:, 0] % 2 == 0) & (cell[:, 1] % 2 == 1)
+
+
+def with_coarse(
+    cell: Int[np.ndarray, "n 2"], position: Float[np.ndarray, "n 2"]
+) -> tuple[Int[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
+    """Cells and positions [m] of receivers, and then of all others around to which rays were shot.
+
+    Cells are rows and columns from 1 at the north-west.
+
+    Raises:
+        ValueError: If receivers are on no grid of `SPACING_M`.
+    """
+    corner = position - SPACING_M * cell[:, ::-1] * (1, -1)
+    origin = np.median(corner, axis=0)
+    off = np.abs(corner - origin).max()
+    if not off < 0.01 * SPACING_M:
+        raise ValueError(
+            f"a receiver is {off:.3g} m off its place in a grid of {SPACING_M} m. "
+            "Are its row and column those of the published data?"
+        )
+    around = np.unique((cell[:, None] + _steps()).reshape(-1, 2), axis=0)
+    around = around[fully_traced(around)]
+    around = around[~np.isin(_number(around), _number(cell))]
+    return np.vstack([cell, around]), np.vstack([position, origin + SPACING_M * around[:, ::-1] * (1, -1)])
+
+
+def adopted(paths: Paths, cell: Int[np.ndarray, "n_rx 2"]) -> Bool[np.ndarray, " n"]:
+    """Which paths of one transmitter end at a fully traced receiver, or have the interactions of one around."""
+    rows = np.column_stack([paths.interaction.astype(np.int64), paths.primitive])
+    sequence = np.unique(rows, axis=0, return_inverse=True)[1].ravel().astype(np.int64)
+    n_sequences = int(sequence.max(initial=0)) + 1
+    full = fully_traced(cell)
+    there = full[paths.rx]
+    known = np.unique(_number(cell)[paths.rx[there]] * n_sequences + sequence[there])
+    found = there.copy()
+    for step in _steps():
+        near = cell + step
+        wanted = _number(near)[paths.rx] * n_sequences + sequence
+        found |= ~there & fully_traced(near)[paths.rx] & np.isin(wanted, known)
+    return found
+
+
+def _steps() -> Int[np.ndarray, "k 2"]:
+    """Rows and columns to the receivers around, and to the receiver itself."""
+    one = np.arange(-REACH, REACH + 1)
+    return np.stack(np.meshgrid(one, one, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _number(cell: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
+    """One number for each cell."""
+    return (cell[:, 0] + _WIDE // 2) * _WIDE + cell[:, 1] + _WIDE // 2

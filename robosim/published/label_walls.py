@@ -3,7 +3,7 @@
 At tips of free space one cell long and one or two cells wide the published ray tracer let paths through the slanted
 piece of wall south of the tip, though the outline is closed there. This is found from the labels, and why is not
 known. The patterns are steps along the outline from cell to cell, north up, free space on the left; the step in
-capitals is open. Evidence from fully traced receivers (`robosim.published.label_adjacent`) in the clear that nothing
+capitals is open. Evidence from fully traced receivers (`robosim.published.label_links`) in the clear that nothing
 but paths through one such piece and one more wall reach: 980 of 1172 (`sw w SE`), 728 of 851 (`sw w s SE`) and 80 of
 89 (`NE n w nw`) are labelled higher order. Where the tip is longer (`w w SE`, `w w s SE`, `NE n w w`) it is 27 of 355,
 where it is wider (`sw w s s SE` and so on) 41 of 180, so these are closed; and of direct paths through such pieces
@@ -27,11 +27,7 @@ Step = tuple[int, int]
 
 
 def published_walls(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
-    """Ends (x, y) [m] in `map` of walls, straight runs in one piece.
-
-    Args:
-        plan: With walls through the centres of its outermost free cells.
-    """
+    """Ends (x, y) [m] in `map` of walls through the outermost free cells, straight runs in one piece."""
     # The border is followed as in a picture: the row of the north first.
     lines, _ = cv2.findContours(plan.free[::-1].astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     walls: list[tuple[np.ndarray, np.ndarray]] = []

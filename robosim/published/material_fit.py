@@ -4,16 +4,15 @@ Strengths are counted from those of the direct paths, whose gain is known; of th
 Materials are tried one wall colour after the other, first the walls that have none.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.measured_match import MatchConfig, Matched, match, trace_hall
-from robosim.published.measured_paths import MeasuredHall
+from robosim.published.measured_paths import MatchConfig, Matched, MeasuredHall, match, trace_hall
 from wireless.em.materials import MATERIALS, WALLS, wall_row
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -67,26 +66,72 @@ class Explained:
     """Residual of reflections, root mean square [dB]; NaN if none is explained."""
 
 
-def explained(hall: MeasuredHall, tracer: Tracer, config: MatchConfig) -> Explained:
-    """How much a tracer explains.
+class Fit:
+    """Compares measured paths, which need powers, with those traced in a plan at a frequency."""
 
-    Raises:
-        ValueError: If strengths cannot be compared, see `residuals_db`.
-    """
-    matched = match(hall, trace_hall(hall, tracer, config.height_m), config)
-    off = residuals_db(hall, matched)
-    assert hall.power_db is not None  # or there are no residuals
-    power = 10 ** (hall.power_db / 10)
-    all_of_them = np.ones(len(off), bool)
-    return Explained(
-        paths=float(matched.explained.mean()),
-        by_chance=matched.by_chance,
-        power=float(power[matched.explained].sum() / power.sum()),
-        off_db=_rms(off, all_of_them) if not np.isnan(off).all() else np.nan,
-    )
+    def __init__(
+        self, hall: MeasuredHall, frequency_hz: float, config: MatchConfig, names: tuple[str, ...] = ()
+    ) -> None:
+        """Materials of some names are tried; by default all that were measured at the frequency."""
+        self._hall, self._frequency_hz, self._config = hall, frequency_hz, config
+        self.names = names or candidates(frequency_hz)
+
+    def n_trials(self, plan: FloorPlan) -> int:
+        """Number of materials that `choose` tries."""
+        return len(self.names) * (1 + sum(given != NOTHING for given in plan.materials))
+
+    def match(self, plan: FloorPlan, wall: str, kinds: TracerConfig = SPECULAR) -> Matched:
+        """Pair measured paths with those in a plan whose walls without a colour are of a material."""
+        tracer = tracer_of(plan, wall, self._frequency_hz, kinds)
+        return match(self._hall, trace_hall(self._hall, tracer, self._config.height_m), self._config)
+
+    def explained(self, plan: FloorPlan, wall: str, kinds: TracerConfig) -> Explained:
+        """How much is explained; ValueError as in `residuals_db`."""
+        matched = self.match(plan, wall, kinds)
+        off = residuals_db(self._hall, matched)
+        assert self._hall.power_db is not None  # or there are no residuals
+        power = 10 ** (self._hall.power_db / 10)
+        return Explained(
+            paths=float(matched.explained.mean()),
+            by_chance=matched.by_chance,
+            power=float(power[matched.explained].sum() / power.sum()),
+            off_db=_rms(off) if not np.isnan(off).all() else np.nan,
+        )
+
+    def choose(
+        self, plan: FloorPlan, wall: str, on_tried: Callable[[str], None] = lambda name: None
+    ) -> MaterialFit:
+        """Choose materials of a plan's walls, first of those without a colour, which begin with `wall`.
+
+        ValueError as in `residuals_db`.
+        """
+
+        def residual(wall: str, colours: tuple[str, ...]) -> tuple[float, float]:
+            off = residuals_db(self._hall, self.match(replace(plan, materials=colours), wall))
+            return _rms(off[chosen_on]), _rms(off[~chosen_on])
+
+        def try_all(materials: Callable[[str], tuple[str, tuple[str, ...]]]) -> dict[str, float]:
+            tried = {}
+            for name in self.names:
+                tried[name] = residual(*materials(name))[0]
+                on_tried(name)
+            return tried
+
+        chosen_on = np.unique(self._hall.table[:, 0], return_inverse=True)[1] % 2 == 0
+        colours = plan.materials
+        before = residual(wall, colours)
+        of_walls = try_all(lambda name: (name, colours))
+        wall = best = min(of_walls, key=of_walls.__getitem__)
+        for i, given in enumerate(plan.materials):
+            if given != NOTHING:
+                others = colours[:i], colours[i + 1 :]
+                tried = try_all(lambda name, others=others: (best, (*others[0], name, *others[1])))  # type: ignore[misc]
+                colours = (*others[0], min(tried, key=tried.__getitem__), *others[1])
+        after = residual(wall, colours)
+        return MaterialFit(wall=wall, colours=colours, before_db=before, after_db=after, tried=of_walls)
 
 
-def candidates(frequency_hz: float) -> list[str]:
+def candidates(frequency_hz: float) -> tuple[str, ...]:
     """Materials by name that were measured at a frequency."""
     found = []
     for name in (*WALLS, *MATERIALS):
@@ -96,7 +141,7 @@ def candidates(frequency_hz: float) -> list[str]:
             continue
         if name != NOTHING:
             found.append(name)
-    return found
+    return tuple(found)
 
 
 def residuals_db(hall: MeasuredHall, matched: Matched) -> Float[np.ndarray, " n"]:
@@ -122,59 +167,7 @@ def tracer_of(plan: FloorPlan, wall: str, frequency_hz: float, config: TracerCon
     return Tracer(building, frequency_hz=frequency_hz, config=config)
 
 
-def fit_materials(
-    hall: MeasuredHall,
-    plan: FloorPlan,
-    *,
-    wall: str,
-    frequency_hz: float,
-    names: Sequence[str],
-    config: MatchConfig,
-    on_tried: Callable[[str], None] = lambda name: None,
-) -> MaterialFit:
-    """Choose the materials of a plan's walls by measured strengths.
-
-    Args:
-        hall: What was measured, with powers.
-        plan: Where; in the frame of the table.
-        wall: Material of walls without a colour to begin with.
-        frequency_hz: Carrier frequency.
-        names: Materials to try.
-        config: When paths are the same.
-        on_tried: Called with each that was tried.
-
-    Raises:
-        ValueError: If strengths cannot be compared, see `residuals_db`.
-    """
-    place = np.unique(hall.table[:, 0], return_inverse=True)[1]
-    chosen_on = place % 2 == 0
-
-    def residual(wall: str, colours: tuple[str, ...]) -> tuple[float, float]:
-        tracer = tracer_of(replace(plan, materials=colours), wall, frequency_hz)
-        off = residuals_db(hall, match(hall, trace_hall(hall, tracer, config.height_m), config))
-        return _rms(off, chosen_on), _rms(off, ~chosen_on)
-
-    colours = plan.materials
-    before = residual(wall, colours)
-    tried = {}
-    for name in names:
-        tried[name] = residual(name, colours)[0]
-        on_tried(name)
-    wall = min(tried, key=tried.__getitem__)
-    for i, given in enumerate(plan.materials):
-        if given == NOTHING:
-            continue
-        of_colour = {}
-        for name in names:
-            of_colour[name] = residual(wall, (*colours[:i], name, *colours[i + 1 :]))[0]
-            on_tried(name)
-        colours = (*colours[:i], min(of_colour, key=of_colour.__getitem__), *colours[i + 1 :])
-    return MaterialFit(
-        wall=wall, colours=colours, before_db=before, after_db=residual(wall, colours), tried=tried
-    )
-
-
-def _rms(off_db: Float[np.ndarray, " n"], some: Bool[np.ndarray, " n"]) -> float:
+def _rms(off_db: Float[np.ndarray, " n"]) -> float:
     """Root mean square of bounded residuals [dB]; infinite for none."""
-    valid = off_db[some & ~np.isnan(off_db)]
+    valid = off_db[~np.isnan(off_db)]
     return float(np.sqrt(np.mean(np.minimum(np.abs(valid), MOST_DB) ** 2))) if len(valid) else np.inf

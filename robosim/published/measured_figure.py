@@ -7,18 +7,12 @@ import numpy as np
 from jaxtyping import Bool
 
 from robosim.building.building import Building
-from robosim.published.measured_match import Matched
-from robosim.published.measured_paths import MeasuredHall
+from robosim.published.measured_paths import Matched, MeasuredHall
 from robosim.support.figures import save_figure
 from wireless.support.axes import axes_in_metres
 
 #: What explains a measured path, and its colour.
-KINDS = {
-    "direct": "#000000",
-    "reflections": "#0072B2",
-    "an edge": "#E69F00",
-    "nothing": "#D55E00",
-}
+KINDS = {"direct": "#000000", "reflections": "#0072B2", "an edge": "#E69F00", "nothing": "#D55E00"}
 #: Length of the strokes that arrivals are drawn as [m].
 _STROKE_M = 1.0
 
@@ -34,20 +28,8 @@ def kinds_of(matched: Matched) -> dict[str, Bool[np.ndarray, " n"]]:
     }
 
 
-def draw_measured(
-    hall: MeasuredHall,
-    building: Building,
-    matched: Matched,
-    path: Path,
-) -> None:
-    """Draw a stroke towards where each measured path arrives from, and its strength over the traced one's.
-
-    Args:
-        hall: What was measured, with powers.
-        building: Where.
-        matched: By the materials that were chosen.
-        path: The picture.
-    """
+def draw_measured(hall: MeasuredHall, building: Building, matched: Matched, path: Path) -> None:
+    """Draw a stroke to where each measured path arrives from, and its strength over the traced one's."""
     assert hall.power_db is not None
     direct = matched.order == 0
     from_db = np.median(hall.power_db[direct]), np.median(matched.traced_db[direct])

@@ -1,22 +1,30 @@
-"""Radio paths measured in a real hall, with the places of both ends.
+"""Radio paths measured in a real hall, and which traced paths they are.
 
 A table with a row for each path: place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m, rx_heading_rad, range_m,
 aod_rad, aoa_rad, and power_db if it is known; further columns are passed over. Directions are in the frame of each
 end, powers relative to each other.
 Data of that form: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), at 60 GHz.
+
+A measured path is explained by a traced one if delay and both azimuths agree. Each traced path explains one measured
+path at most; of all pairings the one that explains most is taken, the closest of these.
 """
 
 import csv
 import io
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from scipy.constants import speed_of_light
+from scipy.optimize import linear_sum_assignment
 
+from robosim.support.checks import Range, checked
 from robosim.support.reading import reading
-from wireless.positioning.single_bounce import MeasuredPaths
+from slam.poses import wrap
+from wireless.paths import Interaction, Paths
+from wireless.tracing.tracer import Tracer
 
 #: Columns that have to be there.
 COLUMNS = (
@@ -36,16 +44,6 @@ _MOST = 1e5
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredPlace:
-    """What was measured at one place."""
-
-    receiver: Float[np.ndarray, "3"]
-    """Where the receiver truly was: x [m], y [m], heading [rad]."""
-    seen_from_transmitter: MeasuredPaths
-    """To look for the receiver, the transmitter known."""
-
-
-@dataclass(frozen=True, eq=False)
 class MeasuredHall:
     """A transmitter and the places of a receiver."""
 
@@ -59,33 +57,16 @@ class MeasuredHall:
         """Where the transmitter truly is: x [m], y [m], heading [rad]."""
         return self.table[0, 1:4]
 
-    @cached_property
-    def places(self) -> list[MeasuredPlace]:
-        """The places, in the order of their numbers."""
-        return [self._place(self.table[self.table[:, 0] == number]) for number in np.unique(self.table[:, 0])]
-
     @property
-    def seen_from_receiver(self) -> MeasuredPaths:
-        """All paths, to look for the transmitter, the receiver known."""
-        rows = self.table
-        return MeasuredPaths(
-            known_xy=rows[:, 4:6], known_rad=rows[:, 6] + rows[:, 9], own_rad=rows[:, 8], length_m=rows[:, 7]
-        )
-
-    def _place(self, rows: Float[np.ndarray, "m columns"]) -> MeasuredPlace:
-        seen = MeasuredPaths(
-            known_xy=rows[:, 1:3], known_rad=rows[:, 3] + rows[:, 8], own_rad=rows[:, 9], length_m=rows[:, 7]
-        )
-        return MeasuredPlace(rows[0, 4:7], seen)
+    def receivers(self) -> Float[np.ndarray, "m 3"]:
+        """True x [m], y [m] and heading [rad] at each place, in the order of its number."""
+        return self.table[np.unique(self.table[:, 0], return_index=True)[1], 4:7]
 
 
 def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
-    """Read a table of measured paths.
+    """Read a table of measured paths (.csv); the transmitter's heading is corrected by `turn_rad`.
 
-    Args:
-        path: The table (.csv).
-        turn_rad: What the transmitter's heading is corrected by [rad]; the authors of the public data turn it by
-            -1.6 degrees.
+    The authors of the public data turn it by -1.6 degrees.
 
     Raises:
         FileError: If the file is damaged, a column is missing, or a value is no number.
@@ -104,3 +85,87 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
             raise ValueError("a value is no number, or too large")
         table[:, 3] += turn_rad
         return MeasuredHall(table[:, : len(COLUMNS)], table[:, -1] if has_power else None)
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class MatchConfig:
+    """How far apart the same path may be measured and traced."""
+
+    delay_ns: Annotated[float, Range(1e-3, 1e3, "ns")] = 1.0
+    angle_deg: Annotated[float, Range(1e-3, 180, "degrees")] = 5.0
+    height_m: Annotated[float, Range(0, 100, "m")] = 1.5
+    """Height of both ends [m], which such tables do not have."""
+    range_db: Annotated[float, Range(0, 300, "dB")] = 40.0
+    """Traced paths weaker than the strongest of their place by more explain nothing [dB]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched:
+    """For each measured path, in the order of the table."""
+
+    explained: Bool[np.ndarray, " n"]
+    """Whether a traced path is the same."""
+    traced_db: Float[np.ndarray, " n"]
+    """Power gain of that path [dB]; NaN for none."""
+    order: Int[np.ndarray, " n"]
+    """Its number of interactions, -1 for none."""
+    diffracted: Bool[np.ndarray, " n"]
+    """Whether it met an edge."""
+    by_chance: float
+    """Share of the paths that would be explained by those traced to other places, mean over all other places."""
+
+
+def trace_hall(hall: MeasuredHall, tracer: Tracer, height_m: float) -> Paths:
+    """Paths from the transmitter to each place."""
+    rx = np.column_stack([hall.receivers[:, :2], np.full(len(hall.receivers), height_m)])
+    return tracer.trace(np.array([[*hall.transmitter[:2], height_m]]), rx)
+
+
+def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
+    """Pair measured paths with those of `trace_hall`."""
+    table = hall.table
+    number, place_of = np.unique(table[:, 0], return_inverse=True)
+    strongest = paths.strongest()
+    most_db = np.full(len(number), -np.inf)
+    most_db[strongest.rx] = strongest.power_db
+    paths = paths.select(paths.power_db >= most_db[paths.rx] - config.range_db)
+    length = paths.delay_s * speed_of_light
+    traced_db, order = np.full(len(table), np.nan), np.full(len(table), -1)
+    diffracted = np.zeros(len(table), bool)
+    by_chance = 0
+    for here in range(len(number)):
+        rows = np.flatnonzero(place_of == here)
+        measured = np.column_stack(
+            [table[rows, 7], table[rows, 3] + table[rows, 8], table[rows, 6] + table[rows, 9]]
+        )
+        for there in range(len(number)):
+            some = np.flatnonzero(paths.rx == there)
+            traced = np.column_stack([length[some], paths.aod_az[some], paths.aoa_az[some]])
+            pairs = _pairs(measured, traced, config)
+            if there != here:
+                by_chance += len(pairs)
+                continue
+            row, path = rows[pairs[:, 0]], some[pairs[:, 1]]
+            traced_db[row], order[row] = paths.power_db[path], paths.order[path]
+            diffracted[row] = (paths.interaction[path] == Interaction.DIFFRACTION).any(axis=1)
+    return Matched(
+        explained=order >= 0,
+        traced_db=traced_db,
+        order=order,
+        diffracted=diffracted,
+        by_chance=by_chance / max(1, len(table) * (len(number) - 1)),
+    )
+
+
+def _pairs(
+    measured: Float[np.ndarray, "n 3"], traced: Float[np.ndarray, "m 3"], config: MatchConfig
+) -> Int[np.ndarray, "k 2"]:
+    """Indices of measured and traced paths (length [m], departure, arrival [rad]) that are the same."""
+    off = traced[None] - measured[:, None]
+    off[..., 1:] = wrap(off[..., 1:])
+    off /= [config.delay_ns * 1e-9 * speed_of_light, *[np.radians(config.angle_deg)] * 2]
+    near = (np.abs(off) <= 1).all(axis=-1)
+    cost = np.where(near, (off**2).sum(axis=-1), 1e3)  # one pair more is worth any distance
+    pairs = np.column_stack(linear_sum_assignment(cost))
+    return pairs[near[pairs[:, 0], pairs[:, 1]]]

@@ -1,14 +1,12 @@
-"""What a measurement of a robot's radio says to its mapper: in which directions a transmitter appears, and how far.
+"""Bearings and ranges of transmitters for the mapper, from the measurements of a robot's radio.
 
-The strongest path tells by its power gain g about how far it came, as if through free space (Friis): r = lambda /
-(4 pi) 10^(-g / 20 dB). Delays tell much better how much farther other paths came, within the window that the receiver
-keeps. A path with another beside it that the receiver can hardly tell apart, in angle nor delay, may be off by degrees,
-as at grazing angles along a corridor; one that stands alone hardly is.
+The power gain g of the strongest path gives its length as in free space (Friis): r = lambda / (4 pi) 10^(-g / 20 dB).
+Delays give the additional length of other paths more exactly, within the receiver's window. A path that is close to
+another one in angle and delay may be off by degrees, as at grazing angles along a corridor.
 
-How well all this is known is what estimates of the shipped receiver came to in halls, corridors, rings and offices.
-Directions of paths that stand alone are within 0.1 degrees in 90 % of all cases on most floors; of paths with others
-beside them within 0.5 degrees in 80 %. Some are far off, in corridors for metres: that is for the triangulation of
-landmarks, and for a robust kernel, to bear.
+Standard deviations were measured with the shipped receiver in halls, corridors, rings and offices. Directions of
+separate paths are within 0.1 degrees in 90 % of all cases on most floors, those of close ones within 0.5 degrees in
+80 %. Outliers, in corridors over metres, are left to the triangulation of landmarks and a robust kernel.
 """
 
 import math
@@ -24,78 +22,74 @@ from slam.poses import wrap
 from slam.sensing.bearings import Bearing
 from wireless.paths import LinkState
 
-#: Standard deviation of directions: of a path alone, and of one beside others. Not by the link state: a path that
-#: appears from its landmark's place, and as strong as from there, is as exact whatever it is taken for.
+#: Standard deviation of directions of a separate path and of one that is close to others. It does not depend on the
+#: link state: a path whose direction and strength fit its landmark is as exact in every state.
 _SIGMA_RAD = np.radians([0.1, 0.5])
-#: Of what they have in common for metres.
+#: Part of it that measurements share over metres.
 _SHARED_RAD = np.radians([0.0, 1.0])
-#: The same of the logarithm of distances, and what those of one place have in common.
+#: The same for the logarithm of ranges, and the part that ranges of one place share.
 _LOG_RANGE, _SHARED_LOG_RANGE = np.array([0.06, 0.3]), 0.03
-#: Of how much farther a path came than the strongest [m].
+#: Standard deviation of the additional length of a path over that of the strongest [m].
 _BEYOND_M = 0.05
-#: Paths nearer to each other than this in azimuth [rad] and delay [samples] are beside each other.
-_BESIDE_RAD, _BESIDE_SAMPLES = math.radians(20.0), 1.3
-#: Distances that power may tell [m].
+#: Paths nearer to each other than this in azimuth [rad] and delay [samples] are close.
+_CLOSE_RAD, _CLOSE_SAMPLES = math.radians(20.0), 1.3
+#: Bounds of ranges from power [m].
 _NEAREST_M, _FARTHEST_M = 0.1, 1e5
-#: Weaker paths are not trusted: the strongest, others [dB].
+#: Weaker paths are not used: the strongest, others [dB].
 _LEAST_SNR_DB, _LEAST_OTHER_DB = 0.0, 20.0
 
 
 def bearings_of(
-    heard: Mapping[str, Measurement], radio: RadioLinkConfig, known: Mapping[str, Float[np.ndarray, "2"]]
+    measured: Mapping[str, Measurement], radio: RadioLinkConfig, known: Mapping[str, Float[np.ndarray, "2"]]
 ) -> list[Bearing]:
-    """The directions in which transmitters appear that are heard well enough: of each the strongest path, then others.
+    """Directions of well received transmitters, by name: of each the strongest path, then others.
 
-    Args:
-        heard: What the robot made of its measurements, by the transmitters' names.
-        radio: How they were made.
-        known: Where those stand whose places are known, in `map` [m].
+    `known` are the places [m] in `map` of transmitters whose places are known.
     """
     bearings = []
-    for name, measurement in heard.items():
-        heard_well = len(measurement.aoa_rad) > 0 and measurement.snr_db[0] >= _LEAST_SNR_DB
-        if heard_well and np.isfinite([measurement.aoa_rad[0], measurement.gain_db[0]]).all():
-            bearings.append(_first(name, measurement, radio, known.get(name)))
-            bearings += _further(name, measurement, radio)
+    for name, one in measured.items():
+        is_received = len(one.aoa_rad) > 0 and one.snr_db[0] >= _LEAST_SNR_DB
+        if is_received and np.isfinite([one.aoa_rad[0], one.gain_db[0]]).all():
+            bearings.append(_strongest(name, one, radio, known.get(name)))
+            bearings += _others(name, one, radio)
     return bearings
 
 
-def _first(
-    name: str, measurement: Measurement, radio: RadioLinkConfig, place_xy: Float[np.ndarray, "2"] | None
+def _strongest(
+    name: str, measured: Measurement, radio: RadioLinkConfig, place_xy: Float[np.ndarray, "2"] | None
 ) -> Bearing:
-    """The strongest path."""
-    # Estimators and classifiers may be anybody's, and round a little over 1.
-    direct = float(np.clip(np.nan_to_num(measurement.probability[LinkState.LOS]), 0.0, 1.0))
-    beside = int(_beside(measurement, 0, radio))
+    # Probabilities of a user's classifier may round to a little over 1.
+    direct = float(np.clip(np.nan_to_num(measured.probability[LinkState.LOS]), 0.0, 1.0))
+    close = int(_is_close(measured, 0, radio))
     return Bearing(
         source=name,
-        bearing_rad=wrap(float(measurement.aoa_rad[0] - measurement.pose[2])),
-        sigma_rad=float(_SIGMA_RAD[beside]),
-        shared_rad=float(_SHARED_RAD[beside]),
-        range_m=_lossless_m(measurement, radio),
-        sigma_log_range=float(_LOG_RANGE[beside]),
+        bearing_rad=wrap(float(measured.aoa_rad[0] - measured.pose[2])),
+        sigma_rad=float(_SIGMA_RAD[close]),
+        shared_rad=float(_SHARED_RAD[close]),
+        range_m=_free_space_m(measured, radio),
+        sigma_log_range=float(_LOG_RANGE[close]),
         shared_log_range=_SHARED_LOG_RANGE,
         direct=direct,
-        apart_rad=_BESIDE_RAD,
-        apart_m=_BESIDE_SAMPLES * speed_of_light * radio.sounding.sample_s,
+        apart_rad=_CLOSE_RAD,
+        apart_m=_CLOSE_SAMPLES * speed_of_light * radio.sounding.sample_s,
         place_xy=place_xy,
     )
 
 
-def _further(name: str, measurement: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
-    """Other strong paths that stand alone, well within the window of delays."""
+def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
+    """Other strong, separate paths, well within the window of delays."""
     most_m = speed_of_light * (radio.sounding.half_window - 1) * radio.sounding.sample_s
     found = []
-    for k in range(1, len(measurement.aoa_rad)):
-        beyond_m = speed_of_light * float(measurement.delay_s[k])
-        strong = measurement.snr_db[k] >= _LEAST_OTHER_DB and np.isfinite(measurement.aoa_rad[k])
-        if not (strong and abs(beyond_m) <= most_m) or _beside(measurement, k, radio):
+    for k in range(1, len(measured.aoa_rad)):
+        beyond_m = speed_of_light * float(measured.delay_s[k])
+        is_strong = measured.snr_db[k] >= _LEAST_OTHER_DB and np.isfinite(measured.aoa_rad[k])
+        if not (is_strong and abs(beyond_m) <= most_m) or _is_close(measured, k, radio):
             continue
         bearing = Bearing(
             source=name,
-            bearing_rad=wrap(float(measurement.aoa_rad[k] - measurement.pose[2])),
+            bearing_rad=wrap(float(measured.aoa_rad[k] - measured.pose[2])),
             sigma_rad=float(_SIGMA_RAD[0]),
-            range_m=max(_lossless_m(measurement, radio) + beyond_m, _NEAREST_M),
+            range_m=max(_free_space_m(measured, radio) + beyond_m, _NEAREST_M),
             sigma_log_range=1.0,
             direct=0.0,
             beyond_m=beyond_m,
@@ -105,16 +99,17 @@ def _further(name: str, measurement: Measurement, radio: RadioLinkConfig) -> lis
     return found
 
 
-def _lossless_m(measurement: Measurement, radio: RadioLinkConfig) -> float:
-    """How far the strongest path came, if nothing but free space made it weak [m]."""
-    free_m = free_path_m(float(measurement.gain_db[0]), radio.frequency_hz)
-    return float(np.clip(free_m, _NEAREST_M, _FARTHEST_M))
+def _free_space_m(measured: Measurement, radio: RadioLinkConfig) -> float:
+    """Length of the strongest path, if only free space attenuates it [m]."""
+    return float(
+        np.clip(free_path_m(float(measured.gain_db[0]), radio.frequency_hz), _NEAREST_M, _FARTHEST_M)
+    )
 
 
-def _beside(measurement: Measurement, k: int, radio: RadioLinkConfig) -> bool:
-    """Whether another strong path lies so near that it can hardly be told apart."""
-    turn = wrap(measurement.aoa_rad - measurement.aoa_rad[k])
-    gap = np.abs(measurement.delay_s - measurement.delay_s[k]) / radio.sounding.sample_s
-    near = (np.abs(turn) < _BESIDE_RAD) & (gap < _BESIDE_SAMPLES) & (measurement.snr_db >= _LEAST_OTHER_DB)
+def _is_close(measured: Measurement, k: int, radio: RadioLinkConfig) -> bool:
+    """Whether another strong path is so near in azimuth and delay that the receiver hardly separates them."""
+    turn = wrap(measured.aoa_rad - measured.aoa_rad[k])
+    gap = np.abs(measured.delay_s - measured.delay_s[k]) / radio.sounding.sample_s
+    near = (np.abs(turn) < _CLOSE_RAD) & (gap < _CLOSE_SAMPLES) & (measured.snr_db >= _LEAST_OTHER_DB)
     near[k] = False
     return bool(near.any())

@@ -1,32 +1,34 @@
-"""A robot's radio: the target sends, the robot sounds the channel where it truly is, and estimates paths.
+"""A robot's radio: the target sends; the robot sounds the channel at its true place, and estimates paths.
 
-At every decision the paths between target and robot are traced, measured beam by beam with noise, and estimated;
-what comes out is in the robot's own frame, for it knows its heading from its own map only. The true paths are
-kept for judging.
+At every decision the paths between target and robot are traced, measured beam by beam with noise, and estimated. The
+estimates are in the robot's own frame, since it knows its yaw from its own map only. The true paths are stored for
+evaluation.
 
 With `engine="cached"` paths come from a table that is traced once for each place of the transmitter
-(`robosim.radio.table`); they are measured and estimated all the same. With `engine="table"` there is no measurement
-either: estimates are made from the table's paths by rule (`robosim.radio.table_reader`), for learning. Errors are drawn
-anew every time.
+(`robosim.radio.table`); they are measured and estimated as usual. With `engine="table"` estimates are made from the
+table's paths by rule (`robosim.radio.table_reader`), without a measurement, for learning. Errors are drawn every time.
+Robots of one process share tables. The last ones are cached in memory, and all of them in a folder if one is given.
 
 Left out: Doppler, shadowing by the robot's own body, interference between transmitters.
 """
 
+import hashlib
+from collections import OrderedDict
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
-from robosim.radio.classifier import Classifier
-from robosim.radio.table import RadioTable
+from robosim.radio.link_state import Classifier
+from robosim.radio.table import STEP_M, RadioTable
 from robosim.radio.table_reader import read_paths, states_of
-from robosim.radio.tables import RadioTables
 from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
@@ -36,6 +38,8 @@ from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 RadioEngine = Literal["live", "cached", "table"]
+#: Tables that are cached in memory: 5 MB each in a flat, 40 MB in an office.
+_CACHED = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +51,7 @@ class RadioLinkConfig:
     """live: traced at the robot's true place. cached: from a table of the whole building. table: that, and estimates by
     rule, without a measurement."""
     tables: Path | None = None
-    """Folder where tables are kept in files; without it they last as long as the process."""
+    """Folder for files of tables; without it they last as long as the process."""
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
     height_m: Annotated[float, Range(0, 100, "m")] = 1.5
@@ -57,7 +61,7 @@ class RadioLinkConfig:
     receiver: TerminalPart = "ue"
     """The robot's arrays, which turn with it; ue is the published robot's."""
     estimator: EstimatorPart = "sage"
-    """What reads paths out of a measurement: sage by likelihood, pca as published."""
+    """Path estimator: sage by likelihood, pca as published."""
     sounding: SoundingConfig = field(default_factory=SoundingConfig)
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
@@ -68,21 +72,17 @@ class RadioLinkConfig:
 def _receiver(
     transmitter: Part, receiver: Part, estimator: Part, sounding: SoundingConfig
 ) -> tuple[Sounder, PathEstimator]:
-    """What measures and what estimates; its tables take seconds to make, and serve any building."""
+    """Sounder and estimator for any building, whose tables take seconds to compute."""
     ends = TERMINAL.make(transmitter, field="transmitter"), TERMINAL.make(receiver, field="receiver")
     sounder = Sounder(*ends, sounding)
     return sounder, ESTIMATOR.make(estimator, sounder, field="estimator")
 
 
 class RadioLink:
-    """One transmitter in a building, and a robot's receiver that goes about in it."""
+    """One transmitter in a building, and the receiver of a robot."""
 
     def __init__(self, building: Building, config: RadioLinkConfig | None = None) -> None:
-        """Make the building ready for tracing, and the receiver for estimating.
-
-        Raises:
-            ValueError: If the antennas do not fit under the ceiling, or a name is unknown.
-        """
+        """Prepare tracer and estimator; ValueError if the antennas do not fit under the ceiling."""
         self.config = config or RadioLinkConfig()
         if not 0 < self.config.height_m < building.height_m:
             raise ValueError(
@@ -97,8 +97,8 @@ class RadioLink:
         self.paths: Paths | None = None
         self._at = np.full(2, np.nan)
 
-    def another(self) -> "RadioLink":
-        """The same receiver's link with another transmitter: they take turns, and do not disturb each other."""
+    def clone(self) -> "RadioLink":
+        """The same receiver's link with another transmitter; they take turns, without interference."""
         other = copy(self)
         other._target, other.paths = np.full(3, np.nan), None
         return other
@@ -109,11 +109,7 @@ class RadioLink:
         self.paths = None
 
     def measure(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
-        """Sound the channel at a true pose, and estimate its paths.
-
-        Args:
-            pose: x [m], y [m], yaw [rad] in `map`.
-            rng: Source of noise, phases and clock offsets.
+        """Sound the channel at a true pose in `map`, and estimate its paths.
 
         Returns:
             Estimates of the one link: arrivals in the robot's frame, departures in `map`.
@@ -127,7 +123,7 @@ class RadioLink:
 
     @property
     def state(self) -> LinkState:
-        """True link state where the robot last listened."""
+        """True link state at the last measurement."""
         if self.paths is None:
             raise RuntimeError("The radio has not measured yet. Call measure first.")
         return LinkState(int(self.paths.link_state()[0, 0]))
@@ -139,8 +135,8 @@ class RadioLink:
             return float("nan")
         return float(self.paths.aoa_az[0])
 
-    def believed(self, classifier: Classifier) -> Float[np.ndarray, "4"]:
-        """Probabilities of the link state where the robot last listened, between those of the table's nodes."""
+    def table_probability(self, classifier: Classifier) -> Float[np.ndarray, "4"]:
+        """Probabilities of the link state at the last measurement, interpolated between the table's nodes."""
         around = self.table.nodes_around(self._at)
         if around is None:
             assert self.paths is not None
@@ -150,13 +146,60 @@ class RadioLink:
 
     @property
     def table(self) -> RadioTable:
-        """Of the transmitter where it stands."""
+        """Of the transmitter at its place."""
         return self.tables.of(self._target)
 
     def _paths(self, at: Float[np.ndarray, "2"]) -> Paths:
         found = None if self.config.engine == "live" else self.table.at(at)
-        # In niches that no node looks into there is no table.
+        # No node of the table is visible from a niche.
         return self._trace(at) if found is None else found
 
     def _trace(self, at: Float[np.ndarray, "2"]) -> Paths:
         return self._tracer.trace(self._target[None], np.array([[*at, self.config.height_m]]), workers=1)
+
+
+class RadioTables:
+    """Tables by the place of the transmitter."""
+
+    def __init__(self, building: Building, tracer: Tracer, folder: Path | None) -> None:
+        """Nothing is traced yet; tables are stored in a folder if one is given."""
+        self._building, self._tracer, self._folder = building, tracer, folder
+        self._states: WeakKeyDictionary[RadioTable, tuple[Classifier, np.ndarray]] = WeakKeyDictionary()
+        self._cached: OrderedDict[bytes, RadioTable] = OrderedDict()
+
+    def of(self, place: Float[np.ndarray, "3"]) -> RadioTable:
+        """The table of a transmitter at a place [m]; FileError if its file is damaged."""
+        key = np.asarray(place, float).tobytes()
+        if key not in self._cached:
+            self._cached[key] = self._read_or_trace(np.asarray(place, float))
+            if len(self._cached) > _CACHED:
+                self._cached.popitem(last=False)
+        self._cached.move_to_end(key)
+        return self._cached[key]
+
+    def states(
+        self, place: Float[np.ndarray, "3"], sounder: Sounder, classifier: Classifier
+    ) -> Float[np.ndarray, "nodes 4"]:
+        """Probabilities of the link's states at the nodes of the table of a transmitter at a place [m]."""
+        table = self.of(place)
+        cached = self._states.get(table)
+        if cached is None or cached[0] is not classifier:
+            cached = classifier, states_of(table.links(), sounder, classifier)
+            self._states[table] = cached
+        return cached[1]
+
+    def _read_or_trace(self, place: Float[np.ndarray, "3"]) -> RadioTable:
+        file = None if self._folder is None else self._folder / f"{self._name(place)}.parquet"
+        if file is not None and file.is_file():
+            return RadioTable.read(file, self._building)
+        table = RadioTable.trace(self._building, self._tracer, place)
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            table.write(file)
+        return table
+
+    def _name(self, place: Float[np.ndarray, "3"]) -> str:
+        """Differs for different paths."""
+        tracer = self._tracer
+        made_from = (self._building.digest, place.tolist(), STEP_M, tracer.frequency_hz, tracer.config)
+        return "radio-" + hashlib.sha256(repr(made_from).encode()).hexdigest()[:24]

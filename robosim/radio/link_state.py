@@ -1,49 +1,55 @@
-"""Shipped classifiers of link states by name.
+"""Link-state classifiers: their interface, and the shipped ones by name.
 
-generated         trained on our own links of generated homes, for our own sounding and estimator: angles of arrival
-                  and departure, SNR, delays; the one to take in episodes
-generated-no-aod  the same without angles of departure, for transmitters whose beams are not known
-generated-no-sync  without delays too, for transmitters whose timing from beam to beam is not known
-public            trained on the public measurements of mmwRobotNav, and on generated homes measured the same way:
+generated         trained on traced links of generated homes, for the simulator's sounding and estimator: angles of
+                  arrival and departure, SNR, delays; the default of episodes
+generated-no-aod  without angles of departure, for transmitters whose beams are unknown
+generated-no-sync  without delays too, for transmitters whose timing from beam to beam is unknown
+public            trained on the public measurements of mmwRobotNav, and on generated homes measured in the same manner:
                   angles of arrival and departure, SNR, heights of peaks
 
-SNR means different things in the two, and states follow different rules: take the one that fits the measurements.
-In generated homes measurement by the public receiver, `public` tells 89.5 % of our states rightly; of public links,
-`generated-no-sync`, which alone finds there all that it needs, tells 59 %.
+SNR and link states are defined differently in the two, so the classifier must fit the measurements: of links of
+generated homes, measured by the public receiver, `public` classifies 89.5 % correctly; of public links,
+`generated-no-sync`, whose inputs alone are available there, classifies 59 % correctly.
 
-All but `generated-no-sync` can also remember the robot's way (`wireless.linkstate.follower`): along ways to the
-transmitter in unseen homes `generated` is right at 96.8 % of the places alone, at 97.0 % with it.
+All but `generated-no-sync` can also use the measurements along the robot's trajectory (`wireless.linkstate.follower`):
+in unseen homes `generated` is correct at 96.8 % of single places, and at 97.0 % with the trajectory.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from robosim.parts import CLASSIFIER
+import numpy as np
+from jaxtyping import Float
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier
 
 
+@runtime_checkable
+class Classifier(Protocol):
+    """Classifies link states of measurements."""
+
+    def predict(
+        self,
+        aoa_rad: Float[np.ndarray, "n paths"],
+        snr_db: Float[np.ndarray, "n paths"],
+        *,
+        aod_rad: Float[np.ndarray, "n paths"] | None = None,
+        delay_s: Float[np.ndarray, "n paths"] | None = None,
+    ) -> Float[np.ndarray, "n 4"]:
+        """Probability of each `LinkState`, in its order; see `wireless.linkstate.classifier.LinkStateClassifier`."""
+
+
 class TrueStates:
-    """Stands for the true link states, to see what a perfect classifier would bring."""
+    """Marks the use of true link states, as of a perfect classifier."""
 
     def predict(self) -> None:
-        """Not to be asked: who interprets measurements takes the truth instead."""
+        """Raise RuntimeError: measurements are interpreted by the true state instead."""
         raise RuntimeError("True link states are not predicted.")
 
 
-def read_classifier(name: str | Path) -> "LinkStateClassifier":
-    """A shipped classifier by name, or one from a file that `robosim train link-state` wrote.
-
-    Raises:
-        ValueError: If there is none.
-    """
-    made: LinkStateClassifier = CLASSIFIER.make(str(name), field="classifier")
-    return made
-
-
 def classifier_of_file(path: Path) -> "LinkStateClassifier":
-    """A classifier with weights of its own."""
+    """A classifier with weights of a file."""
     from wireless.linkstate.classifier import load_classifier
 
     return load_classifier(path)

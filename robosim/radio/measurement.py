@@ -1,8 +1,8 @@
-"""What a robot makes of what its radio has measured: directions in its own map, and how the target is reached.
+"""A measurement of the robot's radio, interpreted: directions in its own map, and the link state.
 
-Azimuths of arrival come in the robot's frame and are turned by the heading that it believes, so that an error of
-its pose becomes one of direction. The link state is a classifier's, as calibrated probabilities; or the true one,
-by name, to see what a perfect classifier would bring.
+Azimuths of arrival are in the robot's frame and are turned by its estimated yaw, so that an error of its pose becomes
+an error of direction. A classifier gives calibrated probabilities of the link state; or they are those of the true
+state.
 """
 
 import math
@@ -13,9 +13,8 @@ from jaxtyping import Float
 from scipy.constants import speed_of_light
 
 from robosim.parts import CLASSIFIER
-from robosim.radio.classifier import Classifier
 from robosim.radio.link import RadioLink
-from robosim.radio.link_state import TrueStates
+from robosim.radio.link_state import Classifier, TrueStates
 from robosim.support.parts import Part, part_name
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState
@@ -23,12 +22,12 @@ from wireless.paths import LinkState
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """One measurement as the robot understands it; the strongest path first."""
+    """One measurement; the strongest path first."""
 
     pose: Float[np.ndarray, "3"]
-    """Where the robot believed to be: x [m], y [m], yaw [rad] in `map`."""
+    """Estimated pose of the robot: x [m], y [m], yaw [rad] in `map`."""
     aoa_rad: Float[np.ndarray, " n"]
-    """Azimuth of arrival in `map`: the direction that a path comes from."""
+    """Azimuth of arrival in `map`: the direction from which a path arrives."""
     aod_rad: Float[np.ndarray, " n"]
     """Azimuth of departure in `map`: the direction in which a path left the target."""
     snr_db: Float[np.ndarray, " n"]
@@ -47,16 +46,12 @@ class Measurement:
 
 
 def free_path_m(gain_db: float, frequency_hz: float) -> float:
-    """Length of a path through free space that lost so much [m] (Friis): lambda / (4 pi) 10^(-gain / 20 dB)."""
+    """Length [m] of a path in free space of a gain (Friis): lambda / (4 pi) 10^(-gain / 20 dB)."""
     return speed_of_light / frequency_hz / (4 * math.pi) * 10 ** (-gain_db / 20)
 
 
 def check_classifier(classifier: Part) -> None:
-    """See that a classifier tells link states by what is measured in episodes.
-
-    Raises:
-        ValueError: If there is none, or it needs something else.
-    """
+    """Raise ValueError if a classifier needs inputs that episodes do not measure."""
     made = CLASSIFIER.make(classifier, field="link_states")
     if "peak" in getattr(made, "inputs", ()):
         raise ValueError(
@@ -66,37 +61,24 @@ def check_classifier(classifier: Part) -> None:
 
 
 class Interpreter:
-    """Understands measurements."""
+    """Interprets measurements."""
 
     def __init__(self, radio: RadioLink, classifier: Part) -> None:
-        """Load a classifier.
-
-        Args:
-            radio: What measures; gives the antennas' gains, and the truth if that is asked for.
-            classifier: One of `robosim.parts.CLASSIFIER`.
-
-        Raises:
-            ValueError: If there is no such classifier.
-        """
+        """Load a classifier of `robosim.parts.CLASSIFIER`; the radio gives gains of antennas, and true states."""
         self._radio = radio
         self._classifier: Classifier = CLASSIFIER.make(classifier, field="link_states")
 
     def interpret(
         self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"], radio: RadioLink | None = None
     ) -> Measurement:
-        """Directions in `map` and link state of a measurement.
+        """Directions in `map` and link state of the estimates of one link, from an estimated pose.
 
-        Args:
-            paths: Estimates of one link, arrivals in the robot's frame.
-            pose: Where the robot believes to be.
-            radio: The link that was measured, if it is not the target's; gives its true state if that is asked for.
+        `radio` is the measured link, if it is not that of the target.
         """
-        radio = radio or self._radio
         if paths is None:
-            raise ValueError("There is no measurement to understand: the simulator was made without a radio.")
+            raise ValueError("There is no measurement to interpret: the simulator was made without a radio.")
         n = int(paths.count[0])
         turned = paths.turned(rx_heading_rad=float(pose[2]))
-        probability = self._states(turned, radio)
         return Measurement(
             pose=np.array(pose),
             aoa_rad=turned.aoa_rad[0, :n],
@@ -104,20 +86,20 @@ class Interpreter:
             snr_db=turned.snr_db[0, :n],
             gain_db=self._radio.sounder.gain_db(paths)[0, :n],
             delay_s=turned.delay_s[0, :n],
-            probability=probability,
+            probability=self._probability(turned, radio or self._radio),
         )
 
     def probability(self, paths: PathEstimates) -> Float[np.ndarray, "4"]:
-        """Of each link state alone, for who has no pose: as of a robot that looks along the map's x axis."""
+        """Of each link state, without a pose: as of a robot that looks along the map's x axis."""
         if isinstance(self._classifier, TrueStates) or self._radio.config.engine == "table":
-            return self._states(paths, self._radio)
-        return self._states(paths.turned(rx_heading_rad=0.0), self._radio)
+            return self._probability(paths, self._radio)
+        return self._probability(paths.turned(rx_heading_rad=0.0), self._radio)
 
-    def _states(self, turned: PathEstimates, radio: RadioLink) -> Float[np.ndarray, "4"]:
+    def _probability(self, turned: PathEstimates, radio: RadioLink) -> Float[np.ndarray, "4"]:
         if isinstance(self._classifier, TrueStates):
             return np.eye(len(LinkState))[radio.state]
         if radio.config.engine == "table":
-            return radio.believed(self._classifier)
+            return radio.table_probability(self._classifier)
         return self._classifier.predict(
             turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
         )[0]

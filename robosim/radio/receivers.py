@@ -1,20 +1,20 @@
-"""Receivers on a regular grid over a floor plan, wherever there is room for one.
+"""Receivers on a regular grid over the free space of a floor plan, and transmitters at random places in it.
 
-On most plans the grid starts half a step from the plan's lower-left corner, turned with the plan, and a
-receiver exists where its point lies in free space. In the published radio data of mmwRobotNav a receiver
-stands for a block of 3 x 3 cells of 0.05 m, counted from the top left. It exists where the middle cell of its
-block is navigable, and its y is one cell lower than that cell's centre: such a plan with such a step gets
-exactly those receivers, so that results compare link by link. Some of them are on a wall or beyond it.
+On most plans the grid starts half a step from the plan's lower-left corner, turned with the plan, and a receiver exists
+where its point lies in free space. In the published radio data of mmwRobotNav a receiver stands for a block of 3 x 3
+cells of 0.05 m, counted from the top left. It exists where the middle cell of its block is navigable, and its y is one
+cell lower than that cell's centre: such a plan with such a step gets exactly those receivers, so that results compare
+link by link. Some of them are on a wall or beyond it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
 from robosim.building.building import Building
-from robosim.plans.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.outside import lie_outside
 from robosim.support.checks import Range, check_number
 
@@ -22,9 +22,11 @@ from robosim.support.checks import Range, check_number
 BLOCK = 3
 #: A receiver is at least this far from a wall [m], on plans that are free to choose.
 CLEARANCE_M = 1e-3
+#: Transmitters are at least this far from walls [m], where there is room.
+TX_CLEARANCE_M = 0.1
 #: Steps between receivers.
 STEP_M = Range(0.01, 100, "m between receivers", "Try 0.15.")
-#: Finer grids are taken for a mistake.
+#: Finer grids are errors.
 MAX_RECEIVERS = 1_000_000
 
 
@@ -33,7 +35,7 @@ class ReceiverGrid:
     """Receivers of a building."""
 
     position: Float[np.ndarray, "n 3"]
-    """Where they are [m], in `map`."""
+    """Positions [m] in `map`."""
     cell: Int[np.ndarray, "n 2"]
     """Row from the bottom and column of each, from 0."""
     shape: tuple[int, int]
@@ -43,16 +45,7 @@ class ReceiverGrid:
 
 
 def receiver_grid(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
-    """Receivers in free space, row by row from the bottom.
-
-    Args:
-        building: Where.
-        step_m: Distance between neighbours [m].
-        height_m: Above the floor [m].
-
-    Raises:
-        ValueError: If step or height do not fit the building.
-    """
+    """Receivers in free space, row by row from the bottom; ValueError if step or height do not fit the building."""
     plan = building.plan
     width, height = plan.shape[1] * plan.resolution_m, plan.shape[0] * plan.resolution_m
     check_step(step_m)
@@ -71,26 +64,13 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
     return grid
 
 
-def raised(grid: ReceiverGrid, by_m: float) -> ReceiverGrid:
-    """The same grid so much higher [m], as on another storey."""
-    return replace(grid, position=grid.position + np.array([0.0, 0.0, by_m])) if by_m else grid
-
-
 def check_step(step_m: float) -> None:
-    """See that a step between receivers makes a grid.
-
-    Raises:
-        ValueError: If it does not.
-    """
+    """Raise ValueError if a step between receivers makes no grid."""
     check_number("grid", step_m, *STEP_M)
 
 
 def check_height(building: Building, height_m: float, name: str) -> None:
-    """Complain of a height that is not between floor and ceiling.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """Raise ValueError if a height is not between floor and ceiling."""
     if not 0 <= height_m <= building.height_m:
         raise ValueError(
             f"{name} is {height_m} m, expected 0 to {building.height_m:g} m, between floor and ceiling."
@@ -137,3 +117,25 @@ def _grid(
         shape=shape,
         edges=plan.to_map(step * corner + start),
     )
+
+
+def random_transmitters(
+    building: Building, count: int, height_m: float, rng: np.random.Generator
+) -> Float[np.ndarray, "count 3"]:
+    """Places drawn evenly over free space at a height within the building [m], rounded to millimetres.
+
+    More of them begin with the same ones. MapError if there is no free space.
+    """
+    free = building.free_at(height_m)
+    room = free.buffer(-TX_CLEARANCE_M)
+    room = free if room.is_empty else room
+    if room.is_empty:
+        raise MapError(f"{building.plan.name}: no free space for a transmitter.")
+    shapely.prepare(room)
+    low, high = np.reshape(room.bounds, (2, 2))
+    places: list[list[float]] = []
+    while len(places) < count:
+        x, y = np.round(rng.uniform(low, high), 3)
+        if shapely.contains_xy(room, x, y) and not lie_outside(building.plan, np.array([[x, y]])):
+            places.append([float(x), float(y), height_m])
+    return np.array(places)

@@ -1,4 +1,4 @@
-"""A floor plan, or a storey among others, made ready for radio: its building, the tracer of it, and fit places."""
+"""A floor plan, or a storey of a building, with its tracer and checked places of terminals."""
 
 from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
@@ -11,7 +11,7 @@ from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.multi_storey import Storeys, StoreysConfig, make_storeys
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
-from robosim.radio.receivers import ReceiverGrid, check_height, raised, receiver_grid
+from robosim.radio.receivers import ReceiverGrid, check_height, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -27,15 +27,15 @@ class RadioConfig:
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
     height_m: Annotated[float, Range(0, 100, "m")] = 1.5
-    """Height of receivers, and of transmitters that do not say theirs [m]."""
+    """Height of receivers, and of transmitters without a height of their own [m]."""
     tx_power_dbm: Annotated[float, Range(-200, 200, "dBm", "Try 23.")] = 23.0
-    """Power sent, which received powers count from."""
+    """Transmit power, from which received powers count."""
     threshold_dbm: Annotated[float | None, Range(-400, 200, "dBm", "Try -100.")] = None
     """Paths received with less do not count for link states; None counts all."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
-    """Which paths are looked for."""
+    """Which paths are traced."""
     building: BuildingConfig = field(default_factory=BuildingConfig)
-    """How the plan becomes walls."""
+    """Walls of the plan."""
 
     @property
     def threshold_db(self) -> float:
@@ -44,12 +44,12 @@ class RadioConfig:
 
 
 class Built(NamedTuple):
-    """What is built for a place."""
+    """A building, or a storey of one."""
 
     building: Building
     """The storey on its own, its floor at z = 0."""
     whole: Building | Storeys
-    """All that is traced: the same, or all storeys."""
+    """Everything that is traced: the same, or all storeys."""
     floor_m: float
     """Height of the storey's floor [m]."""
 
@@ -70,11 +70,7 @@ def built(plan: FloorPlan | OneStorey, config: BuildingConfig) -> Built:
 
 
 class RadioScene:
-    """The building of a plan, ready for tracing.
-
-    Args:
-        plan: The floor plan, or a storey of a building, where receivers are.
-        config: How it is built and traced.
+    """The building of a plan, or of a storey, in which receivers are, ready for tracing.
 
     Raises:
         MapError: If the plan has no free area.
@@ -89,7 +85,7 @@ class RadioScene:
 
     @property
     def engine(self) -> str:
-        """What it is traced as: `plan` or `storeys`, which are fast, or `space`."""
+        """Engine of the tracer: `plan` or `storeys`, which are fast, or `space`."""
         return self.tracer.scene.engine
 
     @property
@@ -98,20 +94,14 @@ class RadioScene:
         return self.whole.digest
 
     def grid(self, step_m: float) -> ReceiverGrid:
-        """Receivers on a grid over the plan, or the storey, at the configured height above its floor.
-
-        Raises:
-            ValueError: If step or height do not fit.
-        """
-        return raised(receiver_grid(self.building, step_m, self.config.height_m), self.floor_m)
+        """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
+        grid = receiver_grid(self.building, step_m, self.config.height_m)
+        return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
-        """Points (x, y) or (x, y, z) [m] as positions.
+        """Points (x, y) or (x, y, z) [m] as positions; heights count from the lowest floor.
 
-        Args:
-            points: The points; without z they are at the configured height above the floor of the scene's storey.
-                Heights count from the lowest floor of all.
-            name: What the message calls them.
+        Without z a point is at the configured height above the floor of the scene's storey.
 
         Raises:
             ValueError: If one is not in free space; the message says where the nearest free point is.
@@ -137,7 +127,7 @@ class RadioScene:
         return at
 
     def _building_at(self, z_m: float, name: str) -> tuple[Building, str, float]:
-        """The storey that a height is in, what it is called, and where its floor is [m]."""
+        """The storey of a height, its name, and the height of its floor [m]."""
         if not isinstance(self.whole, Storeys):
             check_height(self.building, z_m, name)
             return self.building, self.building.plan.name, 0.0
@@ -151,7 +141,7 @@ class RadioScene:
         return own.building, self.whole.plan.one(number).name, own.floor_m
 
     def cut_off(self, at: Float[np.ndarray, "3"]) -> str | None:
-        """What to tell of a transmitter that is not in the largest part of free space, if it is not."""
+        """A warning of a transmitter that is not in the largest part of free space."""
         if isinstance(self.whole, Storeys):  # stairs may lead on
             return None
         parts = shapely.get_parts(self.building.free)
@@ -160,6 +150,6 @@ class RadioScene:
         if areas[own] == areas.max() or self.config.tracer.walls_passed(self.config.frequency_hz):
             return None
         return (
-            f"tx ({at[0]:g}, {at[1]:g}) is in a part of {areas[own]:.1f} m2 with no way to the largest one, of "
+            f"tx ({at[0]:g}, {at[1]:g}) is in a part of {areas[own]:.1f} m2 without a passage to the largest one, of "
             f"{areas.max():.1f} m2: only receivers in its own part have paths."
         )

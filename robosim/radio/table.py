@@ -1,15 +1,15 @@
-"""Radio paths from one transmitter on a grid of places, traced once, and asked for anywhere in between.
+"""Radio paths from one transmitter to a grid of places, traced once and interpolated.
 
-Between the four nodes around a place, paths are told apart by where they seem to come from. A path that was only
-reflected comes from the mirror image of the transmitter, which is the same for all places that it reaches; one that was
-diffracted comes from the mirror image of the last edge. So direction and length at the place itself follow exactly
-(method of images). What varies from node to node is interpolated in dB: the gain beyond spreading. A path is there if
-nodes that have it make up at least half of the bilinear weight; only nodes with nothing between them and the place
-count. So an error is left in gains, where they bend between two nodes, and along edges of shadows, which may be off by
-half a step. `python -m tests.benchmarks environment` measures both.
+Between the four nodes around a place, paths are identified by their source. A reflected path comes from the mirror
+image of the transmitter, which is the same for all places that it reaches; a diffracted one comes from the mirror image
+of the last edge. Direction and length at the place itself follow exactly (method of images). The gain beyond spreading
+varies from node to node and is interpolated in dB. A path exists if nodes that have it make up at least half of the
+bilinear weight; only nodes that are visible from the place count. Errors remain in gains, where they bend between two
+nodes, and along edges of shadows, which may be off by half a step. `python -m tests.benchmarks environment` measures
+both.
 
-A table is kept as the Parquet file of its paths (`wireless.paths`), with the grid in its metadata.
-Left out: phases are those of a node, not of the place; measurements draw phases anew.
+The file of a table is the Parquet file of its paths (`wireless.paths`), with the grid in its metadata.
+Left out: phases are those of a node, not of the place; measurements draw phases again.
 Reference: Fuschini et al., Ray tracing propagation modeling for future small-cell and indoor applications: a review of
 current techniques, Radio Science 50(6), 2015 (images and ray interpolation).
 """
@@ -45,7 +45,7 @@ STEP_RANGE_M = 0.01, 100.0
 _SAME_SOURCE_M = 0.01
 #: Files are no larger [bytes].
 _MOST_BYTES = 10_000_000_000
-_REMEDY = "Delete it: it is traced anew when it is needed."
+_REMEDY = "Delete it: it is traced again when it is needed."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,21 +63,14 @@ class RadioTable:
     def trace(
         cls, building: Building, tracer: Tracer, place: Float[np.ndarray, "3"], step_m: float = STEP_M
     ) -> "RadioTable":
-        """Trace all nodes; some tenths of a millisecond each.
-
-        Args:
-            building: Where.
-            tracer: Made of the building.
-            place: Of the transmitter [m]; nodes are as high.
-            step_m: Distance between nodes [m].
-        """
+        """Trace all nodes, as high as the place of the transmitter [m]; some tenths of a millisecond each."""
         grid = regular_grid(building, step_m, float(place[2]))
         return cls(
             building=building, paths=tracer.trace(place[None], grid.position, workers=1), step_m=step_m
         )
 
     def at(self, xy: Float[np.ndarray, "2"]) -> Paths | None:
-        """Paths at a place [m], of one link; None where no node has it in sight, as in a niche beside the grid."""
+        """Paths at a place [m], of one link; None where no node is visible, as in a niche next to the grid."""
         found = self.nodes_around(xy)
         if found is None:
             return None
@@ -110,8 +103,8 @@ class RadioTable:
     def nodes_around(
         self, xy: Float[np.ndarray, "2"]
     ) -> tuple[Int[np.ndarray, "4"], Float[np.ndarray, "4"]] | None:
-        """The four nodes around a place, -1 for one that is not or is out of sight, and their weights, of sum 1."""
-        # Paths and link states are asked for at the same place, one after the other.
+        """The four nodes around a place, -1 for missing and invisible ones, and their weights, of sum 1."""
+        # Paths and link states are computed at the same place, one after the other.
         key = np.asarray(xy, float).tobytes()
         if key not in self._last:
             self._last.clear()
@@ -149,11 +142,7 @@ class RadioTable:
 
     @classmethod
     def read(cls, path: Path, building: Building) -> "RadioTable":
-        """Read what `write` wrote, for the building that it was traced in.
-
-        Raises:
-            FileError: If the file is damaged, or no table.
-        """
+        """Read a file of `write`, for the building in which it was traced; FileError if it is damaged, or no table."""
         with reading(path, "a table of radio paths", _REMEDY, most_bytes=_MOST_BYTES) as file:
             table = parquet_table(file)
             step = (table.schema.metadata or {}).get(b"step_m")
@@ -169,12 +158,12 @@ class RadioTable:
 
     @cached_property
     def _last(self) -> dict[bytes, tuple[Int[np.ndarray, "4"], Float[np.ndarray, "4"]] | None]:
-        """Nodes around the place that was asked for last."""
+        """Nodes around the last place."""
         return {}
 
     @cached_property
     def _walls(self) -> WallTiles:
-        """What stands between places at the antennas' height."""
+        """Walls at the height of the antennas."""
         return wall_tiles(wall_segments(self.building.free_at(float(self.paths.tx_position[0, 2]))))
 
     @cached_property
@@ -205,16 +194,16 @@ class RadioTable:
         return ((kinds == Interaction.DIFFRACTION) | (kinds == Interaction.SCATTERING)).any(axis=1)
 
     def _legs(self) -> tuple[Float[np.ndarray, "n m1 3"], Float[np.ndarray, "n m1"]]:
-        """Unit vectors and lengths of the pieces of each path [m]; pieces that are not have length 0."""
+        """Unit vectors and lengths of the legs of each path [m]; missing legs have length 0."""
         paths = self.paths
         m = paths.interaction.shape[1]
         points = np.repeat(paths.rx_position[paths.rx][:, None], m + 2, axis=1)
         points[:, 0] = paths.tx_position[paths.tx]
         there = np.arange(m) < paths.order[:, None]
         points[:, 1:-1][there] = paths.point[there]
-        way = np.diff(points, axis=1)
-        length = np.linalg.norm(way, axis=2)
-        return way / np.maximum(length, 1e-12)[..., None], length
+        legs = np.diff(points, axis=1)
+        length = np.linalg.norm(legs, axis=2)
+        return legs / np.maximum(length, 1e-12)[..., None], length
 
     @cached_property
     def _after(self) -> Float[np.ndarray, " n"]:
@@ -242,7 +231,7 @@ class RadioTable:
 
     @cached_property
     def _mirror(self) -> Float[np.ndarray, "n 3 3"]:
-        """What turns the direction in which a path arrives into the one in which it departed: all mirrors in turn."""
+        """Matrices from the direction of arrival of each path to that of departure: all its mirrors."""
         unit, length = self._legs()
         product = np.broadcast_to(np.eye(3), (len(self.paths), 3, 3)).copy()
         for k in range(self.paths.interaction.shape[1]):
@@ -255,12 +244,12 @@ class RadioTable:
 
     @cached_property
     def _key(self) -> Int[np.ndarray, " n"]:
-        """Equal numbers for paths that come from one source in one way."""
+        """Equal numbers for paths with the same source and interactions."""
         # Shifted by an odd part of the step: walls on round coordinates have images on round ones, where rounding
         # would part equal sources.
         place = np.floor(np.column_stack([self._source, self._rest]) / _SAME_SOURCE_M + 0.3719)
-        told = np.column_stack([place.astype(np.int64), self.paths.digits])
-        _, key = np.unique(told, axis=0, return_inverse=True)
+        columns = np.column_stack([place.astype(np.int64), self.paths.digits])
+        _, key = np.unique(columns, axis=0, return_inverse=True)
         return key.reshape(-1)
 
 
@@ -284,7 +273,7 @@ def _around(
         if meets <= 1.0:
             continue
         node[k] = one
-        # Never quite 0: beside walls a node at the far side may be the only one.
+        # Never 0: next to walls a node at the far side may be the only one.
         weight[k] = max((across if right else 1 - across) * (up if above else 1 - up), 1e-9)
     return node, weight
 
@@ -313,5 +302,5 @@ def _common(
                 count += 1
             total[place] += weight[k]
             mean[place] += weight[k] * level[path]
-    kept = np.flatnonzero(total[:count] >= 0.5)
-    return ref[kept], mean[kept] / total[kept]
+    found = np.flatnonzero(total[:count] >= 0.5)
+    return ref[found], mean[found] / total[found]

@@ -1,12 +1,12 @@
-"""What a receiver would make of known paths, without a measurement: its resolution, its reach and its errors, by rule.
+"""Estimates of a receiver from known paths by rule, without a measurement: its resolution, its reach and its errors.
 
-For learning, where a measurement and its estimation would take most of the time. Paths nearer to each other than the
-receiver can tell apart, in angle and in delay, are one; what is outside of the window of delays, or too weak beside the
-strongest, is not found; five are kept; directions, delays and strengths err by Gaussian noise, directions more where
-another path is beside. The numbers are those of the shipped receiver with `sage`, on 800 links in flat and office: it
-tells the same number of paths in 90 % of them; `python -m tests.benchmarks environment` compares the two.
+For learning, where a measurement and its estimation would take most of the time. Paths that the receiver cannot
+separate, in angle and delay, are merged; paths outside of the window of delays, or too weak compared with the
+strongest, are not found; at most five are. Directions, delays and strengths have Gaussian errors, directions larger
+ones if another path is close. The numbers are those of the shipped receiver with `sage`, on 800 links in flat and
+office: it finds the same number of paths in 90 % of them; `python -m tests.benchmarks environment` compares the two.
 
-Left out: paths that are not there, and directions that are far off, as one in a hundred measured ones is.
+Left out: false paths, and outliers of directions, as one in a hundred measured ones is.
 """
 
 from collections.abc import Iterable
@@ -14,52 +14,45 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim.radio.classifier import Classifier
+from robosim.radio.link_state import Classifier
 from wireless.estimates import PathEstimates, wrapped
 from wireless.paths import Paths
 from wireless.sounding.sounder import Sounder
 from wireless.support.compiled import compiled
 
-#: Paths that are told.
+#: Most paths of a link.
 MOST = 5
 #: Paths nearer than this in direction [rad] and delay [samples] are one.
 MERGED_RAD, MERGED_SAMPLES = np.radians(3.0), 0.3
-#: Weaker paths are not found: SNR of the link budget, and beside the strongest [dB].
-LEAST_SNR_DB, LEAST_BESIDE_DB = -28.0, -50.0
-#: Two paths nearer than this are beside each other.
-BESIDE_RAD, BESIDE_SAMPLES = np.radians(20.0), 1.3
-#: Standard deviations: directions of paths alone and of those beside others, delays, strengths.
+#: Weaker paths are not found: SNR of the link budget, and relative to the strongest [dB].
+LEAST_SNR_DB, LEAST_RELATIVE_DB = -28.0, -50.0
+#: Two paths nearer than this are close.
+CLOSE_RAD, CLOSE_SAMPLES = np.radians(20.0), 1.3
+#: Standard deviations: directions of separate and of close paths, delays, strengths.
 SIGMA_RAD, SIGMA_SAMPLES, SIGMA_DB = np.radians([0.05, 1.0]), 0.02, 0.3
 
 
 def read_paths(
     paths: Paths, heading_rad: float, sounder: Sounder, rng: np.random.Generator | None
 ) -> PathEstimates:
-    """Estimates of one link.
+    """Estimates of one link from its true paths; `heading_rad` is the azimuth of the receiver's +x.
 
-    Args:
-        paths: True paths of the link.
-        heading_rad: Azimuth of the receiver's own +x.
-        sounder: Whose budget and window it is.
-        rng: Source of errors; None for none.
-
-    Returns:
-        Arrivals in the receiver's frame, departures in the scene's.
+    Without `rng` there are no errors. Arrivals are in the receiver's frame, departures in the scene's.
     """
     power = np.abs(paths.gain[:, 0, 0]) ** 2
     order = np.argsort(-power, kind="stable")
     power, aoa, aod = power[order], paths.aoa_az[order], paths.aod_az[order]
     delay = paths.delay_s[order] / sounder.config.sample_s
-    which, sums, beside = _told_apart(power, aoa, delay, sounder.config.half_window)
+    which, sums, close = _separated(power, aoa, delay, sounder.config.half_window)
     snr = 10 * np.log10(np.maximum(sums, 1e-300)) + sounder.budget_db
-    kept = (snr >= LEAST_SNR_DB) & (snr >= snr.max(initial=-np.inf) + LEAST_BESIDE_DB)
-    # Drawn for all places, so that what one path meets changes no other's errors.
+    found = (snr >= LEAST_SNR_DB) & (snr >= snr.max(initial=-np.inf) + LEAST_RELATIVE_DB)
+    # Drawn for all places, so that errors of a path do not depend on others.
     error = np.zeros((4, MOST)) if rng is None else rng.normal(size=(4, MOST))
-    which = which[kept]
+    which = which[found]
     n = len(which)
-    snr = snr[kept] + SIGMA_DB * error[0, :n]
+    snr = snr[found] + SIGMA_DB * error[0, :n]
     rank = np.argsort(-snr, kind="stable")
-    which, snr, sigma, error = which[rank], snr[rank], SIGMA_RAD[beside[kept][rank]], error[:, :n][:, rank]
+    which, snr, sigma, error = which[rank], snr[rank], SIGMA_RAD[close[found][rank]], error[:, :n][:, rank]
     return PathEstimates(
         aoa_rad=_padded(wrapped(aoa[which] - heading_rad + sigma * error[1]), 0.0),
         aod_rad=_padded(wrapped(aod[which] + sigma * error[2]), 0.0),
@@ -70,56 +63,43 @@ def read_paths(
 
 
 @compiled
-def _told_apart(
+def _separated(
     power: Float[np.ndarray, " n"],
     aoa: Float[np.ndarray, " n"],
     delay: Float[np.ndarray, " n"],
     window: float,
 ) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-    """Paths that the receiver can tell apart: number, power with all that they hide, and whether one is beside.
-
-    Args:
-        power: Falling.
-        aoa: Azimuths of arrival [rad].
-        delay: Delays [samples].
-        window: Most between the strongest and another [samples].
-    """
-    which, total, beside = np.empty(MOST, np.int64), np.zeros(MOST), np.zeros(MOST, np.int64)
+    """Paths that the receiver separates: number, power with all merged ones, whether one is close to others."""
+    which, total, close = np.empty(MOST, np.int64), np.zeros(MOST), np.zeros(MOST, np.int64)
     count = 0
     for k in range(len(power)):
         if abs(delay[k] - delay[0]) > window:
             continue
-        hidden = False
+        is_merged = False
         for place in range(count):
             other = which[place]
             turn = abs((aoa[k] - aoa[other] + np.pi) % (2 * np.pi) - np.pi)
             gap = abs(delay[k] - delay[other])
             if turn < MERGED_RAD and gap < MERGED_SAMPLES:
                 total[place] += power[k]
-                hidden = True
+                is_merged = True
                 break
-        if hidden or count == MOST:
+        if is_merged or count == MOST:
             continue
         for place in range(count):
             other = which[place]
             turn = abs((aoa[k] - aoa[other] + np.pi) % (2 * np.pi) - np.pi)
-            if turn < BESIDE_RAD and abs(delay[k] - delay[other]) < BESIDE_SAMPLES:
-                beside[count] = 1
+            if turn < CLOSE_RAD and abs(delay[k] - delay[other]) < CLOSE_SAMPLES:
+                close[count] = 1
         which[count], total[count] = k, power[k]
         count += 1
-    return which[:count], total[:count], beside[:count]
+    return which[:count], total[:count], close[:count]
 
 
 def states_of(
     links: Iterable[Paths], sounder: Sounder, classifier: Classifier
 ) -> Float[np.ndarray, "links 4"]:
-    """What a classifier takes the states of links to be, from their paths read without errors.
-
-    Args:
-        links: Paths of one link each.
-        sounder: Whose budget and window it is.
-        classifier: Tells link states.
-    """
+    """Probabilities of link states by a classifier, from the paths of each link, read without errors."""
     read = [read_paths(paths, 0.0, sounder, None) for paths in links]
     aoa, aod, snr, delay = (
         np.concatenate([getattr(one, name) for one in read])

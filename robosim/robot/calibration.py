@@ -55,20 +55,8 @@ def open_floor() -> Building:
     return make_building(plan_from_array(floor, resolution_m=_SIDE_M / 80, name="open floor"))
 
 
-def run_actions(
-    world: Physics,
-    noise: NoiseModel,
-    runs: Iterable[object],
-    rng: np.random.Generator,
-) -> Runs:
-    """Run each action again and again.
-
-    Args:
-        world: Moves the robot on the open floor.
-        noise: How actions and odometry err.
-        runs: Each action is run once for each of them.
-        rng: Source of the noise.
-    """
+def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: np.random.Generator) -> Runs:
+    """Run each action once for each of `runs` on the open floor."""
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
     motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
@@ -78,20 +66,20 @@ def run_actions(
             drawn = backwards if action is Action.BACKWARD else rng
             world.reset(start)
             world.move(noise.actuation(action, drawn))
-            moved = between(start, world.pose)
-            errors[action].append(noise.sense(action, moved, drawn) - moved)
-            motions[action].append(moved)
+            motion = between(start, world.pose)
+            errors[action].append(noise.sense(action, motion, drawn) - motion)
+            motions[action].append(motion)
     return _runs(errors, motions)
 
 
 def read_runs(path: Path) -> Runs:
-    """Runs from a table, a row a run, with `COLUMNS`; action is forward, left, right or backward.
+    """Runs from a table with `COLUMNS`, a row for each run of forward, left, right or backward.
 
-    Of a step back there need be none: it is taken for a step forward driven the other way.
+    Without backward steps, reversed forward steps are used.
 
     Raises:
-        FileError: If the file is damaged, a column is missing, a value is none that a displacement has, or an action
-            has fewer than ten runs.
+        FileError: If the file is damaged, a column is missing, a value is out of range, or an action has fewer than ten
+            runs.
     """
     names = [action.name.lower() for action in Action]
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
@@ -109,7 +97,7 @@ def read_runs(path: Path) -> Runs:
             errors[Action[row["action"].upper()]].append(error)
             motions[Action[row["action"].upper()]].append(values[3:])
         runs = _runs(errors, motions)
-        calibrated(*runs)  # a table with too few runs is refused by its name
+        calibrated(*runs)  # raises an error, named after the table, if there are too few runs
     return runs
 
 

@@ -1,17 +1,16 @@
-"""Walls as few convex solids: what the robot's hull collides with.
+"""Walls as few convex solids, with which the robot's hull collides.
 
-A wall is a line, the boundary of free space; behind it anything may be solid. So the solid beside the
-walls is covered by convex pieces whose faces lie on the wall lines exactly, that reach into no free
-space, and that may overlap, since walls do not collide with each other. Time per physics step grows with
-the number of pieces.
+A wall is a line, the boundary of free space; anything behind it may be solid. So the solid along the walls is covered
+by convex pieces whose faces lie on the wall lines exactly, that reach into no free space, and that may overlap, since
+walls do not collide with each other. Time per physics step grows with the number of pieces.
 
-Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind
-each wall, as thick as there is room for, and where the solid is too narrow for one, at sharp corners, the
-triangle that the constrained Delaunay triangulation has there. Rectangles are preferred because MuJoCo
-knows the distance of a sphere from a box in closed form.
+Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind each wall, as
+thick as there is room for, and where the solid is too narrow for one, at sharp corners, the triangle that the
+constrained Delaunay triangulation has there. MuJoCo knows the distance of a sphere from a box in closed form, so
+rectangles are preferred.
 
-What is placed in a building is convex pieces of the floor that it takes from a robot of some height, and these are as
-high as walls: what is lower than the robot stops its whole hull, and what is higher does not touch it.
+Furnishings are convex pieces of the floor that they take from a robot of some height, as high as walls: what is lower
+than the robot stops its whole hull, and what is higher does not touch it.
 Left out: the solid further inside, which nothing can reach.
 """
 
@@ -80,14 +79,9 @@ def placed_solids(building: Building, height_m: float) -> WallSolids:
 
 
 def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
-    """Convex pieces of solid along the boundary of free space.
+    """Convex pieces that cover the solid side of each wall line around free space [m], and no free space.
 
-    Args:
-        free: Free space in `map` [m], valid.
-        plan: Where the outline comes from: its cells are the lattice, if the outline still follows them.
-
-    Returns:
-        Pieces that cover the solid side of each wall line, and no free space.
+    The plan's cells are the lattice, if the outline still follows them.
     """
     segments = wall_segments(free)
     solids = _along_lattice(segments, plan) or _behind_walls(_around(free).difference(free), segments)
@@ -96,16 +90,7 @@ def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
 
 
 def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
-    """Complain of a pose where a hull would be in a wall.
-
-    Args:
-        free: Free space in `map` [m].
-        pose: x [m], y [m], yaw [rad].
-        radius_m: Radius of the hull [m].
-
-    Raises:
-        ValueError: If walls are nearer than the radius, by more than `FIT_M`, or the pose is not finite.
-    """
+    """Raise ValueError if a hull would be in a wall by more than `FIT_M` at a pose, or the pose is not finite."""
     if not np.isfinite(pose).all():
         raise ValueError(f"pose = {pose}, expected finite x [m], y [m], yaw [rad].")
     centre = shapely.Point(pose[0], pose[1])
@@ -125,8 +110,8 @@ def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> Wal
     in_cells = plan.to_cells(segments)
     for shift in (0.0, 0.5):
         steps = np.round(in_cells - shift)
-        way = np.abs(steps[:, 1] - steps[:, 0])
-        straight = (way.min(axis=1) == 0) | (way[:, 0] == way[:, 1])
+        extent = np.abs(steps[:, 1] - steps[:, 0])
+        straight = (extent.min(axis=1) == 0) | (extent[:, 0] == extent[:, 1])
         if straight.all() and np.abs(in_cells - shift - steps).max() < _EXACT:
             break
     else:

@@ -19,14 +19,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.robot.collision import check_pose, solids
-from robosim.robot.motion import (
-    BLOCKED_M,
-    BLOCKED_RAD,
-    Motion,
-    PlannedMove,
-    check_displacement,
-    check_drive,
-)
+from robosim.robot.motion import BLOCKED_M, BLOCKED_RAD, Motion, PlannedMove, check_displacement, check_drive
 from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
 from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
 from slam.poses import wrap
@@ -57,16 +50,10 @@ class World:
     def __init__(
         self, building: Building, *, robot: RobotConfig | None = None, config: PhysicsConfig | None = None
     ) -> None:
-        """Build the model; takes some tenths of a second on a large plan.
-
-        Args:
-            building: Its `free` area gives the walls, and what is placed in it stands before a robot of this height.
-            robot: The robot's body; by default a small one.
-            config: Physics settings.
-        """
+        """Build the model; takes some tenths of a second on a large plan."""
         self.building = building
         self.robot = robot or RobotConfig()
-        self._stall_slip_mps = self.robot.stall_slip_mps  # asked for thirty times a motion
+        self._stall_slip_mps = self.robot.stall_slip_mps  # used thirty times a motion
         self.config = config or PhysicsConfig()
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
@@ -85,8 +72,8 @@ class World:
         mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
         self._height_m = float(self._body[2])  # where it rests on its wheels
 
-    def another(self) -> "World":
-        """The same building with another robot in it; neither knows of the other."""
+    def clone(self) -> "World":
+        """The same building with another robot in it, independent of the first."""
         other = copy(self)
         other._begin_data()
         return other
@@ -100,16 +87,12 @@ class World:
         self._floor = self.data.qpos[floor_at.qposadr[0] :][:2]  # and of the floor likewise
         self._slide = self.data.qvel[floor_at.dofadr[0] :][:2]
         self._touch = self.data.sensordata[self.model.sensor("touch").adr[0] :][:2]
-        self._told = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] that the wheels were last told
+        self._commanded = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] of the last command to the wheels
         self._steps, self._deepest_m = 0, 0.0
         self._touched = self._at_wall = False  # during this motion, in its last control period
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`, at rest.
-
-        Raises:
-            ValueError: If the hull does not fit there.
-        """
+        """Put the robot at a pose in `map`, at rest; ValueError if the hull does not fit there."""
         check_pose(self._room, pose, self.robot.radius_m)
         self._place(pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2])
 
@@ -122,12 +105,8 @@ class World:
     def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
         """Go to a pose near by, and stop there or where walls stop the robot.
 
-        Args:
-            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad] in [-pi, pi]. The
-                wheels do what wheels can, the rest is slip.
-
-        Returns:
-            How it went; collided if a wall left it off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
+        The displacement is dx [m], dy [m], dyaw [rad] in [-pi, pi] in the robot's frame. What wheels cannot do is slip.
+        The motion collided if a wall left the robot off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
         """
         check_displacement(displacement)
         self._begin()
@@ -139,30 +118,25 @@ class World:
         return self._motion(self._touched and (off_m > BLOCKED_M or off_rad > BLOCKED_RAD))
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive with a speed and a turn rate, and roll on: the next `drive` takes over at full speed.
+        """Drive with a speed and a turn rate, and roll on: the next `drive` continues at full speed.
 
-        Args:
-            v_mps: Speed forward [m/s]. Speeds that a wheel cannot have are reduced, along the same arc.
-            w_radps: Turn rate, counter-clockwise [rad/s].
-            duration_s: For how long [s], rounded to physics steps. Speeds change within the robot's bounds.
-
-        Returns:
-            How it went; collided if the hull touched a wall.
+        Speeds that a wheel cannot have are reduced, along the same arc, and change within the robot's bounds. The time
+        is rounded to physics steps. The motion collided if the hull touched a wall.
         """
         check_drive(v_mps, w_radps, duration_s)
         self._begin()
         steps = round(duration_s / self.config.timestep_s)
         wanted = self.robot.within_reach(v_mps, w_radps)
         while self._steps < steps:
-            self._tell(*self._towards(*wanted), self._pose()[2])
+            self._command(*self._towards(*wanted), self._pose()[2])
             self._advance(min(self.config.control_steps, steps - self._steps))
         return self._motion(self._touched)
 
     def _place(self, x: float, y: float, yaw: float) -> None:
-        """Start anew with the robot at a pose in the model's frame; nothing of the past remains."""
+        """Reset the state with the robot at a pose in the model's frame."""
         mujoco.mj_resetData(self.model, self.data)
         self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
-        self._told, self._at_wall = (0.0, 0.0), False
+        self._commanded, self._at_wall = (0.0, 0.0), False
         mujoco.mj_forward(self.model, self.data)
 
     def _pose(self) -> _Pose:
@@ -190,14 +164,7 @@ class World:
             self._advance(self.config.control_steps)
 
     def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose, *, closing: bool) -> None:
-        """Tell wheels and floor the speeds for the next control period.
-
-        Args:
-            plan: Where to be.
-            time_s: Time since its start [s].
-            pose: Where the robot is.
-            closing: Whether to correct the position too, not only the heading.
-        """
+        """Set speeds of wheels and floor for the next control period; `closing` corrects the position too."""
         period_s = self.config.control_steps * self.config.timestep_s
         lead_s = time_s + SERVO_LAG_S + self.config.timestep_s / 2
         now, ahead, then = plan.at(time_s), plan.at(lead_s), plan.at(lead_s + period_s)
@@ -215,13 +182,13 @@ class World:
             slip = max(-SCRAPE_MPS, min(SCRAPE_MPS, slip))
         else:
             slip += max(-DRIFT_MPS, min(DRIFT_MPS, c * ey - s * ex))
-        self._tell(v, w, pose[2], slip)
+        self._command(v, w, pose[2], slip)
 
-    def _tell(self, v_mps: float, w_radps: float, yaw: float, sideways_mps: float = 0.0) -> None:
-        """Set the speeds of the wheels, and slide the floor to the left of the robot, which looks along `yaw`.
+    def _command(self, v_mps: float, w_radps: float, yaw: float, sideways_mps: float = 0.0) -> None:
+        """Set the speeds of the wheels, and slide the floor to the left of the robot at a yaw.
 
-        Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres
-        give way sideways: their grip would hold it, where real robots scrape along.
+        Where the robot pushes against a wall, half of the motors' torque is left for turning, and the tyres
+        slip sideways: their grip would hold the robot, where real robots scrape along.
         """
         robot = self.robot
         c, s = math.cos(yaw), math.sin(yaw)
@@ -236,14 +203,14 @@ class World:
         stall_mps = self._stall_slip_mps
         spare = max(stall_mps - abs(rim - w_now * half_track), stall_mps / 2)
         v = max(-top + abs(rim), min(0.0, v_now) - spare, min(top - abs(rim), max(0.0, v_now) + spare, v_mps))
-        self._told = v, rim / half_track
+        self._commanded = v, rim / half_track
         self.data.ctrl[0] = (v - rim) / robot.wheel_radius_m
         self.data.ctrl[1] = (v + rim) / robot.wheel_radius_m
         self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
 
     def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
-        """Speeds on the way to wanted ones, as far as a wheel's acceleration allows in one control period."""
-        v, w = self._told
+        """Speeds towards target speeds, as far as a wheel's acceleration allows in one control period."""
+        v, w = self._commanded
         dv, dw = v_mps - v, w_radps - w
         change = abs(dv) + abs(dw) * self.robot.track_m / 2
         most = self.robot.max_accel_mps2 * self.config.control_steps * self.config.timestep_s
@@ -252,8 +219,8 @@ class World:
 
     def _halt(self) -> None:
         """Stop the wheels, and wait for the robot to come to rest."""
-        while self._told != (0.0, 0.0):
-            self._tell(*self._towards(0.0, 0.0), self._pose()[2])
+        while self._commanded != (0.0, 0.0):
+            self._command(*self._towards(0.0, 0.0), self._pose()[2])
             self._advance(self.config.control_steps)
         self._slide[:] = 0.0
         last = self._steps + round(REST_S / self.config.timestep_s)
@@ -292,7 +259,7 @@ class World:
 
 
 def _let_walls_sleep(model: mujoco.MjModel) -> None:
-    """Work out once, rather than at each step, where pieces of wall are: the same motions, to the bit.
+    """Compute positions of walls once, rather than at each step: motions are bit-identical.
 
     What moves is always awake.
     """

@@ -1,14 +1,10 @@
-"""The kinematic twin of `world`: a disk that goes where it is sent, and stops at walls.
+"""The kinematic twin of `dynamic`: a disk that goes where it is sent, and stops at walls.
 
-No masses, no wheels: the disk's centre goes along straight lines (arcs are cut into short ones), and
-stops where it comes to lie one radius from a wall. That place is exact: a disk meets a wall where its
-centre meets the lines one radius beside the wall, or the circles around the wall's ends. Turning is free,
-since a disk looks alike from all sides. Walls are kept in tiles, each with all walls near enough to
-matter, so that a move costs some tens of microseconds on any plan.
-
-It stands in for `World` where speed matters more than forces, such as training. With `slide` a blocked
-disk goes on along the wall, as in Habitat's default; without, it stays where it met the wall.
-Left out: acceleration, friction, slip other than what is commanded.
+The disk has neither mass nor wheels. Its centre moves along straight lines (arcs are cut into short ones), and stops
+one radius from a wall. That place is exact: a disk meets a wall where its centre meets the lines at one radius from the
+wall, or the circles around the wall's ends. Rotation is free. Tiles list all walls near enough to matter, so that a
+move takes some tens of microseconds on any plan. It replaces `World` where speed matters more than forces, such as in
+training. Left out: acceleration, friction, slip other than what is commanded.
 """
 
 import math
@@ -27,14 +23,12 @@ from wireless.support.compiled import compiled
 
 #: Side of the tiles that walls are sorted into [m].
 TILE_M = 0.5
-#: Longest way that is tested against walls at once [m].
+#: Longest motion that is tested against walls at once [m].
 PIECE_M = 0.3
 #: Largest turn within one straight piece of an arc [rad].
 ARC_RAD = math.radians(5.0)
 #: The disk is stopped this far before a wall [m], so that rounding never puts it inside.
 GAP_M = 1e-9
-#: Walls that a sliding disk may meet in one piece of its way.
-MAX_SLIDES = 4
 #: Moving along a wall this exactly is not moving into it (sine of the angle).
 _PARALLEL = 1e-12
 
@@ -42,33 +36,22 @@ _PARALLEL = 1e-12
 class KinematicWorld:
     """A building with one robot, moved without forces."""
 
-    def __init__(self, building: Building, *, robot: RobotConfig | None = None, slide: bool = False) -> None:
-        """Sort the walls of a building.
-
-        Args:
-            building: Its `floor` for a robot of this height gives the walls.
-            robot: The robot's body, of which size, height and speed matter here.
-            slide: Whether a blocked robot goes on along the wall.
-        """
+    def __init__(self, building: Building, *, robot: RobotConfig | None = None) -> None:
+        """Sort the walls of a building."""
         self.building = building
         self.robot = robot or RobotConfig()
-        self.slide = slide
         self._room = building.floor(self.robot.height_m)
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
         self._walls = _Tiles(wall_segments(self._room) - self._origin, self.robot.radius_m + GAP_M)
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
 
-    def another(self) -> "KinematicWorld":
-        """The same building with another robot in it; neither knows of the other."""
+    def clone(self) -> "KinematicWorld":
+        """The same building with another robot in it, independent of the first."""
         return copy(self)
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`.
-
-        Raises:
-            ValueError: If the hull does not fit there.
-        """
+        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`; ValueError if the hull does not fit there."""
         check_pose(self._room, pose, self.robot.radius_m)
         self._x, self._y = float(pose[0] - self._origin[0]), float(pose[1] - self._origin[1])
         self._yaw = wrap(float(pose[2]))
@@ -79,16 +62,10 @@ class KinematicWorld:
         return np.array([self._x + self._origin[0], self._y + self._origin[1], self._yaw])
 
     def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
-        """Go to a pose near by, or to where walls stop the disk.
+        """Go to a pose near by, or to where walls stop the disk: dx [m], dy [m], dyaw [rad] in the robot's frame.
 
-        The way leads forward first, then sideways, so that slip into a wall does not keep a robot from
-        driving along it.
-
-        Args:
-            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad].
-
-        Returns:
-            How it went; collided if a wall left the robot off its goal by more than `BLOCKED_M`.
+        It moves forward first, then sideways, so that slip into a wall does not stop a robot along it. The motion
+        collided if a wall left the robot off its goal by more than `BLOCKED_M`.
         """
         check_displacement(displacement)
         dx, dy, turn = (float(part) for part in displacement)
@@ -101,15 +78,9 @@ class KinematicWorld:
         return Motion(self.pose, blocked, self.robot.profile(displacement).duration_s)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive along an arc for a while, at once at full speed.
+        """Drive along an arc for a while, at once at full speed; collided if a wall shortened the arc.
 
-        Args:
-            v_mps: Speed forward [m/s]. Speeds that a wheel cannot have are reduced, along the same arc.
-            w_radps: Turn rate, counter-clockwise [rad/s].
-            duration_s: For how long [s].
-
-        Returns:
-            How it went; collided if a wall shortened the way.
+        Speeds that a wheel cannot have are reduced, along the same arc.
         """
         check_drive(v_mps, w_radps, duration_s)
         v, w = self.robot.within_reach(v_mps, w_radps)
@@ -119,40 +90,26 @@ class KinematicWorld:
         chord = v * duration_s / pieces * (math.sin(half) / half if half else 1.0)
         blocked = False
         for _ in range(pieces):
-            way = self._yaw + half
-            blocked |= self._go(chord * math.cos(way), chord * math.sin(way))
+            direction = self._yaw + half
+            blocked |= self._go(chord * math.cos(direction), chord * math.sin(direction))
             self._yaw = wrap(self._yaw + turn)
         return Motion(self.pose, blocked, duration_s)
 
     def _go(self, dx: float, dy: float) -> bool:
-        """Move the disk straight on as far as walls allow; whether one was in the way."""
+        """Move the disk straight as far as walls allow; whether one stopped it."""
         pieces = max(1, math.ceil(math.hypot(dx, dy) / PIECE_M))
         blocked = False
         for _ in range(pieces):
             blocked |= self._go_piece(dx / pieces, dy / pieces)
-            if blocked and not self.slide:
+            if blocked:
                 break
         return blocked
 
     def _go_piece(self, dx: float, dy: float) -> bool:
-        blocked = False
-        first: tuple[float, float] | None = None
-        for _ in range(MAX_SLIDES):
-            walls = self._walls.near(self._x, self._y)
-            met = None if walls is None else walls.meet(self._x, self._y, dx, dy)
-            if met is None:
-                self._x, self._y = self._x + dx, self._y + dy
-                return blocked
-            blocked, (part, nx, ny) = True, met
-            self._x, self._y = self._x + part * dx, self._y + part * dy
-            if not self.slide:
-                return True
-            into = (1 - part) * (dx * nx + dy * ny)
-            dx, dy = (1 - part) * dx - into * nx, (1 - part) * dy - into * ny
-            if first is not None and dx * first[0] + dy * first[1] < 0:
-                return True  # back into the wall met before: a corner
-            first = (nx, ny)
-        return True
+        walls = self._walls.near(self._x, self._y)
+        share = 1.0 if walls is None else walls.meet(self._x, self._y, dx, dy)
+        self._x, self._y = self._x + share * dx, self._y + share * dy
+        return share < 1
 
 
 class _Tiles:
@@ -190,27 +147,14 @@ class _Walls:
         self._along = along / self._length[:, None]
         self._radius_m = radius_m
 
-    def meet(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float, float] | None:
-        """Where a disk that moves on a straight line first meets a wall.
-
-        Args:
-            x: Its centre [m].
-            y: Its centre [m].
-            dx: Its way along x [m].
-            dy: Its way along y [m].
-
-        Returns:
-            Part of the way that it can go, and the unit vector (x, y) from the wall to its centre there. None
-            if it can go all the way.
-        """
-        part, nx, ny = _first_wall(
-            self._start, self._along, self._length, self._radius_m, float(x), float(y), float(dx), float(dy)
-        )
-        return None if part < 0 else (part, nx, ny)
+    def meet(self, x: float, y: float, dx: float, dy: float) -> float:
+        """Share of a straight motion by dx, dy [m] that a disk at x, y [m] completes before it meets a wall."""
+        args = self._start, self._along, self._length, self._radius_m
+        return _share_to_wall(*args, float(x), float(y), float(dx), float(dy))
 
 
 @compiled
-def _first_wall(
+def _share_to_wall(
     start: Float[np.ndarray, "n 2"],
     along: Float[np.ndarray, "n 2"],
     lengths: Float[np.ndarray, " n"],
@@ -219,13 +163,12 @@ def _first_wall(
     y: float,
     dx: float,
     dy: float,
-) -> tuple[float, float, float]:
-    """See `_Walls.meet`; a part of -1 if the disk can go all the way."""
+) -> float:
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0:
-        return -1.0, 0.0, 0.0
+        return 1.0
     ux, uy = dx / length, dy / length
-    best, nx, ny = length, 0.0, 0.0
+    best = length
     for i in range(len(start)):
         ax, ay = along[i, 0], along[i, 1]
         wx, wy = x - start[i, 0], y - start[i, 1]
@@ -235,21 +178,14 @@ def _first_wall(
         side = 1.0 if height > 0 else -1.0 if height < 0 else 0.0
         sinking = -side * climb
         if sinking > _PARALLEL and side * height - radius < length * sinking:
-            way = max((side * height - radius) / sinking, 0.0)
-            foot = ax * (wx + way * ux) + ay * (wy + way * uy)
-            if 0 <= foot <= lengths[i] and way < best:
-                best, nx, ny = way, -side * ay, side * ax
+            reach = max((side * height - radius) / sinking, 0.0)
+            foot = ax * (wx + reach * ux) + ay * (wy + reach * uy)
+            if 0 <= foot <= lengths[i] and reach < best:
+                best = reach
 
         # Round ends: each corner is the start of one wall.
         nearing, outside = wx * ux + wy * uy, wx * wx + wy * wy - radius * radius
         square = nearing * nearing - outside
         if nearing < -_PARALLEL and square >= 0:
-            way = max(-nearing - math.sqrt(square), 0.0)
-            if way < best:
-                best = way
-                nx, ny = wx + way * ux, wy + way * uy
-                norm = math.sqrt(nx * nx + ny * ny)
-                nx, ny = nx / norm, ny / norm
-    if best < length:
-        return best / length, nx, ny
-    return -1.0, 0.0, 0.0
+            best = min(best, max(-nearing - math.sqrt(square), 0.0))
+    return best / length if best < length else 1.0

@@ -36,20 +36,10 @@ def export_mjcf(
     config: PhysicsConfig | None = None,
     pose: Float[np.ndarray, "3"] | None = None,
 ) -> Path:
-    """Write a building with a robot in it as an MJCF file, whole or not at all.
+    """Write a building with a robot in it as an MJCF file, whole or not at all; returns the path.
 
-    Args:
-        building: Its `free` area gives the walls.
-        path: The file, such as `mujoco.xml`.
-        robot: The robot's body; by default a small one.
-        config: Physics settings.
-        pose: Where the robot stands: x [m], y [m], yaw [rad] in `map`; in the widest place if not given.
-
-    Returns:
-        The path.
-
-    Raises:
-        ValueError: If the robot does not fit there, or nowhere.
+    Without a pose x [m], y [m], yaw [rad] in `map`, the robot stands in the widest place. ValueError if it does not
+    fit.
     """
     robot, config = robot or RobotConfig(), config or PhysicsConfig()
     if pose is None:
@@ -66,14 +56,7 @@ def export_mjcf(
     add_walls(spec, walls, config, origin=origin, height_m=building.height_m, body=body)
     placed = placed_solids(building, robot.height_m)
     add_walls(
-        spec,
-        placed,
-        config,
-        origin=origin,
-        height_m=robot.height_m,
-        body=body,
-        name="placed",
-        group=_HIDDEN,
+        spec, placed, config, origin=origin, height_m=robot.height_m, body=body, name="placed", group=_HIDDEN
     )
     _add_looks(spec, body, building.furnishings, origin)
     add_robot(spec, robot, config)

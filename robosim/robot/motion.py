@@ -1,7 +1,7 @@
-"""What a robot's move is: where and how fast it is meant to go, and how it went.
+"""Motions of a robot: goal, profile of speeds, and result.
 
 A move is a displacement in the robot's frame. Along it x, y and yaw advance together, as one fraction
-s(t) from 0 to 1: constant acceleration, constant speed, constant deceleration, the fastest way that keeps
+s(t) from 0 to 1: constant acceleration, constant speed, constant deceleration, the fastest motion with
 speed and acceleration of the wheels within bounds.
 Left out: bounds on jerk.
 """
@@ -15,18 +15,18 @@ from jaxtyping import Float
 
 from slam.poses import wrap
 
-#: A wall kept a robot from its goal if it ends further away than this [m], [rad].
+#: A wall stopped a robot short of its goal if it ends further away than this [m], [rad].
 BLOCKED_M, BLOCKED_RAD = 5e-3, math.radians(1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How a move went."""
+    """Result of a motion."""
 
     pose: Float[np.ndarray, "3"]
     """Pose x [m], y [m], yaw [rad] in `map` at its end."""
     collided: bool
-    """Whether a wall kept the robot from where it was sent."""
+    """Whether a wall stopped the robot short of its goal."""
     duration_s: float
     """Simulated time it took [s]."""
     penetration_m: float = 0.0
@@ -62,14 +62,14 @@ class SpeedProfile:
 
     @classmethod
     def fastest(cls, length_m: float, *, speed_mps: float, accel_mps2: float) -> "SpeedProfile":
-        """Profile of the fastest way along a length, at rest at both ends."""
+        """Profile of the fastest motion along a length, at rest at both ends."""
         ramp_s = min(speed_mps / accel_mps2, math.sqrt(length_m / accel_mps2))
         if ramp_s == 0:
             return cls(0.0, 0.0)
         return cls(length_m / (accel_mps2 * ramp_s) + ramp_s, ramp_s)
 
     def fraction(self, time_s: float) -> float:
-        """Fraction of the way done at a time [s] after the start."""
+        """Completed fraction of the motion at a time [s] after the start."""
         if time_s >= self.duration_s:
             return 1.0
         if time_s > self.duration_s / 2:
@@ -86,39 +86,33 @@ class PlannedMove:
     def __init__(
         self, start: tuple[float, float, float], displacement: Float[np.ndarray, "3"], profile: SpeedProfile
     ) -> None:
-        """Plan the way straight from a pose to the pose that a displacement leads to.
-
-        Args:
-            start: Pose x [m], y [m], yaw [rad].
-            displacement: Goal in the robot's frame at the start: dx [m], dy [m], dyaw [rad].
-            profile: How fast to go.
-        """
+        """Plan a straight motion from a pose by a displacement in the robot's frame (x [m], y [m], yaw [rad])."""
         dx, dy, self.turn_rad = (float(part) for part in displacement)
         c, s = math.cos(start[2]), math.sin(start[2])
         self.start, self.profile = start, profile
-        self.way = (c * dx - s * dy, s * dx + c * dy)
+        self.shift = (c * dx - s * dy, s * dx + c * dy)
 
     def at(self, time_s: float) -> tuple[float, float, float]:
         """Pose x [m], y [m], yaw [rad] (not wrapped) at a time [s] after the start."""
         s = self.profile.fraction(time_s)
         x, y, yaw = self.start
-        return x + s * self.way[0], y + s * self.way[1], yaw + s * self.turn_rad
+        return x + s * self.shift[0], y + s * self.shift[1], yaw + s * self.turn_rad
 
     def left(self, pose: tuple[float, float, float]) -> tuple[float, float]:
         """Distance [m] and angle [rad] from a pose to the goal."""
         x, y, yaw = self.start
-        gap = math.hypot(x + self.way[0] - pose[0], y + self.way[1] - pose[1])
+        gap = math.hypot(x + self.shift[0] - pose[0], y + self.shift[1] - pose[1])
         return gap, abs(wrap(yaw + self.turn_rad - pose[2]))
 
 
 def check_displacement(displacement: Float[np.ndarray, "3"]) -> None:
-    """Complain of a displacement that is not three finite numbers."""
+    """Raise ValueError for a displacement that is not three finite numbers."""
     if np.shape(displacement) != (3,) or not np.isfinite(displacement).all():
         raise ValueError(f"displacement = {displacement}, expected finite dx [m], dy [m], dyaw [rad].")
 
 
 def check_drive(v_mps: float, w_radps: float, duration_s: float) -> None:
-    """Complain of a drive that is not finite, or takes negative time."""
+    """Raise ValueError for a drive that is not finite, or takes negative time."""
     if not (math.isfinite(v_mps) and math.isfinite(w_radps)):
         raise ValueError(f"v_mps, w_radps = {v_mps}, {w_radps}, expected finite speeds.")
     if not (math.isfinite(duration_s) and duration_s >= 0):

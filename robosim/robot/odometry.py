@@ -1,4 +1,4 @@
-"""Noise of a LoCoBot: what it does when told, and what its odometry says it did.
+"""Noise of a LoCoBot: actuation and odometry.
 
 Active Neural SLAM fitted one distribution per action to a real robot's motions. An *actuation* sample is
 the motion itself and takes the place of the nominal one; a *sensor* sample is the odometry's error and is
@@ -6,16 +6,16 @@ added to the true motion. Both are x forward [m], y left [m], yaw counter-clockw
 frame before the move. The tables give them as published, but for actuation turned into that frame (it was
 stored right- and clockwise-positive, and the simulator's hook negated y and theta).
 
-The published numbers have two probable defects, kept in ``variant="published"`` because results were made
+The published numbers have two probable defects, present in ``variant="published"`` because results were made
 with them, undone in ``"corrected"``:
-- Heading noise of a step forward is sixty times smaller than that of turns: it looks like radians taken
-  for degrees.
+- Heading noise of a step forward is sixty times smaller than that of turns: probably radians were treated
+  as degrees.
 - Sensor y and theta were not negated as those of actuation were: so the sideways slip of turns, 2 cm, is
   seen by odometry twice, where with the other sign it would not be seen at all.
 
 Left out: covariances and second mixture components, which were not printed with the means and deviations
 used here, so components are independent Gaussians; noise of continuous driving, which was not measured. Nor was a step
-back: it is taken for a step forward driven the other way, its means negated.
+back: it is a reversed step forward, its means negated.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.1 and
 published models.
 """
@@ -68,10 +68,10 @@ class NoiseModel:
     variant: NoiseVariant = "published"
     """Numbers as published, or with their two probable defects undone."""
     exact_odometry: bool = False
-    """Whether odometry tells motions as they were; the robot still does not quite do what it is told."""
+    """Whether odometry measures motions exactly; actuation still has noise."""
 
     def actuation(self, action: Action, rng: np.random.Generator) -> Float[np.ndarray, "3"]:
-        """Motion dx [m], dy [m], dyaw [rad] that the robot makes of an action, if nothing is in the way."""
+        """Motion dx [m], dy [m], dyaw [rad] of an action without obstacles."""
         mean, deviation = self._moments(_ACTUATION, action)
         nominal = NOMINAL[action]
         return nominal + self.level * (mean + deviation * rng.standard_normal(3) - nominal)
@@ -86,7 +86,7 @@ class NoiseModel:
         return true_displacement + (0.0 if self.exact_odometry else error)
 
     def sensor_bias(self, action: Action) -> Float[np.ndarray, "3"]:
-        """Mean error of `sense` [m, m, rad]: what a calibration finds, and a mapper may subtract."""
+        """Mean error of `sense` [m, m, rad]: the result of a calibration, which a mapper may subtract."""
         return (0.0 if self.exact_odometry else self.level) * self._moments(_SENSOR, action)[0]
 
     def sense_motion(

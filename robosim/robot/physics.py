@@ -66,12 +66,7 @@ def new_spec(config: PhysicsConfig) -> mujoco.MjSpec:
 
 
 def add_floor(spec: mujoco.MjSpec, half_m: Float[np.ndarray, "2"]) -> None:
-    """Add a floor at height zero that slides with its joints `floor_x` and `floor_y`.
-
-    Args:
-        spec: Model to add to.
-        half_m: Half of its size along x and y [m], around the origin.
-    """
+    """Add a floor at height zero, of half sizes [m], that slides with its joints `floor_x` and `floor_y`."""
     # So heavy that it keeps the speed it is given, whatever the wheels do.
     floor = spec.worldbody.add_body(
         name="floor", mass=1e6, ipos=(0, 0, 0), inertia=(1.0, 1.0, 1.0), explicitinertial=True
@@ -105,17 +100,9 @@ def add_walls(
     name: str = "prism",
     group: int = 0,
 ) -> None:
-    """Add walls as upright prisms that go from below the floor to a height.
+    """Add walls as upright prisms from below the floor to a height, to a body or to the world.
 
-    Args:
-        spec: Model to add to.
-        walls: Pieces of wall in `map`.
-        config: How hard they are.
-        origin: Where the origin of the body lies in `map` [m].
-        height_m: Their upper edge [m].
-        body: What they belong to; the world if not given.
-        name: What meshes of them are called, before a number.
-        group: MuJoCo's group of geoms; viewers show 0 to 2.
+    `origin` is the body's origin in `map` [m]. Viewers show groups 0 to 2 of geoms.
     """
     body = spec.worldbody if body is None else body
     low, high = -1.0, height_m  # the hull must never meet an upper or lower edge

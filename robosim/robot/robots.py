@@ -98,7 +98,7 @@ class RobotConfig:
 
     @property
     def stall_slip_mps(self) -> float:
-        """How much faster [m/s] than it moves a wheel must be told to go for its motor to stall."""
+        """Excess of a wheel's commanded speed over its own [m/s] at which its motor stalls."""
         return self.stall_torque_nm / self.servo_gain * self.wheel_radius_m
 
     def within_reach(self, v_mps: float, w_radps: float) -> tuple[float, float]:
@@ -108,7 +108,7 @@ class RobotConfig:
         return part * v_mps, part * w_radps
 
     def profile(self, displacement: Float[np.ndarray, "3"]) -> SpeedProfile:
-        """Fastest way along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
+        """Fastest motion along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
         dx, dy, turn = displacement
         length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
         return SpeedProfile.fastest(length_m, speed_mps=self.max_speed_mps, accel_mps2=self.max_accel_mps2)
@@ -123,11 +123,7 @@ LOCOBOT = RobotConfig(
 
 
 def read_robot(path: Path) -> RobotConfig:
-    """A robot from a YAML or JSON file that has some of the fields above, such as `radius_m: 0.25`.
-
-    Raises:
-        FileError: If the file is damaged, or a field unknown or out of its bounds.
-    """
+    """A robot from a YAML or JSON file of fields such as `radius_m: 0.25`; FileError if it is damaged."""
     with reading(path, "a robot", "Give fields of RobotConfig, such as radius_m: 0.25") as file:
         parse = parse_json if path.suffix == ".json" else parse_yaml
         return from_dict(RobotConfig, parse(file.read()))

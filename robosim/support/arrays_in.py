@@ -1,8 +1,8 @@
 """NumPy files from outside: single arrays (`.npy`) and archives of them (`.npz`).
 
-What a header declares is held against the bytes that are there before any memory is asked for, and against what the
-reader expects: kinds of numbers, shapes, how large a number may be. No pickles. Of an archive only what is expected is
-unpacked. For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
+The header is compared with the bytes of the file before any memory is allocated, and with the kinds of numbers, shapes
+and bounds that the reader expects. No pickles. Only expected arrays of an archive are unpacked. For use inside of
+`robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import io
@@ -41,17 +41,11 @@ def read_npz(
     optional: Collection[str] = (),
     most_bytes: int = MOST_BYTES,
 ) -> dict[str, np.ndarray]:
-    """Arrays of an archive.
-
-    Args:
-        file: The archive.
-        expected: What each array must be, by its name; others are left alone.
-        optional: Those that may be missing, as in files of an earlier version.
-        most_bytes: How large they may be together.
+    """Arrays of an archive that are `expected`, or `optional` and present; others are ignored.
 
     Raises:
-        ValueError: In a few words, of whatever is wrong with one.
-        Exception: Whatever a damaged archive makes its reader raise.
+        ValueError: If an array is not as expected, or all together have more than `most_bytes`.
+        Exception: Any error of a reader of a damaged archive.
     """
     _check_directory(file)
     arrays: dict[str, np.ndarray] = {}
@@ -68,17 +62,13 @@ def read_npz(
             if left < 0:
                 raise ValueError(f"unpacked it has more than {most_bytes} bytes")
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                raise ValueError(f"{name} is compressed in another way than NumPy does")
+                raise ValueError(f"{name} is not compressed by NumPy's method")
             arrays[name] = checked(parse_npy(archive.read(member), name), array, name, sizes)
     return arrays
 
 
 def parse_npy(content: bytes, name: str = "the array") -> np.ndarray:
-    """The array of an `.npy` file, which may be written to.
-
-    Raises:
-        ValueError: If it is damaged, or of objects or records.
-    """
+    """The array of an `.npy` file, writable; ValueError if it is damaged, or of objects or records."""
     stream = io.BytesIO(content)
     version = npy.read_magic(stream)
     read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
@@ -87,25 +77,20 @@ def parse_npy(content: bytes, name: str = "the array") -> np.ndarray:
     shape, in_columns, kind = read_header(stream, max_header_size=_MOST_HEADER)
     if kind.kind not in "biufU" or kind.subdtype is not None:
         raise ValueError(f"{name} holds {kind}, expected plain numbers or text")
-    size, there = math.prod(shape) * kind.itemsize, len(content) - stream.tell()
+    data = stream.read()
+    size, there = math.prod(shape) * kind.itemsize, len(data)
     if min(shape, default=0) < 0 or size > there:
         raise ValueError(f"{name} is declared as {shape} of {kind}, but {there} bytes are there")
     flat = np.empty(0, kind)
     if size:
-        flat = np.frombuffer(content, kind, count=math.prod(shape), offset=stream.tell())
+        flat = np.frombuffer(data, kind, count=math.prod(shape))
     # A copy that may be written to, in the machine's own order of bytes; of truth values whatever is not 0 is true.
     array = flat.view(np.uint8) != 0 if kind.kind == "b" else flat.astype(kind.newbyteorder("="))
     return array.reshape(shape, order="F" if in_columns else "C")
 
 
 def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]) -> np.ndarray:
-    """The array, if it is as expected.
-
-    Args:
-        array: What was read.
-        expected: What it must be.
-        name: What it is called, for the message.
-        sizes: Lengths of named axes; those that it is the first to have are added.
+    """The array, if it is as expected; lengths of new named axes are added to `sizes`.
 
     Raises:
         ValueError: If it is not.
@@ -127,7 +112,7 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
         if letters.size and (letters.max() > 0x10FFFF or ((letters >= 0xD800) & (letters < 0xE000)).any()):
             raise ValueError(f"{name} is no text")
     elif expected.most is not None and array.size:
-        # NaN fails every comparison, so it is asked for what is good.
+        # NaN fails every comparison.
         low, high = float(array.min()), float(array.max())
         if not (-expected.most <= low and high <= expected.most):
             raise ValueError(f"{name} goes from {low:g} to {high:g}, expected at most {expected.most:g}")
@@ -135,39 +120,29 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
 
 
 def ragged(name: str, some: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Arrays of any length as one of a name, and their lengths as `NAME_count`.
-
-    Args:
-        name: What it is called.
-        some: The arrays.
-        empty: Shape of none.
-    """
+    """Arrays of any length as one of a name, and their lengths as `NAME_count`; `empty` is the shape of none."""
     joined = np.concatenate(some) if len(some) else np.zeros(empty)
     return {name: joined, f"{name}_count": np.array([len(one) for one in some], np.int64)}
 
 
 def parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
-    """The arrays that `ragged` has joined.
-
-    Raises:
-        ValueError: If their lengths do not sum up.
-    """
+    """The arrays that `ragged` has joined; ValueError if their lengths do not sum up."""
     joined, lengths = arrays[name], arrays[f"{name}_count"]
-    # Each is asked for before their sum, which may overflow.
+    # Each is checked before their sum, which may overflow.
     if len(lengths) and not (lengths.min() >= 0 and lengths.max() <= len(joined) == lengths.sum()):
         raise ValueError(f"the lengths of {name} do not sum up to {len(joined)}")
     return np.split(joined, np.cumsum(lengths)[:-1]) if len(lengths) else []
 
 
 def _check_directory(file: IO[bytes]) -> None:
-    """Refuse an archive whose directory alone would fill the memory."""
+    """Reject an archive whose directory alone would fill the memory."""
     file.seek(max(0, file.seek(0, io.SEEK_END) - (1 << 16)))
     tail = file.read()
     at = tail.rfind(b"PK\x05\x06")
     if at < 0 or len(tail) < at + 22:
         raise ValueError("the end of the archive is missing")
     (size,) = struct.unpack_from("<L", tail, at + 12)
-    # Archives of more than 4 GB have their directory elsewhere.
+    # Archives of more than 4 GB have their directory in another place.
     if size > _MOST_DIRECTORY or tail[:at][-20:-16] == b"PK\x06\x07":
         raise ValueError("its directory is larger than that of arrays")
     file.seek(0)

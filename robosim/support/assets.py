@@ -1,10 +1,10 @@
-"""Where the files that come with this package lie: floor plans to try things on, weights of what was learnt."""
+"""Paths of shipped files: floor plans and weights."""
 
 from pathlib import Path
 
 
 def assets_dir() -> Path:
-    """Folder of the shipped files: inside the package once installed, beside it in a source tree."""
+    """Folder of the shipped files: inside the package once installed, next to it in a source tree."""
     package = Path(__file__).resolve().parents[1]
     installed = package / "assets"
     return installed if installed.is_dir() else package.parent / "assets"

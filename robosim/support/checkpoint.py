@@ -1,4 +1,4 @@
-"""The state of a training in a file, so that it can be stopped and go on."""
+"""The state of a training in a file, so that an interrupted training resumes."""
 
 import io
 import os
@@ -19,20 +19,17 @@ class Checkpoint:
         self.path = Path(path)
 
     def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
-        """Put the state back that was saved last, if there is one.
-
-        Args:
-            put: Takes the state over; what it raises is told as damage of the file.
+        """Give the last saved state, if there is one, to `put`; errors of `put` count as damage of the file.
 
         Raises:
-            FileError: If the file is damaged, or its state is refused.
+            FileError: If the file is damaged, or its state is rejected.
         """
         if os.path.lexists(self.path):
-            with reading(self.path, "the checkpoint of a training", "Delete it to begin anew.") as file:
+            with reading(self.path, "the checkpoint of a training", "Delete it to start again.") as file:
                 put(_whole(file))
 
     def save(self, state: dict[str, Any]) -> None:
-        """Keep a state: tensors, numbers, texts, and lists and dictionaries of these."""
+        """Store a state: tensors, numbers, texts, and lists and dictionaries of these."""
         import torch
 
         buffer = io.BytesIO()
@@ -41,22 +38,17 @@ class Checkpoint:
 
 
 def _whole(file: BinaryIO) -> dict[str, Any]:
-    """What `torch.save` wrote into a file; no code in it is run.
-
-    Raises:
-        ValueError: If its bytes are not those that were written.
-        Exception: Whatever other damage makes the reader raise.
-    """
+    """Content of a file of `torch.save`, with checked sums; no code in it is run."""
     import torch
 
     with zipfile.ZipFile(file) as archive:
         if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
-            raise ValueError("it is packed in another way than PyTorch does")
-        # PyTorch itself does not look at the check sums.
+            raise ValueError("it is not packed by PyTorch")
+        # PyTorch itself does not compare the check sums.
         if (damaged := archive.testzip()) is not None:
             raise ValueError(f"the check sum of {damaged} is wrong")
     file.seek(0)
-    kept = torch.load(file, weights_only=True)
-    if not isinstance(kept, dict):
-        raise ValueError(f"a {type(kept).__name__}, expected names and values")
-    return kept
+    state = torch.load(file, weights_only=True)
+    if not isinstance(state, dict):
+        raise ValueError(f"a {type(state).__name__}, expected names and values")
+    return state

@@ -2,24 +2,9 @@
 
 from collections.abc import Collection
 
-from slam.support.checks import (
-    Range,
-    check_arguments,
-    check_choice,
-    check_number,
-    checked,
-    shown,
-)
+from slam.support.checks import Range, check_arguments, check_choice, check_number, checked, shown
 
-__all__ = [
-    "Range",
-    "check_arguments",
-    "check_choice",
-    "check_number",
-    "check_some",
-    "checked",
-    "shown",
-]
+__all__ = ["Range", "check_arguments", "check_choice", "check_number", "check_some", "checked", "shown"]
 
 #: Seeds of random numbers.
 SEED = Range(0, 2**63 - 1)
@@ -42,10 +27,6 @@ SIZE_PX = Range(8, 4096, "pixels", "Try 128.")
 
 
 def check_some(name: str, values: Collection[object], expected: str) -> None:
-    """See that there is at least one of several values.
-
-    Raises:
-        ValueError: If there is none.
-    """
+    """Raise ValueError if there is none of several values."""
     if not values:
         raise ValueError(f"{name} is empty, expected {expected}.")

@@ -22,10 +22,6 @@ def save_figure(figure: Figure, path: Path) -> None:
 
     Where matplotlib's `savefig.format` is another format, as `--figures pdf` sets it, the figure is also written in
     that one, under the same name.
-
-    Args:
-        figure: What to write.
-        path: Name of the PNG file.
     """
     for kind in dict.fromkeys(["png", plt.rcParams["savefig.format"]]):
         with whole_file(path.with_suffix(f".{kind}")) as partial, plt.rc_context({"svg.hashsalt": path.stem}):

@@ -1,8 +1,8 @@
 """Files that appear whole or not at all.
 
-What is written first lies beside its place under a hidden name, `.NAME.partial-PID.SUFFIX`. It takes its own name when
-it is whole, and is removed if it does not become so. A process that is killed leaves it; whoever works in that
-folder next removes it (`robosim.support.run_folder`).
+A file is written next to its place under a hidden name, `.NAME.partial-PID.SUFFIX`. It takes its own name when it is
+whole, and is removed after an error. A killed process leaves it, and the next command in that folder removes it
+(`robosim.support.run_folder`).
 """
 
 import io
@@ -19,7 +19,7 @@ import numpy as np
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` to write to; it takes that name when the block ends without an error."""
+    """A temporary path next to `path` to write to; it takes that name when the block ends without an error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = partial_path(path)
@@ -49,7 +49,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
-    """Errors of the disk inside the block name the file, which that of a full disk does not by itself."""
+    """Errors of the disk inside the block name the file, which the error of a full disk does not do by itself."""
     try:
         yield
     except OSError as error:
@@ -65,7 +65,7 @@ def partial_path(path: Path) -> Path:
 
 
 def remove_partials(folder: Path) -> None:
-    """Remove what processes that were killed have left in a folder and those below; no other may be at work there."""
+    """Remove partial files of killed processes in a folder and those below; no other process may work there."""
     for left in list(folder.rglob(".*.partial-*")):
         if left.is_dir() and not left.is_symlink():
             shutil.rmtree(left, ignore_errors=True)
@@ -80,12 +80,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder, each whole, in their order.
-
-    Args:
-        folder: Where to.
-        files: Contents by names, which may have folders in them.
-    """
+    """Write files into a folder, each whole, in their order; names may have folders in them."""
     for name, content in files.items():
         write_whole(folder / name, content)
 

@@ -28,14 +28,11 @@ _PLAIN: dict[Any, tuple[tuple[type, ...], str]] = {
 def from_dict(kind: type[T], values: Any, name: str = "") -> T:
     """A dataclass from keys and values; fields without a key keep their defaults.
 
-    Args:
-        kind: The dataclass.
-        values: What the file says.
-        name: What messages call it; empty for the whole of a file.
+    `name` is the name of the value in messages; it is empty for the content of a whole file.
 
     Raises:
-        ValueError: If a key is unknown or missing, a value is of another type than its field, or the dataclass
-            rejects it.
+        ValueError: If a key is unknown or missing, a value is of another type than its field, or the dataclass rejects
+            it.
         FileError: If it names code that may not be run.
     """
     if not isinstance(values, dict):

@@ -54,10 +54,7 @@ def install_first(module: str) -> str:
 
 
 def namesake() -> str | None:
-    """What to do about the other project called robosim, in one line; None where it is not installed.
-
-    None too in worker processes, whose parent has said so.
-    """
+    """How to remove the other project called robosim; None if it is not installed, and in worker processes."""
     try:
         other = distribution("robosim")
     except PackageNotFoundError:

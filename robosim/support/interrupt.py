@@ -1,8 +1,8 @@
-"""Signals that a loop asks for, rather than ones that strike anywhere in it.
+"""Signals that a loop handles where its state is complete.
 
 Python raises KeyboardInterrupt between any two instructions: in the middle of a step, which leaves half a log, or
-inside of a callback from C, where it is printed and lost. Here the first Ctrl-C is only noted, the person is told what
-it waits for, and the loop ends where it is whole. A second one raises, for whoever cannot wait.
+inside of a callback from C, where it is printed and lost. Here the first Ctrl-C is noted, a line says what is finished
+first, and the loop ends where its state is complete. A second one raises the error at once.
 """
 
 import contextlib
@@ -33,16 +33,11 @@ class Interrupt:
 
     @property
     def word(self) -> str:
-        """How what was stopped has ended."""
+        """Name of such an end in results."""
         return "terminated" if self.signal == signal.SIGTERM else "interrupted"
 
     def stop(self) -> None:
-        """End as the signal would have: to be called where the loop is whole.
-
-        Raises:
-            KeyboardInterrupt: If it was SIGINT.
-            SystemExit: If it was another.
-        """
+        """Raise KeyboardInterrupt after SIGINT, SystemExit after another signal."""
         if self.signal == signal.SIGINT:
             raise KeyboardInterrupt
         if self.is_requested:
@@ -53,11 +48,9 @@ class Interrupt:
 def noted_interrupt(
     waits_for: str, signals: tuple[signal.Signals, ...] = (signal.SIGINT,)
 ) -> Iterator[Interrupt]:
-    """Note the first signal inside of the block; outside of the main thread, which alone gets signals, none comes.
+    """Note the first signal inside of the block, and print what the loop finishes first, which is `waits_for`.
 
-    Args:
-        waits_for: What the loop will finish first, as the person is told.
-        signals: Which are noted.
+    Outside of the main thread, which alone receives signals, none comes.
     """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
@@ -78,11 +71,10 @@ def noted_interrupt(
 
 @contextmanager
 def unwinding() -> Iterator[Interrupt]:
-    """Let SIGTERM unwind the program, as Ctrl-C does, so that files that are not whole are removed on the way.
+    """Let SIGTERM unwind the program, as Ctrl-C does, so that partial files are removed.
 
-    Yields:
-        What came. A library that is being imported may swallow the interruption and fail of what is then missing: an
-        error after a signal is reported as the signal.
+    Yields the signal: a library may swallow an interruption of its import and fail later, so that an error after a
+    signal is reported as the signal.
     """
     interrupt = Interrupt()
 

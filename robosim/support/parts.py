@@ -7,7 +7,7 @@ checks and messages are made. Whatever a configuration holds for a part may be
 - `module:Name`, which is looked for in the current folder and wherever Python looks;
 - in Python, an object: the part itself, or a class or function that makes one.
 
-A class or function is called with what that kind is made from, and has to give what is asked of a part of that kind.
+A class or function is called with the inputs of its kind, and must return a part with the methods of its kind.
 
 `module:Name` counts where a person types it. Data files (maps, furnishings, storeys, layers of walls) name registered
 parts only: their readers use `Kind.name_in_data`. Suites and configurations may name code, which is imported within
@@ -58,7 +58,7 @@ class Kind:
     """What makes a part of such a file, as `module:Name`; it is called with the file's path first."""
 
     def is_name(self, part: Part) -> bool:
-        """Whether a part is told by a name, right or wrong, and not by `module:Name` or a file."""
+        """Whether a part is given by a name, right or wrong, and not by `module:Name` or a file."""
         return isinstance(part, str) and not names_code(part) and not self._is_file(part)
 
     @property
@@ -67,15 +67,7 @@ class Kind:
         return tuple(self.shipped)
 
     def check(self, field: str, part: Part) -> None:
-        """See that there is such a part; `module:Name` is imported.
-
-        Args:
-            field: What the message calls the value.
-            part: What was given.
-
-        Raises:
-            ValueError: If there is none.
-        """
+        """Raise ValueError, naming `field`, if there is no such part; `module:Name` is imported."""
         if not isinstance(part, str):
             self._check_object(field, part)
         elif names_code(part):
@@ -93,12 +85,7 @@ class Kind:
             )
 
     def name_in_data(self, field: str, value: Any, folder: Path) -> str:
-        """A part that a data file names: a registered one, or a file with its folder. Nothing is imported.
-
-        Args:
-            field: What the message calls the value.
-            value: What the file says.
-            folder: What paths are relative to.
+        """A registered part, or a file relative to `folder`, that a data file names. Nothing is imported.
 
         Raises:
             ValueError: If there is none of that name, or it is `module:Name`.
@@ -122,16 +109,10 @@ class Kind:
         return f"{', '.join(self.shipped)}, {', '.join([*files, 'or module:Name of your own'])}"
 
     def make(self, part: Part, *made_from: Any, field: str = "", **options: Any) -> Any:
-        """The part itself.
-
-        Args:
-            part: A name, `module:Name`, file or object.
-            made_from: What a class or function is called with.
-            field: What a message calls the value; that of the kind if not given.
-            options: The same by keyword.
+        """The part of a name, `module:Name` or file, or an object; classes and functions are called with `made_from`.
 
         Raises:
-            ValueError: If there is none, or what was made is no such part.
+            ValueError: If there is none, or the result is no such part; the message begins with the name `field`.
         """
         field = field or self.name
         if isinstance(part, str):
@@ -165,11 +146,9 @@ class Kind:
         return made
 
     def option(self, *more: str, metavar: str = "") -> tyro.constructors.PrimitiveConstructorSpec[Any]:
-        """How the command line takes such a part: what a field that holds one is annotated with.
+        """How the command line takes such a part, or one of the words `more`: an annotation of a field.
 
-        Args:
-            more: Other words that the field may hold.
-            metavar: What the help shows instead of all names, where another option shows them.
+        `metavar` replaces the list of all names in the help, where another option lists them.
         """
         shown_names = [*more, *self.shipped, *(f"FILE{suffix}" for suffix in self.suffixes), "MODULE:NAME"]
         return tyro.constructors.PrimitiveConstructorSpec(
@@ -226,11 +205,7 @@ def code_allowed(allowed: bool = True) -> Iterator[None]:
 
 
 def check_code_allowed(field: str, part: Part) -> None:
-    """See that a suite or configuration names no code, or may.
-
-    Raises:
-        FileError: If it names code and may not.
-    """
+    """Raise FileError if a suite or configuration names code and may not."""
     if names_code(part) and not _allowed:
         raise FileError(
             f"{field} is {shown(part)}, which names code to be run. Give --allow-code if you trust the file "
@@ -239,14 +214,9 @@ def check_code_allowed(field: str, part: Part) -> None:
 
 
 def imported(field: str, name: str) -> Any:
-    """What `module:Name` stands for.
+    """The object that `module:Name` names; ValueError, whose message begins with the name `field`, if there is none.
 
-    Args:
-        field: What the message calls the value.
-        name: Typed by a person, or of this project; of a file after `check_code_allowed` only.
-
-    Raises:
-        ValueError: If there is none.
+    The name comes from a person or from this project; names in files go through `check_code_allowed` first.
     """
     module, _, path = name.partition(":")
     ours = module.partition(".")[0] in PACKAGES
@@ -303,10 +273,9 @@ def is_part(field: "dataclasses.Field[Any]") -> bool:
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """A configuration in plain values, as `dataclasses.asdict` gives it; parts by their names.
+    """A configuration in plain values, as `dataclasses.asdict` gives it, with the names of parts.
 
-    Args:
-        config: A dataclass. A part that is an object is given by its class, and by its fields if it is a dataclass.
+    A part that is an object is given by its class, and by its fields if it is a dataclass.
     """
     plain = {}
     for field in dataclasses.fields(config):

@@ -1,7 +1,7 @@
 """Processes that are sent calls and send back results, each by a pipe of its own.
 
-Python's own pools share one pipe for all results: where a process is killed while it writes to it, whoever reads waits
-for the rest for ever, since the others hold that pipe open too. Here the end of a process is the end of its pipe.
+Python's own pools share one pipe for all results: where a process is killed while it writes, the reader waits forever
+for the rest, since the others hold that pipe open too. Here the end of a process is the end of its pipe.
 """
 
 import multiprocessing
@@ -19,7 +19,6 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from robosim.support.parts import place_in_part
@@ -28,79 +27,63 @@ from robosim.support.parts import place_in_part
 _ONE_THREAD = {
     f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB", "NUMEXPR", "NUMBA")
 }
-#: How often a process looks whether the one that started it is there still [s].
+#: Interval at which a process checks that its parent is running [s].
 _WATCH_S = 1.0
 
 
 class Processes(ThreadPoolExecutor):
-    """An executor of processes, each of which a thread here waits for."""
+    """An executor of processes, each of which belongs to a thread that waits for it."""
 
     def __init__(self, count: int) -> None:
-        """Say how many; each starts when there is a call that the others have no time for."""
+        """Each process starts when there is a call for which the others have no time."""
         super().__init__(count)
-        self._count = count
-        self._lock = threading.Lock()
-        self._killed = False
-        self._calls = 0
+        self._of_thread = threading.local()
         self._all: list[_Process] = []
-        self._idle: SimpleQueue[_Process] = SimpleQueue()
+        self._is_killed = False
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
-        """See `concurrent.futures.Executor`; the error is a BrokenProcessPool if the process is lost.
-
-        To be called in the main thread, which alone can hold Ctrl-C back from processes that start.
-        """
-        with self._lock:
-            self._calls += 1
-            if len(self._all) < min(self._calls, self._count):
-                self._all.append(_kept_one() or _Process.started())
-                self._idle.put(self._all[-1])
+        """See `concurrent.futures.Executor`; the error is a BrokenProcessPool if the process is lost."""
         return super().submit(self._work, pickle.dumps((function, args, kwargs)))
 
     def kill(self) -> None:
         """End all processes at once, whatever they do."""
-        with self._lock:
-            self._killed = True
+        with _starting:
+            self._is_killed = True
             for process in self._all:
                 process.process.kill()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """See `concurrent.futures.Executor`."""
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        if _kept is not None and wait and not self._killed:
-            _kept.extend(self._all)
+        if _spare is not None and wait and not self._is_killed:
+            _spare.extend(self._all)
         else:
             for process in self._all:
                 process.end()
         self._all.clear()
 
     def _work(self, call: bytes) -> Any:
-        process = None
+        process = getattr(self._of_thread, "process", None) or self._start()
         try:
-            process = self._an_idle_one()
             process.pipe.send_bytes(call)
-            fine, content = pickle.loads(process.pipe.recv_bytes())
+            is_result, content = pickle.loads(process.pipe.recv_bytes())
         except (EOFError, OSError) as error:
-            with self._lock:
-                self._calls -= 1
-                if process is not None:
-                    process.process.join(_WATCH_S)
-                    self._all.remove(process)
-            raise BrokenProcessPool("a process is gone") from error
-        with self._lock:
-            self._calls -= 1
-        self._idle.put(process)
-        if fine:
+            self._of_thread.process = None
+            process.process.join(_WATCH_S)
+            with suppress(ValueError):  # shut down
+                self._all.remove(process)
+            raise BrokenProcessPool("a process was killed") from error
+        if is_result:
             return content
         raise content
 
-    def _an_idle_one(self) -> "_Process":
-        while True:
-            try:
-                return self._idle.get(timeout=_WATCH_S)
-            except Empty:
-                if not self._all:
-                    raise EOFError("no process is left") from None
+    def _start(self) -> "_Process":
+        with _starting:
+            if self._is_killed:
+                raise BrokenProcessPool("all processes were killed")
+            self._of_thread.process = process = _spare_one() or _Process.start()
+            self._all.append(process)
+        return process
 
 
 class _Process(NamedTuple):
@@ -110,11 +93,11 @@ class _Process(NamedTuple):
     pipe: Connection
 
     @classmethod
-    def started(cls) -> "_Process":
+    def start(cls) -> "_Process":
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_serve, args=(there, os.getpid()), daemon=True)
-        with _one_thread(), block_ctrl_c(), _main_left_out():
+        with _one_thread(), block_ctrl_c(), _without_main():
             process.start()
         there.close()  # so that it is closed when the process ends
         return cls(process, here)
@@ -125,27 +108,29 @@ class _Process(NamedTuple):
         self.process.join()
 
 
-#: Processes that wait for more work; None where they end with the work that they were started for.
-_kept: list[_Process] | None = None
+#: Processes that wait for more work; None where they end with the work for which they were started.
+_spare: list[_Process] | None = None
+#: One thread starts a process at a time, since starting changes environment and main module.
+_starting = threading.Lock()
 
 
 @contextmanager
 def reuse_processes() -> Iterator[None]:
-    """Until the block ends, processes whose work is done wait for more: it takes each of them seconds to start."""
-    global _kept
-    before, _kept = _kept, []
+    """Until the block ends, processes whose work is done wait for more: each takes seconds to start."""
+    global _spare
+    before, _spare = _spare, []
     try:
         yield
     finally:
-        ended, _kept = _kept, before
+        ended, _spare = _spare, before
         for process in ended:
             process.end()
 
 
-def _kept_one() -> _Process | None:
+def _spare_one() -> _Process | None:
     """A process that waits, if one does and lives."""
-    while _kept:
-        process = _kept.pop()
+    while _spare:
+        process = _spare.pop()
         if process.process.is_alive():
             return process
         process.end()
@@ -153,7 +138,7 @@ def _kept_one() -> _Process | None:
 
 
 def _serve(pipe: Connection, parent: int) -> None:
-    """What a process does: answer calls until its pipe is closed."""
+    """Answer calls until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # left to the parent
     end_with_parent(parent)
     with suppress(EOFError, OSError):
@@ -163,16 +148,16 @@ def _serve(pipe: Connection, parent: int) -> None:
                 function, args, kwargs = pickle.loads(call)
                 answer = pickle.dumps((True, function(*args, **kwargs)))
             except Exception as error:
-                answer = _told(error)
+                answer = _pickled(error)
             pipe.send_bytes(answer)
-    # What libraries tidy up when Python ends takes most of a second, and nothing of it outlives a process.
-    with suppress(OSError):  # nobody listens
+    # Cleaning up of libraries takes most of a second when Python ends, and nothing outlives a process.
+    with suppress(OSError):  # no reader is left
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(0)
 
 
-def _told(error: Exception) -> bytes:
+def _pickled(error: Exception) -> bytes:
     """An error as it can be sent, with where it was raised."""
     error.add_note("".join(traceback.format_tb(error.__traceback__)).rstrip())
     place = place_in_part(error)
@@ -180,7 +165,7 @@ def _told(error: Exception) -> bytes:
         error.place_in_part = place  # type: ignore[attr-defined]
         content = pickle.dumps((False, error))
         pickle.loads(content)
-    except Exception:  # some cannot be made again from what they hold
+    except Exception:  # some errors cannot be unpickled
         plain = RuntimeError(f"{type(error).__name__}: {error}")
         plain.place_in_part = place  # type: ignore[attr-defined]
         content = pickle.dumps((False, plain))
@@ -188,11 +173,7 @@ def _told(error: Exception) -> bytes:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let this process end soon after its parent has, however that ended.
-
-    Args:
-        parent: Number of the process that started this one.
-    """
+    """Let this process end soon after its parent, whose number is given, however the parent ends."""
 
     def follow() -> None:
         while os.getppid() == parent:
@@ -229,11 +210,10 @@ def block_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def _main_left_out() -> Iterator[None]:
-    """Processes that start inside of the block do not run the script again that is running here.
+def _without_main() -> Iterator[None]:
+    """Processes that start inside of the block do not import the running script; everything is sent by value.
 
-    A new process of Python would import it, to find what it is sent there; here everything is sent by value. A script
-    without `if __name__ == "__main__"` would start an endless row of processes.
+    A script without `if __name__ == "__main__"` would start processes without end.
     """
     main = sys.modules["__main__"]
     spec, file = getattr(main, "__spec__", None), vars(main).get("__file__")

@@ -35,14 +35,7 @@ def text_column(text: str) -> ProgressColumn:
 def tracked(
     items: Iterable[T], what: str, console: Console | None, total: int | None = None
 ) -> Iterator[Iterable[T]]:
-    """The items, with a bar while the block lasts.
-
-    Args:
-        items: What the loop iterates over.
-        what: What the bar is called.
-        console: Where it is shown, if that is a terminal; None for nowhere.
-        total: Number of items, if `len` does not give it.
-    """
+    """The items, with a bar while the block lasts if the console is a terminal; `total` if `len` does not give it."""
     shown = console is not None and console.is_terminal
     columns = (text_column("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not shown) as progress:
@@ -53,11 +46,7 @@ def tracked(
 def unit_progress(console: Console, what: str, total: int, done: int = 0) -> Iterator[Callable[[str], None]]:
     """A function to call after each unit: moves a bar with the time left, or prints an occasional line in a log.
 
-    Args:
-        console: Where it is shown.
-        what: What the units are, such as "episodes".
-        total: How many there are.
-        done: How many were done before.
+    `what` names the units, such as "episodes"; `done` of the `total` were done before.
     """
     if console.is_terminal:
         columns = (

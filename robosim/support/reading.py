@@ -2,7 +2,7 @@
 
 Within `reading`, each error of a damaged file becomes one line that names the file, what is wrong and what would be
 right; the library's error is its cause. Folders, pipes, devices, dangling links and very large files are rejected
-before they are opened. `robosim.support.text_in`, `arrays_in` and `images_in` bound what a file may ask for.
+before they are opened. `robosim.support.text_in`, `arrays_in` and `images_in` bound size and content.
 """
 
 import logging
@@ -48,18 +48,13 @@ def reading(
     most_bytes: int = MOST_BYTES,
     kind: type[FileError] = FileError,
 ) -> Iterator[BinaryIO]:
-    """A regular file, open for as long as the block lasts, which is where it is taken apart and checked.
+    """A regular file, open as long as the block lasts, which parses and checks it.
 
-    Args:
-        path: The file.
-        what: What it should hold, with its article: "a mesh".
-        remedy: What to do about a damaged one: a sentence.
-        most_bytes: Size above which it is refused.
-        kind: Class of the errors.
+    `what` is its expected content with an article, such as "a mesh"; `remedy` is a sentence.
 
     Raises:
-        FileError: Of the given kind, for any failure inside and for all that is no such file. A check inside may
-            raise a ValueError of a few words, which become the reason. What names a file already passes.
+        FileError: Of the given kind, for any failure inside, and for anything but a regular file of `most_bytes` at
+            most. The words of a ValueError inside become the reason; an error that names a file passes.
     """
     number = _opened(Path(path), shown(path), what, remedy, most_bytes, kind)
     with open(number, "rb") as file, naming(path, what, remedy, kind=kind):
@@ -70,7 +65,7 @@ def reading(
 def naming(
     path: str | Path, what: str, remedy: str = _COPY, *, kind: type[FileError] = FileError
 ) -> Iterator[None]:
-    """What `reading` does with errors, for content that is taken apart after its file was closed."""
+    """The errors of `reading`, for content that is parsed after its file was closed."""
     path, name = Path(path), shown(path)
     with _quiet():
         try:
@@ -96,7 +91,7 @@ def read_bytes(
     most_bytes: int = MOST_BYTES,
     kind: type[FileError] = FileError,
 ) -> bytes:
-    """Content of a regular, not empty file; arguments and errors as of `reading`."""
+    """Content of a regular file that is not empty; arguments and errors as in `reading`."""
     with reading(path, what, remedy, most_bytes=most_bytes, kind=kind) as file:
         return file.read()
 
@@ -127,7 +122,7 @@ def one_line(text: str, most: int | None = _REASON) -> str:
 def reason_of(error: BaseException) -> str:
     """What an error of a library says of a file, in a few words."""
     if isinstance(error, MemoryError):
-        return "it asks for more memory than there is"
+        return "it needs more memory than there is"
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, UnicodeDecodeError):
@@ -142,11 +137,11 @@ def reason_of(error: BaseException) -> str:
 def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]) -> int:
     """The open file's number; its kind is checked again after opening, since another file may have taken its name."""
     try:
-        _refuse(os.stat(path), name, what, remedy, most_bytes, kind)
+        _check(os.stat(path), name, what, remedy, most_bytes, kind)
         # Without O_NONBLOCK, opening a pipe that took the file's place would wait.
         number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
-            _refuse(os.fstat(number), name, what, remedy, most_bytes, kind)
+            _check(os.fstat(number), name, what, remedy, most_bytes, kind)
         except BaseException:
             os.close(number)
             raise
@@ -162,7 +157,7 @@ def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind
         raise _named(kind(f"{name}: cannot be read ({reason_of(error)}), expected {what}."), path) from error
 
 
-def _refuse(
+def _check(
     found: os.stat_result, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]
 ) -> None:
     """Raise an error for anything but a regular file of a possible size."""

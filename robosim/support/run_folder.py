@@ -1,8 +1,8 @@
-"""Folders of results: whose they are, of which settings, and who is at work there.
+"""Folders of results: their command, their settings, and a lock.
 
-Every command that writes into a folder claims it. `settings.json` says which command that was, and for runs that go
-on after an interruption all that their results depend on: other settings are not mixed in. One process is at work in
-a folder at a time. What a killed one has left half is removed.
+Every command that writes into a folder claims it. `settings.json` names the command, and for runs that resume all that
+their results depend on: other settings are not mixed in. One process is at work in a folder at a time. Partial files of
+a killed one are removed.
 """
 
 import contextlib
@@ -29,17 +29,13 @@ class FolderError(ValueError):
 def run_folder(
     folder: Path, command: str, settings: Mapping[str, Any] | None = None, *, grows: tuple[str, ...] = ()
 ) -> Iterator[Path]:
-    """Work in a folder alone.
+    """Work in a folder alone; it is made if it is missing, and removed again if it stays empty.
 
-    Args:
-        folder: The folder, made if it is missing; removed again if nothing came of the work.
-        command: What is at work, such as "dataset".
-        settings: All that results depend on, if the run goes on from what it finds.
-        grows: Settings that are dictionaries to which a later run may add, or of which it may ask for a part.
+    `settings` hold everything that results depend on, if the run resumes. `grows` names settings that are dictionaries
+    to which a later run may add keys, or of which it may need only some.
 
     Raises:
-        FolderError: If the folder cannot be used, is in use, or holds results of another command or of other
-            settings.
+        FolderError: If the folder cannot be used, is in use, or holds results of another command or of other settings.
     """
     folder = Path(folder)
     check_folder(folder, command)
@@ -48,14 +44,14 @@ def run_folder(
         try:
             ours = (folder / SETTINGS).exists()
             before = set() if ours else set(_results(folder))
-            if _kept(folder) is not None:
+            if _stored(folder) is not None:
                 remove_partials(folder)
             _settle(folder, command, settings, grows)
             try:
                 yield folder
             except BaseException:
                 if not ours and set(_results(folder)) == before:
-                    (folder / SETTINGS).unlink(missing_ok=True)  # somebody's folder stays as it was
+                    (folder / SETTINGS).unlink(missing_ok=True)  # a user's folder stays as it was
                 raise
         finally:
             if not _holds_results(folder):
@@ -65,11 +61,7 @@ def run_folder(
 
 
 def check_folder(folder: Path, command: str) -> None:
-    """See whether a command can write its results into a folder, and change nothing.
-
-    Raises:
-        FolderError: If it cannot.
-    """
+    """Raise FolderError if a command cannot write its results into a folder; nothing is changed."""
     folder = Path(folder)
     at = folder
     while not _exists(at):
@@ -78,26 +70,12 @@ def check_folder(folder: Path, command: str) -> None:
         raise FolderError(f"out is {str(folder)!r}, but {str(at)!r} is no folder. Choose another.")
     if not os.access(at, os.W_OK | os.X_OK):
         raise FolderError(f"out is {str(folder)!r}, but you may not write to {str(at)!r}. Choose another.")
-    there = _kept(folder)
+    there = _stored(folder)
     if there is not None and there["command"] != command and _holds_results(folder):
         raise FolderError(
             f"out is {str(folder)!r}, which holds the results of `robosim {one_line(there['command'], 80)}`. "
             f"Choose another folder for `robosim {command}`."
         )
-
-
-def read_settings(folder: Path, command: str) -> dict[str, Any]:
-    """What results in a folder depend on.
-
-    Raises:
-        FolderError: If it holds none of that command.
-    """
-    there = _kept(Path(folder))
-    if there is None or there["command"] != command:
-        raise FolderError(
-            f"{Path(folder) / SETTINGS}: not there, or not of `robosim {command}`. Give a folder that it wrote."
-        )
-    return dict(there["settings"])
 
 
 def _exists(path: Path) -> bool:
@@ -131,18 +109,18 @@ def _remove_empty(folder: Path) -> None:
 def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grows: tuple[str, ...]) -> None:
     """Note command and settings, or find the same ones."""
     now: dict[str, Any] = json.loads(json.dumps(plain(dict(settings or {})), allow_nan=False))
-    there = _kept(folder)
+    there = _stored(folder)
     if there is None and (folder / SETTINGS).exists():
         raise FolderError(
-            f"{folder / SETTINGS}: does not say of which command and settings the files beside it are. Choose another "
+            f"{folder / SETTINGS}: does not say of which command and settings the files next to it are. Choose another "
             "folder, or empty this one."
         )
     if there is not None and settings is not None and _holds_results(folder):
         before = there["settings"]
-        if told := _difference(before, now, grows):
+        if difference := _difference(before, now, grows):
             raise FolderError(
-                f"{shown(folder)} holds results of other settings: {one_line(told, 400)}. Choose another folder, or "
-                "the same settings."
+                f"{shown(folder)} holds results of other settings: {one_line(difference, 400)}. Choose another folder, "
+                "or the same settings."
             )
         for name in grows:
             now[name] = {**before.get(name, {}), **now[name]}
@@ -150,7 +128,7 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
         write_json(folder / SETTINGS, {"command": command, "settings": now})
 
 
-def _kept(folder: Path) -> dict[str, Any] | None:
+def _stored(folder: Path) -> dict[str, Any] | None:
     """What `settings.json` says, if it is one of ours."""
     try:
         there = read_json(folder / SETTINGS, "settings", keys=("command", "settings"))

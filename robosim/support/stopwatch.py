@@ -15,11 +15,7 @@ class Stopwatch:
     """Adds up the time spent in named stages."""
 
     def __init__(self, clock: Callable[[], float] = perf_counter) -> None:
-        """Nothing measured so far.
-
-        Args:
-            clock: What tells the time [s]; `time.process_time` counts the work of this process, whatever else runs.
-        """
+        """Start with nothing; `clock` gives the time [s], such as `time.process_time`."""
         self._clock = clock
         self.seconds: defaultdict[str, float] = defaultdict(float)
 

@@ -1,14 +1,12 @@
 """JSON, YAML and rows of numbers from files, bounded in nesting, digits and number of values.
 
-In YAML an alias counts as all values that it stands for, since lists of aliases of lists of aliases ("billion laughs")
-are small files of exponential content. Of YAML's types those of JSON are known. For use inside of
-`robosim.support.reading.reading`, which adds the file's name to what is raised.
+YAML has the types of JSON, and neither aliases, of which small files of exponential content are made, nor tags. For use
+inside of `robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -24,20 +22,12 @@ MOST_JSON, MOST_YAML = 16_000_000, 600_000
 MOST_DEEP = 40
 MOST_DIGITS = 40
 _TOO_LONG = re.compile(rb"(?<![0-9.])[0-9]{%d}" % (MOST_DIGITS + 1))
-#: Values of a YAML file, those that aliases stand for counted each time.
+#: Values of a YAML file: so many take ten seconds.
 _MOST_VALUES = 150_000
 
 
 def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
-    """What a JSON text in UTF-8 says.
-
-    Args:
-        content: The text.
-        numbers: "any" takes NaN and Infinity too, which are not JSON's.
-
-    Raises:
-        ValueError: In a few words, of whatever is wrong with it.
-    """
+    """The value of a JSON text in UTF-8; `numbers="any"` accepts NaN and Infinity too, which JSON lacks."""
     if _TOO_LONG.search(content):
         raise ValueError(f"a whole number of more than {MOST_DIGITS} digits")
     constant, real = (None, None) if numbers == "any" else (_no_number, _real)
@@ -49,31 +39,13 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
 def read_json(
     path: str | Path, what: str, remedy: str = "Copy or export it again.", *, keys: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """What a JSON file with keys and values says.
-
-    Args:
-        path: The file.
-        what: What it should hold, with its article.
-        remedy: What to do about a damaged one.
-        keys: Those that it must have.
-
-    Raises:
-        FileError: If it is damaged, or no regular file.
-    """
+    """The dictionary of a JSON file with some `keys`; `what` and `remedy` as in `reading`."""
     with reading(path, what, remedy, most_bytes=MOST_JSON) as file:
         return check_object(parse_json(file.read()), keys)
 
 
 def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
-    """What a YAML text says.
-
-    Args:
-        content: The text.
-        as_text: Leaves numbers and truth values as text.
-
-    Raises:
-        ValueError: In a few words, of whatever is wrong with it.
-    """
+    """The value of a YAML text; `as_text` leaves numbers and truth values as text."""
     try:
         value = yaml.load(content, Loader=_TextLoader if as_text else _ValueLoader)
         _check_depth(value)
@@ -85,7 +57,7 @@ def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
 
 
 def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
-    """Lines, from 1 on, and their numbers, NaN and infinite ones too; without empty lines and those that begin with #.
+    """Numbers of lines, from 1, and of their values; empty lines and lines that begin with # are left out.
 
     Raises:
         ValueError: With the line, if a word in it is not a number.
@@ -117,11 +89,7 @@ def check_rising(lines: list[int], times: Float[np.ndarray, " n"]) -> None:
 
 
 def check_object(value: Any, keys: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The value, if it is a dictionary with these keys.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """The value, if it is a dictionary with these keys; else ValueError."""
     if not isinstance(value, dict):
         raise ValueError(f"a {type(value).__name__}, expected keys and values")
     if missing := [key for key in keys if key not in value]:
@@ -160,70 +128,39 @@ def _problem(what: str, at: Any) -> yaml.MarkedYAMLError:
 
 
 class _TextLoader(yaml.BaseLoader):
-    """Text, lists and dictionaries; a document of bounded depth and size."""
+    """Text, lists and dictionaries, of bounded depth and number, without aliases and tags."""
 
     def __init__(self, stream: bytes) -> None:
         super().__init__(stream)
-        self._deep = 0
-        self._values = 0
-        self._values_of: dict[str, int] = {}
+        self._depth = self._values = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()  # type: ignore[no-untyped-call]
-        if isinstance(event, yaml.AliasEvent):
-            # One that stands for what it lies in is not known yet.
-            if event.anchor not in self._values_of:
-                raise _problem(f"*{event.anchor} stands for nothing before it", event)
-            self._count(self._values_of[event.anchor], event)
-            return super().compose_node(parent, index)
-        before, deeper = self._values, isinstance(event, yaml.CollectionStartEvent)
-        self._count(1, event)
-        self._deep += deeper
-        if self._deep > MOST_DEEP:
+        if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
+            raise _problem("anchors and aliases are not supported", event)
+        if event.tag is not None:
+            raise _problem("tags are not supported", event)
+        self._values, self._depth = self._values + 1, self._depth + 1
+        if self._values > _MOST_VALUES:
+            raise _problem(f"more than {_MOST_VALUES} values", event)
+        if self._depth > MOST_DEEP + 1:
             raise _problem(f"nested more than {MOST_DEEP} deep", event)
         node = super().compose_node(parent, index)
-        self._deep -= deeper
-        if event.anchor is not None:
-            self._values_of[event.anchor] = self._values - before
+        self._depth -= 1
         return node
-
-    def _count(self, more: int, event: Any) -> None:
-        self._values += more
-        if self._values > _MOST_VALUES:
-            raise _problem(f"more than {_MOST_VALUES} values, counting what aliases stand for", event)
 
 
 class _ValueLoader(_TextLoader, yaml.SafeLoader):
-    """JSON's types; dates stay text, and other tags are rejected."""
+    """JSON's types; dates stay text."""
 
     def construct_yaml_int(self, node: Any) -> int:
-        digits = self.construct_scalar(node)
-        if len(digits) > MOST_DIGITS:
-            raise _problem(f"a whole number of {len(digits)} digits", node)
-        return self._number(super().construct_yaml_int, node)
-
-    def construct_yaml_float(self, node: Any) -> float:
-        return self._number(super().construct_yaml_float, node)
-
-    def construct_yaml_bool(self, node: Any) -> bool:
-        return self._number(super().construct_yaml_bool, node)
-
-    def _number(self, construct: Callable[[Any], Any], node: Any) -> Any:
-        try:
-            return construct(node)
-        except (ValueError, KeyError, IndexError, OverflowError) as error:
-            raise _problem(f"{node.value[:MOST_DIGITS]!r} is tagged as what it is not", node) from error
+        if len(node.value) > MOST_DIGITS:
+            raise _problem(f"a whole number of {len(node.value)} digits", node)
+        return super().construct_yaml_int(node)
 
 
-_TAG = "tag:yaml.org,2002:"
 _ValueLoader.yaml_implicit_resolvers = {
-    letter: [(tag, pattern) for tag, pattern in resolvers if tag != f"{_TAG}timestamp"]
+    letter: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
     for letter, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_ValueLoader.yaml_constructors = {
-    **{
-        f"{_TAG}{name}": getattr(_ValueLoader, f"construct_yaml_{name}")
-        for name in ("null", "bool", "int", "float", "str", "seq", "map")
-    },
-    None: yaml.SafeLoader.construct_undefined,
-}
+_ValueLoader.add_constructor("tag:yaml.org,2002:int", _ValueLoader.construct_yaml_int)

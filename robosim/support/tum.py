@@ -31,11 +31,7 @@ def write_tum(path: Path, times: Float[np.ndarray, " n"], poses: Float[np.ndarra
 
 
 def read_tum(path: Path) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-    """Times [s], rising, and poses x [m], y [m], yaw [rad].
-
-    Raises:
-        FileError: If the file is damaged, or no such trajectory.
-    """
+    """Times [s], rising, and poses x [m], y [m], yaw [rad]; FileError if the file is damaged, or no such trajectory."""
     remedy = "Give lines of: timestamp x y z qx qy qz qw"
     with reading(path, "a trajectory", remedy) as file:
         lines, rows = number_rows(file.read())
@@ -53,11 +49,7 @@ def read_tum(path: Path) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 
 
 
 def _yaw(path: Path, lines: list[int], quaternion: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:
-    """Headings [rad] of robots on a floor from quaternions (qx, qy, qz, qw), which are normalised.
-
-    Raises:
-        ValueError: With the first line whose quaternion is far from unit length, or tips the robot over.
-    """
+    """Yaw [rad] of robots on a floor from quaternions (qx, qy, qz, qw), which are normalised."""
     length = np.linalg.norm(quaternion, axis=1)
     off = np.abs(length - 1) > _OFF_UNIT
     if off.any():

@@ -1,12 +1,11 @@
-"""Processes that work on many calls, here or on a cluster: what every sweep of this project runs on.
+"""Worker processes for many calls, on this machine or on a cluster; all sweeps use them.
 
-Each process has one thread, so that how arrays are multiplied, and with it every result, does not depend on how many
-processes there are. Results are handed back as they come, and the caller writes them: processes of a cluster
-need no common folder.
+Each process has one thread, so that results do not depend on the number of processes. The caller receives results as
+they come and writes them: processes of a cluster need no common folder.
 
-- Ctrl-C: calls that are running are finished and handed back, no others begin. Pressed again, it ends at once.
-- A process that is killed, as by a machine out of memory, loses its call. The others go on, with a new process, and
-  in the end a `WorkerLost` says so. On a cluster such calls are run again by another process.
+- Ctrl-C: running calls are finished, and no others begin. A second Ctrl-C ends the sweep at once.
+- A killed process, as by a machine out of memory, loses its call. The others continue, with a new process, and at the
+  end `WorkerLost` is raised. On a cluster another process runs such calls again.
 - Processes never outlive the one that started them, however that ends.
 """
 
@@ -35,16 +34,9 @@ class Workers:
     def __init__(
         self, count: int, cluster: str | None = None, *, what: str = "calls", resumable: bool = False
     ) -> None:
-        """Say how many, or where.
+        """Processes on this machine, or the workers of the dask scheduler at the address `cluster`.
 
-        Args:
-            count: Processes at once on this machine.
-            cluster: Address of a dask scheduler whose workers are used instead.
-            what: What the calls make, for messages.
-            resumable: Whether a call goes on by itself where it was stopped, so that Ctrl-C need not wait for it.
-
-        Raises:
-            ValueError: If the count is less than 1.
+        `what` names the calls in messages. Calls that are `resumable` are stopped by Ctrl-C at once.
         """
         if count < 1:
             raise ValueError(f"workers is {count}, expected at least one process.")
@@ -72,20 +64,14 @@ class Workers:
     def run(
         self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Any]]:
-        """Call a function many times.
+        """Call a function with each of some arguments; yields numbers of calls and their results, as they come.
 
-        Args:
-            function: What to call. It and its arguments are pickled by value where need be, so that those of
-                a script or a notebook will do.
-            calls: Arguments of each call.
-
-        Yields:
-            Number of a call, and its result, as they come.
+        Functions and arguments are pickled by value where necessary, so that those of a script or a notebook work.
 
         Raises:
-            KeyboardInterrupt: After Ctrl-C, when the calls that were running have been handed back.
+            KeyboardInterrupt: After Ctrl-C, when all running calls are finished.
             WorkerLost: At the end, if processes were killed; or at once, if no new one stays alive.
-            Exception: What a call raises.
+            Exception: The first error of a call.
         """
         waiting = enumerate(calls)
         running: dict[Future[Any], int] = {}
@@ -121,7 +107,7 @@ class Workers:
         if lost:
             raise WorkerLost(
                 f"a worker process was killed, perhaps for lack of memory: {lost} of the {self._what} are lost. "
-                "What was finished is kept: give the same command again, perhaps with fewer --workers."
+                "Finished parts are saved: give the same command again, perhaps with fewer --workers."
             )
 
     def in_order(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> list[Any]:
@@ -130,7 +116,7 @@ class Workers:
         return [found[number] for number in sorted(found)]
 
     def _window(self) -> int:
-        """Calls that are handed out at a time: they take seconds, so that none need wait in a process."""
+        """Number of calls in progress: they take seconds, so that none has to wait in a process."""
         return self._count if self._client is None else 2 * max(1, sum(self._client.ncores().values()))
 
     def _submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
@@ -151,7 +137,7 @@ class Workers:
 
 
 def _is_loss(error: Exception) -> bool:
-    """Whether an error says that a process is gone; dask says so after it has tried three of them."""
+    """Whether a process was killed; dask raises its error after three processes."""
     return isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker"
 
 

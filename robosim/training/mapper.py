@@ -16,8 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from robosim.datasets.collect import CollectConfig, collect
-from robosim.datasets.shards import read_shard
+from robosim.datasets.collect import CollectConfig, collect, read_shard
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robosim.camera.model import CameraConfig
-from robosim.environments.route_guide import route_action
+from robosim.environments.places import route_action
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.policies.search_network import (
@@ -43,7 +43,7 @@ class Walks:
     targets: int
     """Number of target positions in each home."""
     difficulty: float
-    """See `robosim.environments.curriculum`."""
+    """See `robosim.environments.search`."""
     steps: int
     """Largest number of steps of a search."""
     seed: int

@@ -19,9 +19,9 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.link import RadioLink
+from robosim.radio.receivers import random_transmitters
 from robosim.radio.table import RadioTable
 from robosim.radio.table_reader import read_paths
-from robosim.radio.transmitters import random_transmitters
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.progress import tracked

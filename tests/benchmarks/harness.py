@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robosim.evaluation.manifest import code_digest
+from robosim.evaluation.evaluate import code_digest
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.figures import save_figure

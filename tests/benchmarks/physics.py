@@ -51,9 +51,8 @@ def main(
             drive(
                 building, f"{plan.name}, MuJoCo {1e3 * timestep_s:g} ms", world, legs, options.seed, results
             )
-        for slide, name in ((False, "kinematic"), (True, "kinematic, sliding")):
-            twin = KinematicWorld(building, robot=RobotConfig(), slide=slide)
-            drive(building, f"{plan.name}, {name}", twin, legs, options.seed, results)
+        twin = KinematicWorld(building, robot=RobotConfig())
+        drive(building, f"{plan.name}, kinematic", twin, legs, options.seed, results)
     return options.finish("physics", results)
 
 

@@ -12,12 +12,18 @@ from jaxtyping import Float
 from scipy.constants import speed_of_light
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.published.measured_paths import read_measured_paths
+from robosim.published.measured_paths import MeasuredHall, read_measured_paths
 from robosim.support.progress import tracked
 from slam.poses import wrap
 from tests.benchmarks.harness import DEFAULT, Options, console
 from tests.benchmarks.results import Results
-from wireless.positioning.single_bounce import Located, PositioningConfig, locate, locate_together
+from wireless.positioning.single_bounce import (
+    Located,
+    MeasuredPaths,
+    PositioningConfig,
+    locate,
+    locate_together,
+)
 
 #: Errors of Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), on the same paths.
 PUBLISHED = {"RMSE": (0.36, "m", 2), "RMSE of the heading": (2.0, "°", 1)}
@@ -36,21 +42,40 @@ def main(
         options: Of every benchmark.
     """
     hall, config, results = read_measured_paths(paths, np.radians(turn_deg)), PositioningConfig(), Results()
-    seen = [place.seen_from_transmitter for place in hall.places]
+    seen = seen_from_transmitter(hall)
     with tracked(seen, "each place alone", console) as places:
         alone = [locate(place, config) for place in places]
     with tracked(seen, "clock known", console) as places:
         timed = [locate(place, config, offset_m=0.0) for place in places]
-    truth = np.array([place.receiver for place in hall.places])
+    truth = hall.receivers
     add_errors(results, "receiver, each place alone, clock unknown", alone, truth)
     add_errors(results, "receiver, clock known", timed, truth)
     together = locate_together(seen, config)
     add_errors(results, "receiver, one unknown clock for all places", together, truth)
-    transmitter = [locate(hall.seen_from_receiver, config)]
+    transmitter = [locate(seen_from_receiver(hall), config)]
     add_errors(results, "transmitter, from all places, clock unknown", transmitter, hall.transmitter[None])
     for name, (value, unit, digits) in PUBLISHED.items():
         results.add("places", "receiver, each place alone, published", name, value, unit, digits=digits)
     return options.finish("positioning", results)
+
+
+def seen_from_transmitter(hall: MeasuredHall) -> list[MeasuredPaths]:
+    """Paths of each place, which locate the receiver; the transmitter is known."""
+    places = [hall.table[hall.table[:, 0] == number] for number in np.unique(hall.table[:, 0])]
+    return [
+        MeasuredPaths(
+            known_xy=rows[:, 1:3], known_rad=rows[:, 3] + rows[:, 8], own_rad=rows[:, 9], length_m=rows[:, 7]
+        )
+        for rows in places
+    ]
+
+
+def seen_from_receiver(hall: MeasuredHall) -> MeasuredPaths:
+    """All paths, which locate the transmitter; the receivers are known."""
+    rows = hall.table
+    return MeasuredPaths(
+        known_xy=rows[:, 4:6], known_rad=rows[:, 6] + rows[:, 9], own_rad=rows[:, 8], length_m=rows[:, 7]
+    )
 
 
 def add_errors(results: Results, row: str, found: Sequence[Located], truth: Float[np.ndarray, "n 3"]) -> None:

@@ -31,7 +31,8 @@ from robosim.recording.episode_file import RecordedEpisode
 from robosim.robot.robots import RobotConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.reading import FileError, shown
-from robosim.support.run_folder import read_settings
+from robosim.support.run_folder import SETTINGS
+from robosim.support.text_in import read_json
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
 from wireless.paths import LinkState
@@ -77,7 +78,7 @@ def main(evaluation: Positional[Path], *, options: OmitArgPrefixes[Options] = DE
         for place, difficulty in enumerate(CLASSES):
             results.add(name, "published, los-or-first", difficulty, PUBLISHED_TIMES[place][column], digits=2)
     add_ratios(scored, results)
-    settings = read_settings(evaluation, "evaluate")["episode"]
+    settings = read_json(evaluation / SETTINGS, "settings of an evaluation")["settings"]["episode"]
     building = from_dict(BuildingConfig, settings["building"], "building")
     robot = from_dict(RobotConfig, settings["simulator"]["robot"], "robot")
     suite = read_suite(evaluation / "suite.yaml")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.generator.canvas import Canvas
-from robosim.generator.rect import Rect
+from robosim.generator.canvas import Canvas, Rect
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from tests.benchmarks.plan_statistics import ks_distance, perimeter_m, plan_statistics
 from tests.benchmarks.rooms import clearance, find_rooms

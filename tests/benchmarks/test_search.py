@@ -6,7 +6,7 @@ import pytest
 from robosim.building.building import BuildingConfig
 from robosim.evaluation.suite import Suite
 from robosim.plans.files import write_ros
-from tests import kept
+from tests import stored_episodes
 from tests.benchmarks.search import EXPLORED, progress
 from tests.plans import room
 from tests.steps import write_episode
@@ -28,7 +28,7 @@ def counted(tmp_path):
         x = 4.0 + toward * STRIDE_M * np.arange(STEPS + 1)
         poses = np.column_stack([x, np.full(STEPS + 1, 2.0), np.zeros(STEPS + 1)])
         goals = np.repeat(poses[:STEPS:5, :2] + (ahead_m, 0.0), 5, axis=0)
-        row = kept.row("hall", len(rows), policy, (7.0, 2.0), steps=STEPS)
+        row = stored_episodes.row("hall", len(rows), policy, (7.0, 2.0), steps=STEPS)
         path = tmp_path / "episodes" / "hall" / f"{len(rows):03d}-{policy}-0.npz"
         write_episode(path, row, poses, goals=goals, state=state, snr_db=snr_db)
         rows.append(row)

@@ -238,10 +238,7 @@ def test_objects_stand_in_for_names():
             "--robot nobody.yaml",
             "robot is 'nobody.yaml', but there is no such file. Known without a file: turtlebot",
         ),
-        (
-            "--robot broken.yaml",
-            "broken.yaml: not readable as a robot (a key is 'legs'. Known: ",
-        ),
+        ("--robot broken.yaml", "broken.yaml: not readable as a robot (a key is 'legs'. Known: "),
         ("--building.wall-material mine:BORD", "'mine' has no 'BORD'. Did you mean 'BOARD'?"),
         ("--config mine.py", "mine.py"),
         ("--config broken.yaml", "broken.yaml"),

@@ -93,7 +93,7 @@ def test_a_transmitter_in_a_part_of_its_own_is_told(tmp_path, capsys):
     write_ros(type(plan)(occupancy=occupancy, resolution_m=0.05, name="apart"), tmp_path / "apart.yaml")
     main(f"trace {tmp_path}/apart.yaml --tx 1,2 --grid 0.5 --no-plots --out {tmp_path}/out".split())
     said = re.sub(r"\s+", " ", capsys.readouterr().out)
-    assert "tx (1, 2) is in a part of 7.5 m2 with no way to the largest one, of 9.0 m2" in said
+    assert "tx (1, 2) is in a part of 7.5 m2 without a passage to the largest one, of 9.0 m2" in said
     paths = Paths.read_parquet(tmp_path / "out" / "paths.parquet")
     assert (paths.link_state()[0][paths.rx_position[:, 0] > 3.1] == LinkState.OUTAGE).all()
 
@@ -102,7 +102,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("robosim.datasets.trace.LinkGrid.trace", interrupted)
+    monkeypatch.setattr("robosim.datasets.trace.trace_grid", interrupted)
     with pytest.raises(SystemExit) as stop:
         main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
     assert stop.value.code == 130

@@ -21,7 +21,7 @@ from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_formats import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.manifest import settings_of
+from robosim.evaluation.evaluate import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.layers import Layer
 from robosim.plans.files import write_png, write_ros
@@ -44,12 +44,12 @@ from slam.actions import Action
 from slam.control.learned import INPUTS
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.odometry import calibrated
-from tests import kept
+from tests import stored_episodes
 from tests.fuzz.checkpoint_seeds import checkpoints
 from tests.fuzz.trees import CANARY
 from tests.plans import two_rooms
 from tests.robosim.plans.formats import test_polygons
-from tests.robot_logs import WAY, Drive
+from tests.robot_logs import ROUTE, Drive
 from tests.steps import measurement, step
 from wireless.estimates import PathEstimates
 from wireless.formats.link_records import link_table, write_links
@@ -276,7 +276,7 @@ def episode(folder: Path) -> None:
                 state=LinkState.OUTAGE,
             )
         )
-    row = kept.row("pair", 0, "fused", TARGET, steps=5)
+    row = stored_episodes.row("pair", 0, "fused", TARGET, steps=5)
     content = writer.content(Head(row=row, seeks_target=True), np.ones(3), 0.5, _estimate())
     write_whole(_into(folder, "episode") / EPISODE, content)
 
@@ -287,7 +287,7 @@ def _episode(task: int, policy: str, steps: int) -> bytes:
         link = measurement((*at, 0.5), LinkState.FIRST_ORDER, [0.1], [20.0]) if policy != "oracle" else None
         state = None if policy == "oracle" else LinkState.HIGHER_ORDER
         writer.add(step(i, pose=(*at, 0.5), goal=at + 0.6, measured=link, state=state, reason=ARRIVAL))
-    row = kept.row("pair", task, policy, TARGET, steps=steps)
+    row = stored_episodes.row("pair", task, policy, TARGET, steps=steps)
     timing = {"wall": 1.0, "decisions_per_s": 9.0}
     head = Head(row=row, seeks_target=True, timing=timing, made_by="0123")
     return writer.content(head, np.array([*TARGET, 0.5]), 0.5, _estimate())
@@ -398,7 +398,7 @@ def arrays(folder: Path) -> None:
 
 def logs(folder: Path) -> None:
     """Logs of a real robot in every format."""
-    Drive(WAY[:8], 31).write_all(_into(folder, "logs"))
+    Drive(ROUTE[:8], 31).write_all(_into(folder, "logs"))
 
 
 def robots(folder: Path) -> None:

@@ -19,7 +19,7 @@ from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
 from robosim.environments.collect import collect_searches
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.manifest import settings_of
+from robosim.evaluation.evaluate import settings_of
 from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
@@ -32,13 +32,13 @@ from robosim.plans.formats.furnishing_file import furnishing_from_file, read_fur
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
 from robosim.published.measured_paths import read_measured_paths
-from robosim.radio.link_state import read_classifier
+from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
 from robosim.robot.robots import read_robot
 from robosim.support.checkpoint import Checkpoint
-from robosim.support.run_folder import read_settings, run_folder
+from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume
 from robosim.training.generated_links import read_homes
@@ -173,7 +173,6 @@ def _settings(folder: Path, file: Path) -> None:
     settings = settings_of(read_suite(folder / "suite.json"), EpisodeConfig())
     with run_folder(folder, "evaluate", settings, grows=("plans", "tasks")):
         pass
-    read_settings(folder, "evaluate")
 
 
 def _shard(folder: Path, file: Path) -> None:
@@ -393,7 +392,7 @@ TARGETS: dict[str, Target] = {
     "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
     "steering": Target("weights-steering", "*.s*", lambda folder, file: load_steering(file, ControlConfig()), 0.5),
     "search": Target("weights-search", "*.s*", lambda folder, file: load_search(file), 0.5),
-    "link states": Target("weights-link-state", "*", lambda folder, file: read_classifier(folder / "a.safetensors")),
+    "link states": Target("weights-link-state", "*", lambda folder, file: classifier_of_file(folder / "a.safetensors")),
     "log": Target("episode", "*", _log, 3),
     "suite": Target("evaluation", "suite.*", _suite, 2),
     "settings": Target("evaluation", "settings.json", _settings, names="results of"),

@@ -13,8 +13,7 @@ import pytest
 import robosim
 import slam.support.checks
 import wireless.support.ranges
-from robosim.commands.radio import RadioOptions
-from robosim.commands.shared_options import PlanOptions
+from robosim.commands.shared_options import PlanOptions, RadioOptions
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import configured
@@ -97,7 +96,7 @@ def make(kind: type, **values: Any) -> None:
     """Make a configuration; options of commands check what they stand for when they are asked for it."""
     made = kind(**{**NEEDED.get(kind.__name__, {}), **values})
     if kind is RadioOptions:
-        made.config(0.0)
+        made.config()
 
 
 def test_ranges_of_two_packages_are_never_equal():

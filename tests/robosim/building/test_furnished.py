@@ -22,9 +22,8 @@ from robosim.plans.floorplan import MapError
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import Table, make_piece
 from robosim.policies.shortest import TrueMapper
-from robosim.radio.receivers import receiver_grid
+from robosim.radio.receivers import random_transmitters, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
-from robosim.radio.transmitters import random_transmitters
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.mjcf import export_mjcf

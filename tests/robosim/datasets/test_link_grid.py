@@ -1,13 +1,14 @@
 """Grids of links traced piece by piece: the same as in one go, whatever happens in between."""
 
 from dataclasses import fields
+from functools import partial
 
 import numpy as np
 import pytest
 
 from robosim.building.building import BuildingConfig
-from robosim.datasets import link_grid
-from robosim.datasets.link_grid import LinkGrid
+from robosim.datasets import trace
+from robosim.datasets.trace import trace_grid
 from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from tests.plans import two_rooms
@@ -22,7 +23,7 @@ TX = np.array([[1.0, 1.4, 1.5], [4.0, 2.1, 1.2], [5.5, 0.6, 1.5]])
 def small_units():
     """Some units of receivers, the last one smaller, for each of three transmitters."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(link_grid, "UNIT_RX", 16)
+        patch.setattr(trace, "UNIT_RX", 16)
         yield
 
 
@@ -38,7 +39,7 @@ def rx(scene):
 
 @pytest.fixture
 def links(rx):
-    return LinkGrid(two_rooms(0.8), CONFIG, GRID_M, TX, rx)
+    return partial(trace_grid, two_rooms(0.8), CONFIG, GRID_M, TX, rx)
 
 
 def same(a: Paths, b: Paths) -> bool:
@@ -51,7 +52,7 @@ def same(a: Paths, b: Paths) -> bool:
 def test_units_joined_are_the_paths_traced_at_once(links, scene, rx, tmp_path):
     """All columns bit for bit, in the same order, though no unit knew of the others' receivers."""
     assert len(rx) % 16
-    path = links.trace(tmp_path, workers=1)
+    path = links(tmp_path, workers=1)
     at_once = scene.tracer.trace(TX, rx)
     assert same(Paths.read_parquet(path), at_once)
     assert not (tmp_path / "units").exists()
@@ -61,7 +62,7 @@ def test_units_joined_are_the_paths_traced_at_once(links, scene, rx, tmp_path):
 
 def test_an_interrupted_run_goes_on_to_the_same_bytes(links, rx, tmp_path):
     """Stopped after any number of units, the second run traces only what is missing."""
-    whole = links.trace(tmp_path / "whole", workers=1).read_bytes()
+    whole = links(tmp_path / "whole", workers=1).read_bytes()
     for stop_at in (1, 100, 3 * len(rx)):
 
         def stop(done, total, stop_at=stop_at):
@@ -70,18 +71,18 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(links, rx, tmp_path):
 
         folder = tmp_path / str(stop_at)
         with pytest.raises(KeyboardInterrupt):
-            links.trace(folder, workers=1, report=stop)
+            links(folder, workers=1, report=stop)
         reports = []
-        path = links.trace(folder, workers=1, report=lambda *done, reports=reports: reports.append(done))
+        path = links(folder, workers=1, report=lambda *done, reports=reports: reports.append(done))
         assert reports[0][0] >= stop_at
         assert reports[-1] == (3 * len(rx), 3 * len(rx))
         assert path.read_bytes() == whole
 
 
 def test_a_finished_folder_is_not_traced_again(links, rx, tmp_path):
-    path = links.trace(tmp_path, workers=1)
+    path = links(tmp_path, workers=1)
     whole, reports = path.read_bytes(), []
-    links.trace(tmp_path, workers=1, report=lambda *done: reports.append(done))
+    links(tmp_path, workers=1, report=lambda *done: reports.append(done))
     assert reports == [(3 * len(rx), 3 * len(rx))]
     assert path.read_bytes() == whole
 

@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from robosim.datasets.shards import read_shard
+from robosim.datasets.collect import read_shard
 from robosim.support.reading import FileError
 
 
@@ -39,9 +39,9 @@ def depth(shape: str, data: bytes = bytes(64), kind: str = "<u2") -> bytes:
 def test_a_header_that_declares_something_else_is_rejected(tmp_path, content, words):
     path = tmp_path / "home-00001.npz"
     path.write_bytes(content)
-    with pytest.raises(FileError) as refused:
+    with pytest.raises(FileError) as raised:
         read_shard(path, ["depth"])
-    assert str(path) in str(refused.value) and words in str(refused.value)
+    assert str(path) in str(raised.value) and words in str(raised.value)
 
 
 def test_a_good_header_is_read(tmp_path):

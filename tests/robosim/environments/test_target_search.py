@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from robosim.environments.config import SearchConfig
-from robosim.environments.curriculum import Curriculum, longest_drive_m
+from robosim.environments.search import Curriculum, longest_drive_m
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.generator.generate import GeneratorConfig
@@ -199,8 +199,7 @@ def test_senseless_settings_are_rejected(options, message, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
-    [({"goal": 1}, "goal"), ({"plan": 3}, "plan is 3, expected a number of 0 to 0")],
+    ("options", "message"), [({"goal": 1}, "goal"), ({"plan": 3}, "plan is 3, expected a number of 0 to 0")]
 )
 def test_senseless_options_of_a_reset_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from robosim.evaluation.comparison import compared, subject_of
-from tests import kept
+from robosim.evaluation.search_scores import compared, subject_of
+from tests import stored_episodes
 
 
 def _row(task, policy, steps, arrived=True):
-    return kept.row("pair", task, policy, (5.0, 2.0), steps=steps, arrived=arrived)
+    return stored_episodes.row("pair", task, policy, (5.0, 2.0), steps=steps, arrived=arrived)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_who_is_looked_at(policies, subject):
 
 
 def test_failures_stand_first_then_what_was_lost_most():
-    """By hand: a failure that los avoids, one that nobody avoids, then 3, 2, 1 and 0.5 times as many steps."""
+    """By hand: a failure that los avoids, one that no policy avoids, then 3, 2, 1 and 0.5 times as many steps."""
     rows = []
     for task, (fused, snr, los) in enumerate(
         [(30, 30, 90), (100, 50, None), (None, None, None), (25, 50, 60), (None, None, 80), (90, 30, 31)]
@@ -42,7 +42,7 @@ def test_failures_stand_first_then_what_was_lost_most():
     assert all(len(one.episodes) == 4 for one in found)
 
 
-def test_with_the_oracle_alone_beside_it_it_is_the_rival():
+def test_the_oracle_is_the_rival_if_no_other_policy_was_run():
     rows = [_row(0, "oracle", 20), _row(0, "snr", 30), _row(1, "oracle", 20)]
     one, other = compared(rows)
     assert (rows[one.rival]["policy"], one.loss) == ("oracle", 1.5)

@@ -1,4 +1,4 @@
-"""Evaluation: which tasks there are, what their episodes come to, and what is told of them."""
+"""Evaluation: tasks, episodes, scores and report."""
 
 import base64
 import io
@@ -16,10 +16,9 @@ from rich.console import Console
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
-from robosim.evaluation import episodes, job_runs, results
-from robosim.evaluation.evaluate import evaluate
-from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.report import replay_command
+from robosim.evaluation import episodes
+from robosim.evaluation.evaluate import code_digest, evaluate, settings_of
+from robosim.evaluation.report import replay_command, write_parquet, write_results
 from robosim.evaluation.rows import name_of
 from robosim.evaluation.search_scores import bootstrap, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
@@ -40,7 +39,7 @@ def places():
 
 @pytest.fixture
 def suite(tmp_path) -> Suite:
-    """One task that the oracle does within 25 steps, and one that nobody does."""
+    """One task that the oracle does within 25 steps, and one that no policy does."""
     file = tmp_path / "plans" / "pair.yaml"
     write_ros(two_rooms(0.8), file)
     tasks = (
@@ -76,7 +75,7 @@ def test_noise_differs_between_tasks_and_repetitions(places):
 @pytest.mark.parametrize("name", ["suite.yaml", "suite.json"])
 def test_a_suite_that_was_written_reads_the_same(suite, tmp_path, name):
     """Also from a folder of its own: plans lie relative to the file."""
-    path = tmp_path / "elsewhere" / name
+    path = tmp_path / "other" / name
     write_suite(suite, path)
     assert read_suite(path) == suite
     assert str(tmp_path) not in path.read_text()
@@ -115,13 +114,13 @@ def test_mistakes_in_a_suite_are_named(tmp_path, content, message):
         read_suite(path)
 
 
-def test_two_plans_of_one_name_are_refused(tmp_path):
+def test_two_plans_of_one_name_are_errors(tmp_path):
     with pytest.raises(ValueError, match="are both called 'house'"):
         name_plans([tmp_path / "a" / "house.yaml", tmp_path / "b" / "house.png"])
 
 
 def test_the_replay_command_gives_the_episode_its_very_numbers(suite):
-    """Start, target and seed survive printing, so that the replay is the same to the last bit."""
+    """Start, target and seed survive printing, so that the replay is the same bit by bit."""
     job = episodes.make_jobs(suite, CONFIG, ("explore",), 1, "")[1]
     job = replace(job, task=replace(job.task, start=(0.1 + 0.2, -1 / 3, 77.07)))
     words = replay_command(job, "--noise.level 0").split()
@@ -163,7 +162,7 @@ def test_oracle_steps_are_the_median_of_repetitions():
     assert score([*rows, _row(0, "los", 60)])[-1]["relative_time"] == 2.0
 
 
-def test_times_are_also_told_relative_to_the_shortest_way():
+def test_times_are_also_given_relative_to_the_shortest_route():
     """30 steps against 20; NaN where it was not run, infinite without arrival."""
     rows = [_row(0, "oracle", 25), _row(1, "oracle", 40), _row(0, "shortest", 20)]
     scored = score([*rows, _row(0, "los", 30), _row(0, "snr", None), _row(1, "los", 50)])
@@ -220,22 +219,22 @@ def tables_only(monkeypatch):
     """Leave out the pictures, which take most of the time of a small run."""
 
     def write(result, out, **kwargs):
-        results.write_parquet(result.rows, out / "episodes.parquet")
+        write_parquet(result.rows, out / "episodes.parquet")
 
     monkeypatch.setattr("robosim.evaluation.evaluate.write_results", write)
 
 
 def test_a_stopped_run_goes_on_and_comes_to_the_same(suite, tmp_path, monkeypatch, tables_only):
     """Ctrl-C in the third of four episodes leaves two; going on runs two, and the table is the same, byte for byte."""
-    ran = []
+    ran, run_job = [], episodes.run_job
 
     def counted(job):
         if stop_at == len(ran):
             raise KeyboardInterrupt
         ran.append(job.name)
-        return episodes.run_job(job)
+        return run_job(job)
 
-    monkeypatch.setattr(job_runs, "run_job", counted)
+    monkeypatch.setattr(episodes, "run_job", counted)
     stop_at = 2
     with pytest.raises(KeyboardInterrupt):
         _evaluate(suite, tmp_path / "a")
@@ -248,7 +247,7 @@ def test_a_stopped_run_goes_on_and_comes_to_the_same(suite, tmp_path, monkeypatc
     assert (tmp_path / "a/episodes.parquet").read_bytes() == (tmp_path / "b/episodes.parquet").read_bytes()
 
 
-def test_an_interrupted_episode_is_not_kept(suite, tmp_path, monkeypatch):
+def test_an_interrupted_episode_is_not_stored(suite, tmp_path, monkeypatch):
     """The loop returns what was done until Ctrl-C; half an episode may not count as a failure of its policy."""
     real = episodes.run_episode
 
@@ -263,22 +262,22 @@ def test_an_interrupted_episode_is_not_kept(suite, tmp_path, monkeypatch):
     assert not list(tmp_path.rglob("*.npz"))
 
 
-def test_policies_can_be_added_and_other_options_are_refused(suite, tmp_path, tables_only):
+def test_policies_can_be_added_and_other_options_are_errors(suite, tmp_path, tables_only):
     _evaluate(suite, tmp_path, policies=[])
     result = _evaluate(suite, tmp_path, policies=["explore"])
     assert [row["policy"] for row in result.rows] == ["oracle", "oracle", "explore", "explore"]
     with pytest.raises(FolderError, match=r"episode.max_steps 25 there, 30 now"):
         _evaluate(suite, tmp_path, config=replace(CONFIG, max_steps=30))
-    moved = replace(suite, tasks=(replace(suite.tasks[0], target=(4.5, 1.5)),))
+    other = replace(suite, tasks=(replace(suite.tasks[0], target=(4.5, 1.5)),))
     with pytest.raises(FolderError, match=r"tasks\.pair/0 \["):
-        _evaluate(moved, tmp_path)
+        _evaluate(other, tmp_path)
     write_ros(two_rooms(0.7), suite.plans["pair"])
     with pytest.raises(FolderError, match=r"plans\.pair"):
         _evaluate(suite, tmp_path)
 
 
 def test_other_weights_under_the_same_name_make_other_episodes(suite, tmp_path):
-    """A classifier that was trained anew into the same file."""
+    """A classifier that was trained again into the same file."""
     weights = tmp_path / "states.safetensors"
     weights.write_bytes(b"first")
     config = replace(CONFIG, link_states=str(weights))
@@ -289,7 +288,7 @@ def test_other_weights_under_the_same_name_make_other_episodes(suite, tmp_path):
 
 
 def test_an_episode_that_fails_stops_no_other(suite, tmp_path, tables_only):
-    """A target inside a wall: that task is told with its reason, the other has its result."""
+    """A target inside a wall: that task is reported with its reason, the other has its result."""
     bad = replace(suite.tasks[1], target=(3.1, 0.3))
     result = _evaluate(replace(suite, tasks=(suite.tasks[0], bad)), tmp_path)
     assert {failure.job.task.number for failure in result.errors} == {1}
@@ -298,7 +297,7 @@ def test_an_episode_that_fails_stops_no_other(suite, tmp_path, tables_only):
     assert "pair/001-oracle-0 failed and is left out" in result.warnings[0]
 
 
-def test_a_task_outside_of_its_plan_is_refused_before_any_other_runs(suite, tmp_path):
+def test_a_task_outside_of_its_plan_is_an_error_before_any_other_runs(suite, tmp_path):
     """By the task's number."""
     bad = replace(suite.tasks[1], target=(50.0, 50.0))
     with pytest.raises(ValueError, match=r"task 1 of pair: target is \(50, 50\) m, outside of the plan"):
@@ -306,8 +305,8 @@ def test_a_task_outside_of_its_plan_is_refused_before_any_other_runs(suite, tmp_
     assert not (tmp_path / "out").exists()
 
 
-def test_what_the_log_tells_passes_through(suite, tmp_path, monkeypatch, tables_only):
-    """A score that an episode's log has anew becomes a column; rows without it have null there."""
+def test_new_scores_of_the_log_pass_through(suite, tmp_path, monkeypatch, tables_only):
+    """A score that is new in an episode's log becomes a column; rows without it have null there."""
     real = episodes.EpisodeLog.result
 
     def more(self):
@@ -350,9 +349,8 @@ def test_the_report_needs_no_other_file(suite, tmp_path):
         assert head == "data:image/png;base64"
         assert min(Image.open(io.BytesIO(base64.b64decode(data))).size) > 200
     assert text.count("robosim episode ") == len(result.rows)
-    assert "deepest_by_distance_m" not in text and "deepest in a wall, by distance [m]" in text
-    kept = json.loads((tmp_path / "summary.json").read_text())["summary"]
-    assert kept[0]["policy"] == "oracle"
+    stored = json.loads((tmp_path / "summary.json").read_text())["summary"]
+    assert stored[0]["policy"] == "oracle"
 
 
 def test_the_report_is_made_from_the_episodes_alone(suite, tmp_path, monkeypatch):
@@ -364,7 +362,7 @@ def test_the_report_is_made_from_the_episodes_alone(suite, tmp_path, monkeypatch
         plan.unlink()
     for name in ("robosim.evaluation.episodes.make_building", "robosim.evaluation.episodes.read_plan"):
         monkeypatch.setattr(name, None)
-    results.write_results(result, tmp_path, config=CONFIG, options="", workers=1, console=QUIET)
+    write_results(result, tmp_path, config=CONFIG, options="", workers=1, console=QUIET)
     assert (tmp_path / "report.html").read_bytes() == first
 
 

@@ -1,11 +1,11 @@
-"""The picture of a task: both ways where they were driven, walls as they are, and what led them."""
+"""The picture of a task: both trajectories, walls, and kinds of goals."""
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.evaluation.task_pictures import GOAL_COLOURS, trajectories_figure
+from robosim.evaluation.charts import GOAL_COLOURS, trajectories_figure
 from robosim.policies.reason import ARRIVAL, EXPLORE, GoalKind
-from tests import kept
+from tests import stored_episodes
 from tests.steps import write_episode
 from wireless.paths import LinkState
 
@@ -13,15 +13,15 @@ RING = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 3.0], [0.0, 3.0]])
 
 
 def _episode(folder, policy, steps, *, arrived=True):
-    row = kept.row("pair", 0, policy, (5.0, 2.0), steps=steps, arrived=arrived)
-    way = np.column_stack([np.linspace(1.0, 5.0, steps + 1), np.full(steps + 1, 1.5), np.zeros(steps + 1)])
+    row = stored_episodes.row("pair", 0, policy, (5.0, 2.0), steps=steps, arrived=arrived)
+    poses = np.column_stack([np.linspace(1.0, 5.0, steps + 1), np.full(steps + 1, 1.5), np.zeros(steps + 1)])
     return write_episode(
-        folder / f"{policy}.npz", row, way, state=LinkState.LOS, estimated_state=LinkState.HIGHER_ORDER,
+        folder / f"{policy}.npz", row, poses, state=LinkState.LOS, estimated_state=LinkState.HIGHER_ORDER,
         reasons=[EXPLORE] * (steps // 2) + [ARRIVAL] * (steps - steps // 2), rings=[RING],
     )  # fmt: skip
 
 
-def test_both_ways_are_on_one_map(tmp_path):
+def test_both_trajectories_are_on_one_map(tmp_path):
     one, other = _episode(tmp_path, "fused", 60), _episode(tmp_path, "snr", 25, arrived=False)
     figure = trajectories_figure([one, other])
     plan, below = figure.axes
@@ -45,7 +45,7 @@ def test_both_ways_are_on_one_map(tmp_path):
     plt.close(figure)
 
 
-def test_kinds_of_goals_are_told_apart():
+def test_kinds_of_goals_have_different_colours():
     """A colour for each kind, all different."""
     assert set(GOAL_COLOURS) == set(GoalKind)
     assert len(set(GOAL_COLOURS.values())) == len(GoalKind)

@@ -1,4 +1,4 @@
-"""Invented buildings: in one piece, with human doors, the same each time, and like scanned homes."""
+"""Generated buildings: in one piece, with human doors, the same each time, and like scanned homes."""
 
 import hashlib
 import os
@@ -13,7 +13,7 @@ from scipy import ndimage
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.generator.building_style import STYLES
-from robosim.generator.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
+from robosim.generator.generate import GeneratorConfig, generate_plan, in_one_piece
 from robosim.generator.hull_places import largest_piece
 from robosim.generator.layout import Layout, lay_out
 from robosim.plans.files import find_plans, read_plan
@@ -43,6 +43,16 @@ SCANNED = {
     "detour": (1.028, 1.065, 1.108, 1.133, 1.149, 1.188, 1.204, 1.243, 1.311, 1.33),
     "bottleneck_m": (0.403, 0.45, 0.461, 0.495, 0.495, 0.522, 0.566, 0.632, 0.673, 0.707),
     "passage_widths_m": (0.461, 0.502, 0.559, 0.602, 0.652, 0.7, 0.75, 0.851, 0.966, 1.254),
+}
+
+#: Seeds and kinds of the shipped plans.
+SHIPPED = {
+    "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "flat": (4, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "townhouse": (9, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "villa": (13, GeneratorConfig(area_m2=150, rooms=12, furniture=0.9)),
+    "office": (22, GeneratorConfig(style="office")),
 }
 
 
@@ -138,7 +148,7 @@ def test_different_seeds_give_different_plans(many: list[FloorPlan]):
 
 @pytest.mark.parametrize("door_m", [(0.7, 1.0), (0.95, 1.05)])
 def test_doors_are_as_wide_as_asked(door_m: tuple[float, float]):
-    """Without furniture ways between rooms are no narrower than asked, but for bays (5 %) and half a cell.
+    """Without furniture passages between rooms are no narrower than asked, but for bays (5 %) and half a cell.
 
     Wider ones are open-plan; the raster adds 1.5 cells at most, so most lie between the two bounds.
     """
@@ -197,7 +207,7 @@ def test_a_building_without_furniture_has_its_floor_free():
         assert 0.9 * 80 < generate_plan(seed, config=config).free.sum() * 0.05**2 < 1.3 * 80
 
 
-def test_furniture_takes_floor_and_leaves_ways():
+def test_furniture_takes_floor_and_leaves_passages():
     """The same building, emptied and furnished: floor is only taken, a sixth of it and more, and no room lost."""
     for seed in range(4):
         empty, full = (
@@ -325,7 +335,7 @@ def test_the_shipped_flat_hides_its_rooms_from_each_other():
         ({"area_m2": float("nan")}, "area_m2 is nan"),
     ],
 )
-def test_wrong_configurations_are_told(wrong: dict, said: str):
+def test_wrong_configurations_are_errors(wrong: dict, said: str):
     """Name, value, what was expected."""
     with pytest.raises(ValueError, match=said):
         GeneratorConfig(**wrong)

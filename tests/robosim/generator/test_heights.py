@@ -1,4 +1,4 @@
-"""Generated homes with furniture of true height: the same rooms, pieces that stand free, ways for a hull."""
+"""Generated homes with furniture of true height: the same rooms, pieces that stand free, passages for a hull."""
 
 import numpy as np
 import pytest

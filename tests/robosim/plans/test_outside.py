@@ -12,8 +12,7 @@ from robosim.building.reach import reach
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.plans.outside import outside_of
-from robosim.radio.receivers import receiver_grid
-from robosim.radio.transmitters import random_transmitters
+from robosim.radio.receivers import random_transmitters, receiver_grid
 from robosim.task.tasks import make_task
 from tests.plans import room, two_rooms
 

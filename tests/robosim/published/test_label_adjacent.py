@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.published.label_adjacent import adopted, fully_traced, with_coarse
+from robosim.published.label_links import adopted, fully_traced, with_coarse
 from wireless.paths import Interaction
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -23,8 +23,8 @@ def grid(first_row, first_column):
 def test_a_reflection_between_needs_one_on_the_coarse_grid(half_m, first):
     """A mirror so short that it lights a beam one to three receivers wide, over a grid that begins anywhere.
 
-    By hand: it is seen where the way to the image crosses it, and kept at coarse receivers and at most a row and a
-    column away from a coarse one that sees it. Line of sight goes everywhere and is kept.
+    By hand: it is seen where the line to the image crosses it, and found at coarse receivers and at most a row and a
+    column away from a coarse one that sees it. Line of sight goes everywhere and is found.
     """
     ends = [(-half_m, 0.0), (half_m, 0.0)]
     wall = [(x, y, z) for x, y in ends for z in (0.0, 3.0)]
@@ -35,7 +35,7 @@ def test_a_reflection_between_needs_one_on_the_coarse_grid(half_m, first):
     paths = Tracer(mesh, config=config).trace(np.array([[0.0, 1.0, 1.5]]), rx)
     lit = np.abs(place[:, 0] / (1 + place[:, 1])) <= half_m
     full = (cell[:, 0] % 2 == 0) & (cell[:, 1] % 2 == 1)
-    kept = [
+    found = [
         bool(lit[i] and (full[i] or any(full & lit & (np.abs(cell - cell[i]).max(axis=1) <= 1))))
         for i in range(len(cell))
     ]
@@ -43,11 +43,11 @@ def test_a_reflection_between_needs_one_on_the_coarse_grid(half_m, first):
     mirrored = paths.interaction[:, 0] == Interaction.REFLECTION
     assert mask[~mirrored].all()
     np.testing.assert_array_equal(np.bincount(paths.rx[mirrored], minlength=len(cell)), lit)
-    np.testing.assert_array_equal(np.bincount(paths.rx[mirrored & mask], minlength=len(cell)), kept)
+    np.testing.assert_array_equal(np.bincount(paths.rx[mirrored & mask], minlength=len(cell)), found)
 
 
 def test_some_reflections_between_are_lost():
-    """The narrowest mirror lights one column of receivers, x = 0: lost if that column is even, kept if it is odd."""
+    """The narrowest mirror lights one column of receivers, x = 0: lost if that column is even, found if it is odd."""
     wall = [(x, 0.0, z) for x in (-0.02, 0.02) for z in (0.0, 3.0)]
     mesh = trimesh.Trimesh(wall, [(0, 1, 3), (0, 3, 2)], process=False)
     for first_column, share in ((1, 0.0), (2, 1.0)):
@@ -71,7 +71,7 @@ def test_coarse_receivers_around_are_added_once_and_in_place():
 
 
 def test_receivers_off_their_grid_are_named():
-    """A receiver moved by a centimetre is no longer where its row and column say."""
+    """A receiver moved by a centimetre is not where its row and column say."""
     cell, place = grid(1, 1)
     place[7, 0] += 0.01
     with pytest.raises(ValueError, match=r"a receiver is 0.01 m off"):

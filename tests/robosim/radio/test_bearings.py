@@ -1,4 +1,4 @@
-"""What a radio tells a mapper, against the geometry of halls and corridors."""
+"""Bearings from a radio, compared with the geometry of halls and corridors."""
 
 import math
 from dataclasses import replace
@@ -30,7 +30,9 @@ def _room(wide_m: float, high_m: float) -> Building:
     return make_building(FloorPlan(occupancy=cells, resolution_m=0.05))
 
 
-def _heard(building: Building, place: np.ndarray, pose: np.ndarray, seed: int = 0, **known) -> list[Bearing]:
+def _bearings(
+    building: Building, place: np.ndarray, pose: np.ndarray, seed: int = 0, **known
+) -> list[Bearing]:
     link = RadioLink(building)
     link.place(place)
     interpreter = Interpreter(link, "generated")
@@ -44,7 +46,7 @@ def test_a_transmitter_in_sight_appears_where_it_stands() -> None:
     """In a bare room: the first bearing within half a degree, the distance within 5 %."""
     building, place = _room(12, 10), np.array([7.0, 6.0])
     for seed, pose in enumerate(np.array([[3.0, 3.0, 1.0], [9.0, 4.0, -2.0], [6.0, 8.5, 0.0]])):
-        first = _heard(building, place, pose, seed)[0]
+        first = _bearings(building, place, pose, seed)[0]
         away = place - pose[:2]
         off = wrap(first.bearing_rad + pose[2] - math.atan2(away[1], away[0]))
         assert abs(off) < math.radians(0.5)
@@ -55,7 +57,7 @@ def test_a_transmitter_in_sight_appears_where_it_stands() -> None:
 def test_further_paths_come_from_mirror_images() -> None:
     """Each lies within 2 degrees and 0.1 m of the mirror image in a wall or of one of those in two."""
     building, place, pose = _room(12, 10), np.array([7.0, 8.5]), np.array([4.0, 8.5, 0.5])
-    _, *others = _heard(building, place, pose)
+    _, *others = _bearings(building, place, pose)
     assert others
     sides = [
         (2 * 0.25 - place[0], place[0], 2 * 12.25 - place[0]),
@@ -71,11 +73,11 @@ def test_further_paths_come_from_mirror_images() -> None:
         assert one.direct == 0
 
 
-def test_paths_beside_each_other_are_less_sure() -> None:
+def test_close_paths_are_less_sure() -> None:
     """Far along a narrow corridor, where reflections off both walls come with the direct path."""
     place = np.array([38.0, 1.4])
-    narrow = _heard(_room(40, 2.2), place, np.array([8.0, 1.5, 0.2]))
-    wide = _heard(_room(40, 30), np.array([38.0, 15.0]), np.array([8.0, 15.5, 0.2]))
+    narrow = _bearings(_room(40, 2.2), place, np.array([8.0, 1.5, 0.2]))
+    wide = _bearings(_room(40, 30), np.array([38.0, 15.0]), np.array([8.0, 15.5, 0.2]))
     assert narrow[0].sigma_rad > 2 * wide[0].sigma_rad
     assert narrow[0].sigma_log_range > 2 * wide[0].sigma_log_range
 
@@ -102,11 +104,11 @@ def test_directions_are_as_exact_as_strengths_down_a_corridor() -> None:
     assert np.median(turn_deg[off > 0.1]) > 0.3
 
 
-def test_a_place_that_is_known_is_told() -> None:
+def test_a_known_place_is_given() -> None:
     """With the bearing; other names' places are not."""
     building, place, pose = _room(12, 10), np.array([7.0, 6.0]), np.array([3.0, 3.0, 1.0])
-    assert np.array_equal(_heard(building, place, pose, here=place)[0].place_xy, place)
-    assert _heard(building, place, pose, there=place)[0].place_xy is None
+    assert np.array_equal(_bearings(building, place, pose, here=place)[0].place_xy, place)
+    assert _bearings(building, place, pose, there=place)[0].place_xy is None
 
 
 def test_what_is_no_number_says_nothing() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.radio.link_state import read_classifier
+from robosim.parts import CLASSIFIER
 from robosim.support.assets import shipped_weights
 
 
@@ -17,11 +17,11 @@ def test_plain_cases():
     aod = np.radians([[-157.5, 90, -120, 45, -82.5]] * 3)
     snr = np.array([[52.0, 35, 28, 22, 18], [1.5, 1.2, 1.0, 0.7, 0.5], [-np.inf] * 5])
     peak = np.array([[22.0, 18, 17, 16, 15], [3.5, 3.4, 3.3, 3.3, 3.2], [0.0] * 5])
-    told = read_classifier("public").predict(aoa, snr, aod_rad=aod, peak=peak)
-    assert told.shape == (3, 4)
-    assert told[0, 1] > 0.9
-    assert told[1, 3] > 0.9
-    assert told[2].tolist() == [1, 0, 0, 0]
+    found = CLASSIFIER.make("public").predict(aoa, snr, aod_rad=aod, peak=peak)
+    assert found.shape == (3, 4)
+    assert found[0, 1] > 0.9
+    assert found[1, 3] > 0.9
+    assert found[2].tolist() == [1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("name", ["generated", "generated-no-aod"])
@@ -31,17 +31,17 @@ def test_plain_cases_of_our_own_sounding(name):
     aod = np.radians([[-160.0, 85, -120, 40, -80], [0, 0, 0, 0, 0]])
     snr = np.array([[70.0, 52, 45, 40, 38], [-np.inf] * 5])
     delay = 1e-9 * np.array([[0.0, 6, 9, 14, 21], [0, 0, 0, 0, 0]])
-    told = read_classifier(name).predict(aoa, snr, aod_rad=aod, delay_s=delay)
-    assert told[0, 1] > 0.9
-    assert told[1].tolist() == [1, 0, 0, 0]
+    found = CLASSIFIER.make(name).predict(aoa, snr, aod_rad=aod, delay_s=delay)
+    assert found[0, 1] > 0.9
+    assert found[1].tolist() == [1, 0, 0, 0]
 
 
 @pytest.mark.parametrize(
     ("name", "least"), [("generated", 0.93), ("generated-no-aod", 0.9), ("public", 0.885)]
 )
 def test_the_card_says_how_it_was_made(name, least):
-    """The accuracy on held-out buildings is what is asked for, its calibration error below 0.02."""
-    card = read_classifier(name).card
+    """The accuracy on held-out buildings is as required, its calibration error below 0.02."""
+    card = CLASSIFIER.make(name).card
     assert card["command"].startswith("robosim train link-state")
     fold = card["validation"]["fold0"]
     assert len(fold["accuracy_by_building"]) in (6, 80)
@@ -53,4 +53,4 @@ def test_a_name_that_is_not_there():
     with pytest.raises(
         ValueError, match=r"classifier is 'best'\. Known: .*true, a \.safetensors file, or module:Name"
     ):
-        read_classifier("best")
+        CLASSIFIER.make("best", field="classifier")

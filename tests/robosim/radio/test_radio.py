@@ -28,7 +28,7 @@ def radio(building):
 
 
 def test_a_building_is_traced_with_its_own_materials(building):
-    """`Tracer(building)` gives what its mesh, materials and faces give one by one, to the bit; others are refused."""
+    """`Tracer(building)` gives what its mesh, materials and faces give one by one, bit by bit; others are errors."""
     config = TracerConfig(floor_ceiling=True)
     tx, rx = np.array([[*TARGET, 1.5]]), np.array([[1.0, 1.0, 1.5], [4.0, 0.6, 1.5]])
     of_face = building.face_material.astype(np.int64)
@@ -56,7 +56,7 @@ def test_in_sight_the_strongest_path_comes_from_the_target(radio, yaw):
         assert radio.bearing == pytest.approx(bearing, abs=1e-9)
 
 
-def test_beside_the_door_all_comes_through_it(radio):
+def test_next_to_the_door_all_comes_through_it(radio):
     """No line of sight, but one bend or reflection; the strongest path comes from between the door's corners."""
     pose = np.array([2.4, 0.4, 0.0])
     measurement = radio.measure(pose, np.random.default_rng(1))
@@ -85,7 +85,7 @@ def test_the_gain_of_a_lone_path_is_that_of_free_space():
         )
 
 
-def test_a_wrong_heading_turns_what_is_heard(radio):
+def test_a_wrong_heading_turns_what_is_received(radio):
     """There is no compass: a heading wrong by 0.2 rad turns all arrivals in the map by as much."""
     interpreter, truth = Interpreter(radio, "true"), np.array([4.0, 0.6, 1.0])
     believed = np.array([4.0, 0.6, 1.2])
@@ -96,12 +96,12 @@ def test_a_wrong_heading_turns_what_is_heard(radio):
 
 
 def test_cached_radio_traces_a_building_once(building):
-    """One table serves every place and every robot, until the transmitter is elsewhere."""
+    """One table serves every place and every robot, until the transmitter is in another place."""
     cached = RadioLink(building, RadioLinkConfig(engine="cached"))
     cached.place(TARGET)
     cached.measure(np.array([3.95, 0.63, 0.4]), np.random.default_rng(3))
     table = cached.table
-    other = cached.another()
+    other = cached.clone()
     other.place(TARGET)
     other.measure(np.array([2.4, 0.4, 0.4]), np.random.default_rng(3))
     assert other.table is table
@@ -116,7 +116,7 @@ def test_one_generator_gives_one_measurement(radio):
     assert not np.array_equal(first.snr_db, other.snr_db)
 
 
-def test_bad_settings_are_refused(building):
+def test_bad_settings_are_errors(building):
     with pytest.raises(
         ValueError, match=r"height_m is 2\.6, expected antennas between floor and ceiling, 0 to 2\.5"
     ):

@@ -25,7 +25,7 @@ def test_a_room_is_filled_from_half_a_step():
 
 
 def test_receivers_stand_in_free_space_in_every_room():
-    """Two rooms without a door, the wall between them 0.2 m: none in the wall, all elsewhere."""
+    """Two rooms without a door, the wall between them 0.2 m: none in the wall, all in other places."""
     building = make_building(two_rooms(0.0))
     grid = receiver_grid(building, 0.1, 1.5)
     assert len(grid.position) == 30 * 60

@@ -1,4 +1,4 @@
-"""Tables of radio paths: exact where paths are images, near the tracer elsewhere, the same from a file."""
+"""Tables of radio paths: exact where paths are images, near the tracer in other places, the same from a file."""
 
 from dataclasses import replace
 
@@ -122,7 +122,7 @@ def test_a_file_gives_the_same_table(rooms, tmp_path):
         RadioTable.read(tmp_path / "paths.parquet", rooms)
 
 
-def test_tables_are_kept_in_a_folder(rooms, tmp_path, monkeypatch):
+def test_tables_are_stored_in_a_folder(rooms, tmp_path, monkeypatch):
     """A second process reads what the first one traced; another transmitter has another file."""
     pose, config = np.array([2.4, 0.4, 0.3]), RadioLinkConfig(engine="table", tables=tmp_path / "tables")
     measured = []
@@ -136,7 +136,7 @@ def test_tables_are_kept_in_a_folder(rooms, tmp_path, monkeypatch):
 
 
 def test_reading_a_table_is_near_measuring(rooms):
-    """Over 60 places, estimates by rule beside those of the full receiver.
+    """Over 60 places, estimates by rule compared with those of the full receiver.
 
     As many paths in 75 %, the strongest within 2 degrees in 85 % and within 3 dB in 80 %; measured 95 %, 95 % and 93 %.
     """
@@ -158,7 +158,7 @@ def test_reading_a_table_is_near_measuring(rooms):
     assert np.mean(np.array(gaps) < 3) >= 0.8
 
 
-def test_two_paths_that_cannot_be_told_apart_are_one(room):
+def test_two_paths_that_cannot_be_separated_are_one(room):
     """Two equal paths from one direction read as one of twice the power, 3 dB more; from two directions as two."""
     link = RadioLink(room, RadioLinkConfig(engine="table"))
     link.place(TX[:2])
@@ -180,14 +180,14 @@ def test_what_is_believed_of_a_link_is_what_its_nodes_say(rooms):
     link.place(TX[:2])
     link.measure(np.array([1.9, 0.7, 0.3]), np.random.default_rng(0))
     assert link.paths.interaction[0, 0] == Interaction.NONE
-    probability = link.believed(CLASSIFIER.make("generated"))
+    probability = link.table_probability(CLASSIFIER.make("generated"))
     assert probability.sum() == pytest.approx(1.0)
     assert probability.argmax() == 1
 
 
 @pytest.mark.parametrize("step", ["nan", "-1.0", "1e-9", "1e9", "x"])
 def test_the_step_of_a_file_is_checked(rooms, tmp_path, step):
-    """A step of 1e-9 m asked for an index of 1e18 places."""
+    """A step of 1e-9 m needed an index of 1e18 places."""
     table = RadioTable.trace(rooms, Tracer(rooms, frequency_hz=28e9), TX, 0.5).paths.to_table()
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), "step_m": step})
     pq.write_table(table, tmp_path / "table.parquet")

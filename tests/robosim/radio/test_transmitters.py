@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 
 from robosim.building.building import make_building
-from robosim.radio.transmitters import CLEARANCE_M, random_transmitters
+from robosim.radio.receivers import TX_CLEARANCE_M, random_transmitters
 from tests.plans import two_rooms
 
 
@@ -14,9 +14,9 @@ def test_places_are_even_over_free_space():
     places = random_transmitters(building, 1500, 1.5, np.random.default_rng(0))
     points = shapely.points(places[:, :2])
     assert shapely.contains(building.free, points).all()
-    assert shapely.distance(building.free.boundary, points).min() >= CLEARANCE_M - 1e-6
+    assert shapely.distance(building.free.boundary, points).min() >= TX_CLEARANCE_M - 1e-6
     assert set(places[:, 2]) == {1.5}
-    room = building.free.buffer(-CLEARANCE_M)
+    room = building.free.buffer(-TX_CLEARANCE_M)
     low = shapely.intersection(room, shapely.box(-1, -1, 2.0, 9)).area / room.area
     spread = np.sqrt(low * (1 - low) / len(places))
     assert abs(np.mean(places[:, 0] < 2.0) - low) < 4 * spread

@@ -61,7 +61,7 @@ def test_a_table_of_a_real_robot_is_read(tmp_path):
     np.testing.assert_allclose(runs.errors[Action.LEFT], 10 * [[0.0, 0.02, 2 * np.pi - 6.2]], atol=1e-12)
 
 
-def test_a_table_that_is_too_short_is_refused_by_its_name(tmp_path):
+def test_a_table_that_is_too_short_is_an_error_with_its_name(tmp_path):
     with pytest.raises(FileError, match=r"runs\.csv: .*forward was run 9 times"):
         read_runs(written(tmp_path / "runs.csv", 9 * [("forward", 0.26, 0, 0, 0.25, 0, 0)]))
 
@@ -102,8 +102,8 @@ def test_the_command_writes_a_robot_that_others_take(tmp_path, capsys):
     words = "--goal explore --mapper classical --physics kinematic --camera embree --max-steps 3 --no-video"
     main(f"episode flat --robot {tmp_path}/c/robot.json {words} --out {tmp_path}/e".split())
     result = json.loads((tmp_path / "e" / "result.json").read_text())
-    told = result["config"]["simulator"]["robot"]["odometry"]
-    assert tuple(told["left"]["mean"]) == robot.odometry.left.mean
+    stored = result["config"]["simulator"]["robot"]["odometry"]
+    assert tuple(stored["left"]["mean"]) == robot.odometry.left.mean
     main(f"episode flat --config {tmp_path}/e/result.json --no-video --out {tmp_path}/f".split())
     assert (tmp_path / "e" / "estimate.tum").read_bytes() == (tmp_path / "f" / "estimate.tum").read_bytes()
 

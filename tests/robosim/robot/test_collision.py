@@ -116,8 +116,8 @@ def test_segments_have_free_space_on_their_left():
     assert np.hypot(*(segments[:, 1] - segments[:, 0]).T).sum() == pytest.approx(free.length)
     along = segments[:, 1] - segments[:, 0]
     left = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-    beside = segments.mean(axis=1) + 1e-3 * left
-    assert shapely.contains_xy(free, beside).all()
+    inside = segments.mean(axis=1) + 1e-3 * left
+    assert shapely.contains_xy(free, inside).all()
 
 
 @pytest.mark.parametrize("building", ["Hominy", "Nemacolin"])
@@ -137,7 +137,7 @@ def test_fewer_pieces_than_walls_on_cell_edges(shared):
     assert len(wall_solids(free, plan)) < 0.4 * len(wall_segments(free))
 
 
-def test_a_pose_in_a_wall_is_refused():
+def test_a_pose_in_a_wall_is_an_error():
     free = free_polygons(room())
     check_pose(free, np.array([0.1, 1.0, 0.0]), 0.1)
     check_pose(free, np.array([0.0992, 1.0, 0.0]), 0.1)  # within the tolerance of offset polygons

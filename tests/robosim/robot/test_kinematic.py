@@ -45,11 +45,11 @@ def test_a_disk_stops_one_radius_from_a_wall(yaw_deg):
     world.reset(turned_to(3.75, 1.5, yaw_deg))
     wanted_m = 0.25 if yaw_deg > -60 else 0.6
     motion = world.move(np.array([wanted_m, 0.0, 0.0]))
-    way_m = (4 - RADIUS_M - 3.75) / np.cos(np.radians(yaw_deg))
+    path_m = (4 - RADIUS_M - 3.75) / np.cos(np.radians(yaw_deg))
     assert motion.collided
     np.testing.assert_allclose(
         motion.pose[:2],
-        [3.75, 1.5] + way_m * np.array([np.cos(world.pose[2]), np.sin(world.pose[2])]),
+        [3.75, 1.5] + path_m * np.array([np.cos(world.pose[2]), np.sin(world.pose[2])]),
         atol=1e-8,
     )
     assert motion.pose[2] == pytest.approx(np.radians(yaw_deg))
@@ -57,16 +57,16 @@ def test_a_disk_stops_one_radius_from_a_wall(yaw_deg):
 
 
 def test_a_disk_stops_at_the_corner_of_a_wall():
-    """Passing a corner at b < r beside its way, it stops sqrt(r^2 - b^2) before it, to within 1e-8 m."""
+    """Passing a corner at a distance b < r from its path, it stops sqrt(r^2 - b^2) before it, to within 1e-8 m."""
     building = make_building(room())
     outer = shapely.box(0, 0, 4, 3)
     block = shapely.box(2, 0, 4, 1.0)  # its corner at (2, 1)
     world = KinematicWorld(replace(building, free=shapely.MultiPolygon([outer.difference(block)])))
-    for beside_m in (0.02, 0.06, 0.099):
-        world.reset(np.array([1.7, 1.0 + beside_m, 0.0]))
+    for aside_m in (0.02, 0.06, 0.099):
+        world.reset(np.array([1.7, 1.0 + aside_m, 0.0]))
         motion = world.move(np.array([0.4, 0.0, 0.0]))
         assert motion.collided
-        assert motion.pose[0] == pytest.approx(2 - np.sqrt(RADIUS_M**2 - beside_m**2), abs=1e-8)
+        assert motion.pose[0] == pytest.approx(2 - np.sqrt(RADIUS_M**2 - aside_m**2), abs=1e-8)
     world.reset(np.array([1.7, 1.0 + RADIUS_M + 1e-8, 0.0]))
     assert not world.move(np.array([0.4, 0.0, 0.0])).collided
 
@@ -78,7 +78,7 @@ def test_a_disk_stops_at_the_corner_of_a_wall():
     sideways_m=st.floats(-0.3, 0.3),
     radius_m=st.sampled_from([0.1, 0.18]),
 )
-def test_no_way_leads_into_a_wall_and_none_stops_before_it(hall, seed, length_m, sideways_m, radius_m):
+def test_no_motion_leads_into_a_wall_and_none_stops_before_it(hall, seed, length_m, sideways_m, radius_m):
     """Among columns, slopes and corners: both legs of a move stay clear of walls all along, judged by GEOS.
 
     Each leg that stops short stops in touch with a wall, within 2 nm, and going on would lead into it.
@@ -89,8 +89,8 @@ def test_no_way_leads_into_a_wall_and_none_stops_before_it(hall, seed, length_m,
     for leg in (np.array([length_m, 0.0, 0.0]), np.array([0.0, sideways_m, 0.3])):
         world.reset(pose)
         motion = world.move(leg)
-        way = shapely.LineString([pose[:2], motion.pose[:2]])
-        assert shapely.distance(way, building.free.boundary) > radius_m
+        path = shapely.LineString([pose[:2], motion.pose[:2]])
+        assert shapely.distance(path, building.free.boundary) > radius_m
         goal = compose(pose, leg)
         assert motion.pose[2] == pytest.approx(goal[2], abs=1e-12)
         short = goal[:2] - motion.pose[:2]
@@ -112,34 +112,19 @@ def _draw(building: Building, radius_m: float, rng: np.random.Generator) -> np.n
 
 
 def test_a_long_drive_never_enters_a_wall(hall):
-    """500 drives and moves in a row, sliding and not: distances to walls never below the radius."""
-    for slide in (False, True):
-        world, rng = KinematicWorld(hall.building, slide=slide), np.random.default_rng(0)
-        world.reset(_draw(hall.building, 0.11, rng))
-        gaps = []
-        for _ in range(250):
-            gaps.append(
-                clearance(hall.building, world.drive(rng.uniform(-1, 1), rng.uniform(-3, 3), 0.5).pose)
-            )
-            gaps.append(clearance(hall.building, world.move(AHEAD + rng.normal(0, [0.01, 0.02, 0.1])).pose))
-        assert min(gaps) > RADIUS_M
-        assert np.sum(np.array(gaps) < RADIUS_M + TOUCH_M) > 20  # it did meet walls
-
-
-def test_sliding_keeps_the_part_along_the_wall():
-    """At 30 degrees to a wall cos 30 of a move's length is done along it; a corner stops it at both walls."""
-    world = KinematicWorld(make_building(room()), slide=True)
-    world.reset(turned_to(2.0, 3 - RADIUS_M - 0.05, 30))
-    motion = world.move(np.array([0.3, 0.0, 0.0]))
-    np.testing.assert_allclose(motion.pose[:2], [2 + 0.3 * np.cos(np.radians(30)), 3 - RADIUS_M], atol=1e-8)
-    for _ in range(20):
-        motion = world.move(AHEAD)
-    np.testing.assert_allclose(motion.pose[:2], [4 - RADIUS_M, 3 - RADIUS_M], atol=1e-8)
-    assert motion.collided
+    """500 drives and moves in a row: distances to walls never below the radius."""
+    world, rng = KinematicWorld(hall.building), np.random.default_rng(0)
+    world.reset(_draw(hall.building, 0.11, rng))
+    gaps = []
+    for _ in range(250):
+        gaps.append(clearance(hall.building, world.drive(rng.uniform(-1, 1), rng.uniform(-3, 3), 0.5).pose))
+        gaps.append(clearance(hall.building, world.move(AHEAD + rng.normal(0, [0.01, 0.02, 0.1])).pose))
+    assert min(gaps) > RADIUS_M
+    assert np.sum(np.array(gaps) < RADIUS_M + TOUCH_M) > 20  # it did meet walls
 
 
 def test_slip_does_not_keep_a_robot_from_driving_along_a_wall():
-    """In touch with a wall on its left, slipping left by 2 mm: all of the way ahead, none of the slip."""
+    """In touch with a wall on its left, slipping left by 2 mm: all of the path ahead, none of the slip."""
     world = KinematicWorld(make_building(room()))
     world.reset(np.array([1.0, 3 - RADIUS_M, 0.0]))
     for k in range(4):
@@ -208,9 +193,9 @@ def test_the_same_again_bit_for_bit(hall):
     assert errands() == errands()
 
 
-def test_the_gap_is_kept_within_rounding():
+def test_the_gap_is_constant_within_rounding():
     """Moves along and into a wall do not eat up the gap of 1 nm; measured: not 1 % of it."""
-    world = KinematicWorld(make_building(room()), slide=True)
+    world = KinematicWorld(make_building(room()))
     world.reset(turned_to(2.0, 3 - RADIUS_M - 1e-3, 10))
     gaps = []
     for k in range(500):
@@ -219,7 +204,7 @@ def test_the_gap_is_kept_within_rounding():
     assert min(gaps) == pytest.approx(GAP_M, rel=0.01)
 
 
-def test_bad_requests_are_refused():
+def test_bad_requests_are_errors():
     world = KinematicWorld(make_building(room()))
     with pytest.raises(ValueError, match="nearest wall"):
         world.reset(np.array([0.05, 1.0, 0.0]))

@@ -71,7 +71,7 @@ def test_walls_are_where_they_are_in_map(tolerance_m, tmp_path):
         assert found == pytest.approx(first, abs=5e-4)
 
 
-def test_a_robot_in_a_wall_is_refused(tmp_path):
+def test_a_robot_in_a_wall_is_an_error(tmp_path):
     """The message says where, or that it fits nowhere, and nothing is written."""
     building = make_building(room(3.0, 3.0))
     with pytest.raises(ValueError, match="not in free space"):

@@ -50,7 +50,7 @@ def test_sensing_adds_the_published_error(action):
 
 @pytest.mark.parametrize("action", Action)
 def test_level_zero_is_exact(action):
-    """No noise: actions are nominal and odometry true, to the last bit."""
+    """No noise: actions are nominal and odometry true, bit by bit."""
     noise, rng = NoiseModel(level=0.0), np.random.default_rng(0)
     nominal = {
         Action.FORWARD: [FORWARD_M, 0, 0],
@@ -88,9 +88,9 @@ def drift(variant: str, shares: tuple[float, ...], runs: int = 12, steps: int = 
         rng = np.random.default_rng([1, run])
         moves = []  # true, measured, and measured less its bias
         for action in map(Action, rng.choice(3, steps, p=shares).tolist()):
-            moved = noise.actuation(action, rng)
-            reading = noise.sense(action, moved, rng)
-            moves.append([moved, reading, reading - noise.sensor_bias(action)])
+            motion = noise.actuation(action, rng)
+            reading = noise.sense(action, motion, rng)
+            moves.append([motion, reading, reading - noise.sensor_bias(action)])
         dx, dy, turn = np.moveaxis(np.array(moves), -1, 0)
         yaw = np.cumsum(turn, axis=0)
         places = ((dx + 1j * dy) * np.exp(1j * (yaw - turn))).sum(axis=0)
@@ -133,7 +133,7 @@ def test_the_corrected_variant_undoes_two_defects():
         assert seen[1, 1] == pytest.approx(0.0, abs=2e-4)
 
 
-def test_whole_actions_are_sensed_alike_by_both_ways():
+def test_whole_actions_are_sensed_alike_by_both_methods():
     """`sense_motion` of a step or turn has the moments of `sense`; of half a turn, half the mean."""
     noise, rng = NoiseModel(), np.random.default_rng(0)
     for action in Action:
@@ -153,28 +153,28 @@ def test_the_same_seed_gives_the_same_noise():
     assert (one == two).all()
 
 
-def test_impossible_levels_are_refused():
+def test_impossible_levels_are_errors():
     for level in (-1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="level"):
             NoiseModel(level=level)
 
 
-def test_exact_odometry_tells_the_truth_and_changes_no_motion():
+def test_exact_odometry_is_true_and_changes_no_motion():
     """The same actuation before and after, draw by draw; no error and no bias in between."""
     exact, noisy = (NoiseModel(exact_odometry=exact) for exact in (True, False))
     rngs = np.random.default_rng(3), np.random.default_rng(3)
-    moved = np.array([0.2, 0.01, 0.05])
+    motion = np.array([0.2, 0.01, 0.05])
     for action in (Action.FORWARD, Action.LEFT, Action.RIGHT):
-        ways = [noise.actuation(action, rng) for noise, rng in zip((exact, noisy), rngs, strict=True)]
-        assert np.array_equal(*ways)
-        assert np.array_equal(exact.sense(action, moved, rngs[0]), moved)
-        assert not np.allclose(noisy.sense(action, moved, rngs[1]), moved)
-        assert np.array_equal(exact.sense_motion(moved, rngs[0]), moved)
-        noisy.sense_motion(moved, rngs[1])
+        motions = [noise.actuation(action, rng) for noise, rng in zip((exact, noisy), rngs, strict=True)]
+        assert np.array_equal(*motions)
+        assert np.array_equal(exact.sense(action, motion, rngs[0]), motion)
+        assert not np.allclose(noisy.sense(action, motion, rngs[1]), motion)
+        assert np.array_equal(exact.sense_motion(motion, rngs[0]), motion)
+        noisy.sense_motion(motion, rngs[1])
         assert not exact.sensor_bias(action).any()
 
 
-def test_a_step_back_errs_as_a_step_forward_the_other_way():
+def test_a_step_back_errs_as_a_reversed_step_forward():
     """Means of 4,000 draws within 4 standard errors of the negated ones, deviations within 5 %."""
     rng, n = np.random.default_rng(0), 4000
     ahead, back = (

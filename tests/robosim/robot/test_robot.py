@@ -52,7 +52,7 @@ def test_wheels_drive_straight_and_turn_in_place(name):
     """Open loop, 5 m ahead: 0.6 mm short. A full turn: within 0.04 degrees, and 0.01 mm off its place.
 
     Cylinders for wheels scrub: 9 to 14 degrees short. Wheels that are out of balance (MuJoCo puts a body's
-    mass where the body is in its parent if not told) shake it: 100 mm and 6 degrees.
+    mass where the body is in its parent if not given) shake it: 100 mm and 6 degrees.
     """
     robot = ROBOTS[name]
     compiled, data = model(robot)
@@ -101,7 +101,7 @@ def test_walls_see_a_circle_of_the_hulls_radius(name):
     compiled, data = model(robot, block)
     body, touch = data.joint("robot").qpos, data.sensor("touch").data
     height = body[2]
-    for y in (0.0, 0.3, 0.5 + robot.radius_m / 2):  # beside the face, and beside the corner at y = 0.5
+    for y in (0.0, 0.3, 0.5 + robot.radius_m / 2):  # along the face, and at the corner at y = 0.5
         for yaw in np.linspace(0, np.pi, 5):
             for depth_m in (-0.004, 0.001, 0.004):
                 beyond = max(y - 0.5, 0.0)
@@ -140,14 +140,14 @@ def test_the_robot_looks_its_size(name, radius_m):
 
 
 def test_profiles_keep_their_bounds():
-    """Speed and acceleration of the fastest profile, by differences; and it covers the whole way."""
+    """Speed and acceleration of the fastest profile, by differences; and it covers the whole length."""
     for length_m in (0.01, 0.25, 3.0):
         profile = SpeedProfile.fastest(length_m, speed_mps=0.5, accel_mps2=3.0)
         time_s = np.linspace(0, profile.duration_s, 2001)
-        way = np.array([profile.fraction(t) for t in time_s]) * length_m
+        place = np.array([profile.fraction(t) for t in time_s]) * length_m
         step_s = time_s[1]
-        assert way[0] == 0 and way[-1] == length_m
-        speed = np.diff(way) / step_s
+        assert place[0] == 0 and place[-1] == length_m
+        speed = np.diff(place) / step_s
         assert speed.min() > -1e-9 and speed.max() < 0.5 + 1e-6
         assert np.abs(np.diff(speed)).max() / step_s < 3.0 * (1 + 1e-3)
     assert SpeedProfile.fastest(0.0, speed_mps=0.5, accel_mps2=3.0).fraction(0.0) == 1.0
@@ -169,7 +169,7 @@ def test_speeds_out_of_reach_are_reduced_along_the_arc():
         ({"track_m": 0.3}, "outside"),
     ],
 )
-def test_impossible_robots_are_refused(change, message):
+def test_impossible_robots_are_errors(change, message):
     with pytest.raises(ValueError, match=message):
         RobotConfig(**change)
 
@@ -182,17 +182,17 @@ def test_impossible_robots_are_refused(change, message):
         ({"wall_friction": -1.0}, "wall_friction"),
     ],
 )
-def test_impossible_physics_is_refused(change, message):
+def test_impossible_physics_is_an_error(change, message):
     with pytest.raises(ValueError, match=message):
         PhysicsConfig(**change)
 
 
 def test_loading_the_physics_starts_no_process():
-    """One that a signal meets leaves a traceback on the terminal, though nobody asked for it: glfw would start one."""
-    told = (
+    """One that a signal meets leaves a traceback on the terminal, without need: glfw would start one."""
+    setup = (
         "import sys; sys.addaudithook(lambda event, _: print(event) if event == 'subprocess.Popen' else None)"
     )
-    code = f"{told}; import robosim.robot.dynamic; assert 'mujoco' in sys.modules"
+    code = f"{setup}; import robosim.robot.dynamic; assert 'mujoco' in sys.modules"
     run = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True
     )

@@ -30,7 +30,7 @@ DEEPEST_M = 5e-3
 
 
 def cluttered(**kwargs) -> FloorPlan:
-    """A hall of 5 m by 5 m with columns of all sizes, ragged walls, and corners both ways."""
+    """A hall of 5 m by 5 m with columns of all sizes, ragged walls, and convex and concave corners."""
     rng = np.random.default_rng(7)
     occupancy = np.full((100, 100), FREE, np.uint8)
     for x, y, w, h in zip(*rng.integers(8, 88, (2, 9)), *rng.integers(1, 16, (2, 9)), strict=True):
@@ -72,7 +72,7 @@ def test_moves_end_where_they_were_sent(name):
 
 
 def test_noise_survives_the_physics():
-    """With nothing in the way, motions are the noise model's samples: errors are 1/10 of its deviations."""
+    """Without obstacles, motions are the noise model's samples: errors are 1/10 of its deviations."""
     world, rng, noise = World(make_building(room(8, 8))), np.random.default_rng(0), NoiseModel()
     errors = []
     for k in range(60):
@@ -143,7 +143,7 @@ def test_the_same_again_bit_for_bit():
 
 
 def test_walls_that_sleep_change_no_motion(monkeypatch):
-    """Sixty moves along and into walls end alike to the bit, whether walls are worked out at each step or not.
+    """Sixty moves along and into walls end alike bit by bit, whether walls are worked out at each step or not.
 
     At least 5 of them meet a wall.
     """
@@ -152,8 +152,8 @@ def test_walls_that_sleep_change_no_motion(monkeypatch):
         world, rng = World(make_building(cluttered())), np.random.default_rng(3)
         world.reset(turned_to(2.4, 4.6, 0))
         motions = [world.move((AHEAD, AHEAD, LEFT, -LEFT)[rng.integers(4)]) for _ in range(60)]
-        told = np.array([[*one.pose, one.collided, one.penetration_m, one.physics_steps] for one in motions])
-        return told, bool(world.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP)
+        rows = np.array([[*one.pose, one.collided, one.penetration_m, one.physics_steps] for one in motions])
+        return rows, bool(world.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP)
 
     asleep, sleeps = drive()
     monkeypatch.setattr(world_module, "_let_walls_sleep", lambda model: None)
@@ -171,7 +171,7 @@ def test_walls_hold_against_any_driving(name, wall_line, monkeypatch):
     Measured over 2400 moves: 2.4 mm. Judged by the distance of the hull's centre from the nearest wall
     line, at each motion's end; during motion by physics' own contacts, which must have seen at least as
     much. At no step is the robot more than 5 mm above the floor (wheels that slip hop a little; measured
-    2.5 mm), tilted by 4 degrees (measured 2) or faster than 0.6 m/s (told 0.5).
+    2.5 mm), tilted by 4 degrees (measured 2) or faster than 0.6 m/s (commanded 0.5).
     """
     robot = ROBOTS[name]
     building = make_building(cluttered(wall_line=wall_line))
@@ -273,7 +273,7 @@ def split(boxes: int):
 
 
 def test_seams_between_pieces_do_not_snag(monkeypatch):
-    """Sliding 1.5 m along a wall of 1 box or of 240: the same way within 3 cm, at a steady pace.
+    """Sliding 1.5 m along a wall of 1 box or of 240: the same distance within 3 cm, at a steady pace.
 
     Measured 9 mm (what a robot that scrapes along a wall does is chaotic). A hull that catches on inner edges
     would stop short by decimetres.
@@ -284,9 +284,9 @@ def test_seams_between_pieces_do_not_snag(monkeypatch):
         world = World(make_building(room()))
         assert world.model.ngeom > boxes
         world.reset(turned_to(1.0, 3 - 0.101, 12))
-        way = [world.drive(0.4, 0.0, 0.5) for _ in range(8)]
-        assert max(motion.penetration_m for motion in way) < DEEPEST_M
-        ends[boxes] = np.array([motion.pose for motion in way])
+        drive = [world.drive(0.4, 0.0, 0.5) for _ in range(8)]
+        assert max(motion.penetration_m for motion in drive) < DEEPEST_M
+        ends[boxes] = np.array([motion.pose for motion in drive])
     ahead = np.diff(ends[240][1:, 0])
     assert ends[1][-1, 0] - 1.0 > 1.3
     assert ahead.min() > 0.9 * ahead.max()
@@ -355,7 +355,7 @@ def test_real_buildings_hold(shared):
             assert gap_m > 0.1 - DEEPEST_M and motion.penetration_m < DEEPEST_M
 
 
-def test_bad_requests_are_refused():
+def test_bad_requests_are_errors():
     world = World(make_building(room()))
     with pytest.raises(ValueError, match="nearest wall"):
         world.reset(np.array([0.05, 1.0, 0.0]))

@@ -1,4 +1,4 @@
-"""NumPy files whose headers are held against what is there."""
+"""NumPy files whose headers are compared with the content."""
 
 import io
 import struct
@@ -56,7 +56,7 @@ def forged(header: str, data: bytes = b"") -> bytes:
 
 @pytest.mark.parametrize("write", [np.savez, np.savez_compressed])
 def test_what_numpy_writes_is_read_the_same(write):
-    """The pickle beside them is not so much as looked at."""
+    """The pickle next to them is not read."""
     found = unpacked(archive(write))
     assert set(found) == set(EXPECTED)
     for name, array in found.items():
@@ -110,12 +110,12 @@ def test_other_arrays_than_expected_are_said(changes, words):
         b"no array",
     ],
 )
-def test_forged_headers_are_refused_before_memory_is_asked_for(content):
+def test_forged_headers_are_errors_before_memory_is_allocated(content):
     with pytest.raises(Exception):  # noqa: B017 - NumPy's parser of headers raises many kinds
         parse_npy(content)
 
 
-def test_an_archive_that_unpacks_to_too_much_is_refused_by_its_directory():
+def test_an_archive_that_unpacks_to_too_much_is_an_error_by_its_directory():
     bomb = io.BytesIO()
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as file:
         for name in ("pose", "count"):
@@ -124,12 +124,12 @@ def test_an_archive_that_unpacks_to_too_much_is_refused_by_its_directory():
         unpacked(bomb.getvalue(), {name: Array("f", "n") for name in ("pose", "count")}, most_bytes=2_000_000)
 
 
-def test_other_ways_of_packing_are_refused():
-    """LZMA would ask for whatever its header says."""
+def test_other_compressions_are_errors():
+    """LZMA would allocate whatever its header says."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_LZMA) as packed:
         packed.writestr("pose.npy", npy(np.zeros((1, 3))))
-    with pytest.raises(ValueError, match="compressed in another way"):
+    with pytest.raises(ValueError, match="not compressed by NumPy's method"):
         unpacked(file.getvalue(), {"pose": Array("f", "n 3")})
 
 

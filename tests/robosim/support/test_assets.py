@@ -19,7 +19,7 @@ def shipped(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_plans_lie_beside_the_package_in_a_source_tree(shipped):
+def test_plans_lie_next_to_the_package_in_a_source_tree(shipped):
     assert assets.assets_dir() == shipped / "assets"
     assert list(assets.shipped_plans()) == ["flat", "office"]
 

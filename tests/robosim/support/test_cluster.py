@@ -18,7 +18,7 @@ from tests.plans import two_rooms
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 
 
-@pytest.mark.filterwarnings("ignore")  # of the cluster: what it has to say of a worker that is gone
+@pytest.mark.filterwarnings("ignore")  # of the cluster: its messages about a killed worker
 def test_a_worker_killed_in_the_middle_changes_no_result(tmp_path):
     """Two processes, one killed after the second of six episodes: all six, the same bytes as without a cluster."""
     file = tmp_path / "plans" / "pair.yaml"

@@ -1,4 +1,4 @@
-"""One table of colours for link states, which people with each kind of colour blindness can tell apart."""
+"""One table of colours for link states, distinct for people with each kind of colour blindness."""
 
 import itertools
 
@@ -47,7 +47,7 @@ def lab(colour: tuple[int, int, int], sight) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-def test_states_can_be_told_apart(sight):
+def test_states_are_distinct(sight):
     """At least 23 units of CIELAB between any two (measured 23.3); before, 10.8 between outage and line of sight."""
     colours = {**STATE_COLOURS, **AROUND}
     seen = {name: lab(colour, SIGHT[sight]) for name, colour in colours.items()}

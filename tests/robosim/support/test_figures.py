@@ -11,7 +11,7 @@ from robosim.support.figures import save_figure
 def figure(label: str = "x [m]") -> Figure:
     made = Figure(figsize=(3, 2))
     axes = made.subplots()
-    axes.plot([0, 1], label="way")
+    axes.plot([0, 1], label="line")
     axes.set_ylabel(label)
     return made
 
@@ -24,7 +24,7 @@ def test_png_alone_of_200_dots_per_inch(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "begins"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
-def test_another_format_beside_it_the_same_bytes_each_time(kind, begins, tmp_path):
+def test_another_format_next_to_it_the_same_bytes_each_time(kind, begins, tmp_path):
     with matplotlib.rc_context({"savefig.format": kind}):
         for folder in ("one", "two"):
             save_figure(figure(), tmp_path / folder / "a.png")

@@ -1,4 +1,4 @@
-"""Images whose headers declare a size: what is too large is rejected before any memory is asked for."""
+"""Images whose headers declare a size: what is too large is rejected before any memory is allocated."""
 
 import io
 import struct
@@ -51,23 +51,22 @@ def tiff(width: int, height: int) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("declared", "size"),
-    [*product((png, bmp, ppm, gif, tiff), (5_000, 60_000)), (ppm, 2**31 - 1)],
+    ("declared", "size"), [*product((png, bmp, ppm, gif, tiff), (5_000, 60_000)), (ppm, 2**31 - 1)]
 )
 def test_a_declared_size_is_bounded_before_anything_is_unpacked(declared, size, monkeypatch):
-    """Files of some hundred bytes that ask for 25 MB to 10 GB; from 0.18 gigapixels on, Pillow rejects them itself."""
+    """Files of some hundred bytes that need 25 MB to 10 GB; from 0.18 gigapixels on, Pillow rejects them itself."""
 
     def load(image):
         raise AssertionError("unpacked")
 
     monkeypatch.setattr(ImageFile.ImageFile, "load", load)
     with (
-        pytest.raises((ValueError, Image.DecompressionBombError)) as refused,
+        pytest.raises((ValueError, Image.DecompressionBombError)) as raised,
         opened_image(declared(size, size), 10_000_000),
     ):
         pass
     expected = (f"{size} x {size} pixels, expected at most 1e+07 in all", "exceeds limit")
-    assert any(words in str(refused.value) for words in expected)
+    assert any(words in str(raised.value) for words in expected)
 
 
 def test_no_pixels_are_no_image():

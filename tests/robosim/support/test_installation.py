@@ -42,7 +42,7 @@ def installed(tmp_path, monkeypatch):
 
 
 def test_a_checkout_is_installed_again_with_the_extra(monkeypatch, tmp_path):
-    """By a dot in its folder, by its path elsewhere."""
+    """By a dot in its folder, by its path in other folders."""
     root = Path(__file__).resolve().parents[3]
     monkeypatch.chdir(root)
     assert install_command("live") == "pip install -e '.[live]'"
@@ -51,7 +51,7 @@ def test_a_checkout_is_installed_again_with_the_extra(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "origin", [None, {"url": "file:///gone/robosim_wireless-9.9-py3-none-any.whl", "archive_info": {}}]
+    "origin", [None, {"url": "file:///missing/robosim_wireless-9.9-py3-none-any.whl", "archive_info": {}}]
 )
 def test_a_wheel_gets_the_extra_by_name(installed, origin):
     """It is installed already, so that pip fetches the extra's packages alone."""

@@ -37,7 +37,7 @@ def test_sigterm_unwinds():
     assert stop.value.code == 143
 
 
-def test_what_fails_of_a_swallowed_interruption_is_told_as_the_interruption(monkeypatch, capsys):
+def test_what_fails_of_a_swallowed_interruption_is_reported_as_the_interruption(monkeypatch, capsys):
     """SciPy's import ends so in a NameError."""
 
     def importing(words):
@@ -63,13 +63,13 @@ def test_afterwards_signals_go_where_they_went_before(presses):
 
 def test_another_thread_has_no_signals_to_note():
     """Setting a handler there would raise."""
-    asked = []
+    requested = []
 
     def work():
         with noted_interrupt("this step") as interrupt:
-            asked.append(interrupt.is_requested)
+            requested.append(interrupt.is_requested)
 
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert asked == [False]
+    assert requested == [False]

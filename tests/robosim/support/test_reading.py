@@ -15,8 +15,8 @@ from robosim.support.reading import FileError, read_bytes, reading, shown
 REMEDY = "Bake it again."
 
 
-def refusal(path, kind=FileError):
-    """The message of a file that is refused before it is opened; one line that names it."""
+def error_of(path, kind=FileError):
+    """The message of a file that is wrong before it is opened; one line that names it."""
     with pytest.raises(FileError) as error:
         read_bytes(path, "a cake", REMEDY, most_bytes=100, kind=kind)
     message = str(error.value)
@@ -46,28 +46,28 @@ def test_a_regular_file_is_read(cake):
     assert read_bytes(cake, "a cake") == b"layers"
 
 
-def test_what_is_no_regular_file_is_refused(cake, tmp_path):
+def test_what_is_no_regular_file_is_an_error(cake, tmp_path):
     """A pipe would be waited for and a device read for ever, were they opened."""
     os.mkfifo(tmp_path / "pipe")
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(tmp_path / "socket"))
-        assert "is a socket" in refusal(tmp_path / "socket")
-    (tmp_path / "gone").symlink_to("nowhere")
+        assert "is a socket" in error_of(tmp_path / "socket")
+    (tmp_path / "lost").symlink_to("nowhere")
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "zero").symlink_to("/dev/zero")
     (tmp_path / "empty").touch()
     (tmp_path / "long").write_bytes(bytes(101))
-    assert "is a folder, expected a cake" in refusal(tmp_path)
-    assert "is a named pipe" in refusal(tmp_path / "pipe")
-    assert "is a device" in refusal(tmp_path / "zero")
-    assert "no such file" in refusal(tmp_path / "none")
-    assert "a link to a file that is not there" in refusal(tmp_path / "gone")
-    assert "symbolic links" in refusal(tmp_path / "loop")
-    assert "Not a directory" in refusal(cake / "slice")
-    assert "File name too long" in refusal(tmp_path / ("x" * 5000))
-    assert "embedded null" in refusal(tmp_path / "a\0b")  # byte or character, as Python has it
-    assert "the file is empty, expected a cake. Bake it again." in refusal(tmp_path / "empty")
-    assert "101 bytes, expected a cake of at most 100" in refusal(tmp_path / "long", MapError)
+    assert "is a folder, expected a cake" in error_of(tmp_path)
+    assert "is a named pipe" in error_of(tmp_path / "pipe")
+    assert "is a device" in error_of(tmp_path / "zero")
+    assert "no such file" in error_of(tmp_path / "none")
+    assert "a link to a file that is not there" in error_of(tmp_path / "lost")
+    assert "symbolic links" in error_of(tmp_path / "loop")
+    assert "Not a directory" in error_of(cake / "slice")
+    assert "File name too long" in error_of(tmp_path / ("x" * 5000))
+    assert "embedded null" in error_of(tmp_path / "a\0b")  # byte or character, as Python has it
+    assert "the file is empty, expected a cake. Bake it again." in error_of(tmp_path / "empty")
+    assert "101 bytes, expected a cake of at most 100" in error_of(tmp_path / "long", MapError)
 
 
 def test_a_link_to_a_regular_file_is_followed(cake, tmp_path):
@@ -79,7 +79,7 @@ def test_a_link_to_a_regular_file_is_followed(cake, tmp_path):
     ("error", "words"),
     [
         (zlib.error("Error -3 while\ndecompressing"), "(Error -3 while decompressing)"),
-        (MemoryError(), "(it asks for more memory than there is)"),
+        (MemoryError(), "(it needs more memory than there is)"),
         (RecursionError("maximum recursion depth exceeded"), "(it is nested too deeply)"),
         (UnicodeDecodeError("utf-8", b"\x8c", 0, 1, "invalid"), "(byte 0 is no UTF-8 text)"),
         (KeyError("flour"), "('flour' is missing)"),
@@ -113,11 +113,11 @@ def test_what_names_a_file_already_passes_through_outer_boundaries(cake, tmp_pat
 
 def test_names_are_shown_in_one_printable_line(tmp_path):
     path = tmp_path / "a\nb\x1b[0m\udce4"
-    assert "a\\nb\\x1b[0m\\udce4: no such file" in refusal(path)
+    assert "a\\nb\\x1b[0m\\udce4: no such file" in error_of(path)
     assert len(shown("x" * 5000)) < 500
 
 
-def test_what_libraries_say_beside_their_errors_is_not_heard(cake, caplog):
+def test_messages_of_libraries_are_not_printed(cake, caplog):
     """Their loggers and warnings speak again afterwards."""
     loud = logging.getLogger("trimesh")
     with reading(cake, "a cake"):

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from robosim.support.files import partial_path
-from robosim.support.run_folder import FolderError, check_folder, read_settings, run_folder
+from robosim.support.run_folder import SETTINGS, FolderError, check_folder, run_folder
 
 ONE = {"seed": 1, "tracer": {"reflections": 3}}
 
@@ -15,11 +15,15 @@ def _write(folder, name="result.txt"):
     (folder / name).write_text("done")
 
 
+def settings_in(folder):
+    return json.loads((folder / SETTINGS).read_text())["settings"]
+
+
 def test_the_same_settings_go_on(tmp_path):
     for _ in range(2):
         with run_folder(tmp_path / "a", "dataset", ONE) as folder:
             _write(folder)
-    assert read_settings(tmp_path / "a", "dataset") == ONE
+    assert settings_in(tmp_path / "a") == ONE
 
 
 def test_other_settings_are_named_and_change_nothing(tmp_path):
@@ -35,12 +39,12 @@ def test_other_settings_are_named_and_change_nothing(tmp_path):
 
 
 def test_settings_may_grow_where_that_is_meant(tmp_path):
-    """Plans may be added or not asked for, the ones in both have to be the same."""
+    """Plans may be added or left out, the ones in both have to be the same."""
     with run_folder(tmp_path, "evaluate", {"plans": {"a": 1}}, grows=("plans",)) as folder:
         _write(folder)
     with run_folder(tmp_path, "evaluate", {"plans": {"b": 2}}, grows=("plans",)):
         pass
-    assert read_settings(tmp_path, "evaluate") == {"plans": {"a": 1, "b": 2}}
+    assert settings_in(tmp_path) == {"plans": {"a": 1, "b": 2}}
     with (
         pytest.raises(FolderError, match=r"plans\.a 1 there, 9 now"),
         run_folder(tmp_path, "evaluate", {"plans": {"a": 9}}, grows=("plans",)),
@@ -61,7 +65,7 @@ def test_the_results_of_another_command_are_left_alone(tmp_path, settings):
 
 
 def test_what_came_to_nothing_leaves_nothing(tmp_path):
-    """A folder that was made is gone again, one that was there is empty, and its settings do not bind."""
+    """A folder that was made is removed again, one that was there is empty, and its settings do not bind."""
     (tmp_path / "there").mkdir()
     for name in ("there", "new"):
         with pytest.raises(ValueError, match="no good"), run_folder(tmp_path / name, "dataset", ONE):
@@ -106,7 +110,7 @@ def test_files_of_a_person_do_not_matter(tmp_path):
     _write(tmp_path, "job.log")
     with run_folder(tmp_path, "dataset", ONE) as folder:
         _write(folder)
-    assert read_settings(tmp_path, "dataset") == ONE
+    assert settings_in(tmp_path) == ONE
 
 
 def test_a_claimed_folder_inside_is_its_own(tmp_path):
@@ -118,7 +122,7 @@ def test_a_claimed_folder_inside_is_its_own(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["file", "below a file", "dangling link", "long"])
-def test_what_cannot_be_a_folder_is_refused_before_the_work(tmp_path, kind):
+def test_what_cannot_be_a_folder_is_an_error_before_the_work(tmp_path, kind):
     _write(tmp_path, "file")
     os.symlink("nowhere", tmp_path / "dangling link")
     path = {"below a file": tmp_path / "file" / "x", "long": tmp_path / ("x" * 300)}.get(

@@ -20,7 +20,7 @@ def rows(count=20, turn=0.1):
 
 
 def read_rows(folder, values):
-    path = folder / "way.tum"
+    path = folder / "track.tum"
     np.savetxt(path, values, header="timestamp x y z qx qy qz qw")
     return read_tum(path)
 
@@ -79,13 +79,13 @@ def test_what_is_no_pose_on_a_floor_is_named_by_its_line(tmp_path, values, line,
     with pytest.raises(FileError) as error:
         read_rows(tmp_path, values)
     said = str(error.value)
-    assert f"line {line} " in said and words in said and "way.tum" in said and "\n" not in said
+    assert f"line {line} " in said and words in said and "track.tum" in said and "\n" not in said
 
 
 def test_words_are_named_by_their_line(tmp_path):
-    (tmp_path / "way.tum").write_text("# a comment\n\n1 0 0 0 0 0 0 1\n2 0 zero 0 0 0 0 1\n")
+    (tmp_path / "track.tum").write_text("# a comment\n\n1 0 0 0 0 0 0 1\n2 0 zero 0 0 0 0 1\n")
     with pytest.raises(FileError, match=r"line 4: .*zero"):
-        read_tum(tmp_path / "way.tum")
+        read_tum(tmp_path / "track.tum")
 
 
 def test_a_ramp_keeps_its_heading_and_is_said(tmp_path, caplog):

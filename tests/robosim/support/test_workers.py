@@ -40,8 +40,8 @@ def killed_by_two(n):
     return n
 
 
-def refuses(n):
-    raise ValueError(f"{n} is refused")
+def fails(n):
+    raise ValueError(f"{n} is wrong")
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -111,12 +111,12 @@ def test_functions_travel_by_value():
 
 
 def test_an_error_of_a_call_is_raised_as_it_is():
-    with pytest.raises(ValueError, match="0 is refused"), Workers(1) as pool:
-        list(pool.run(refuses, SQUARES))
+    with pytest.raises(ValueError, match="0 is wrong"), Workers(1) as pool:
+        list(pool.run(fails, SQUARES))
 
 
 def test_a_killed_process_loses_its_calls_and_no_others():
-    """Of nine calls by one process the third is lost; the others are done by a new one, and then it is told."""
+    """Of nine calls by one process the third is lost; the others are done by a new one, and then an error is raised."""
     done = []
     with pytest.raises(WorkerLost, match="1 of the squares are lost"), Workers(1, what="squares") as pool:
         for _, n in pool.run(killed_by_two, [(n,) for n in range(9)]):
@@ -147,13 +147,13 @@ def test_a_process_that_is_killed_while_it_sends_loses_its_call(monkeypatch):
     assert sorted(done) == [0, 1, 3, 4]
 
 
-def test_an_error_tells_where_it_was_raised():
+def test_an_error_says_where_it_was_raised():
     with pytest.raises(ValueError) as raised, Workers(1) as pool:
-        list(pool.run(refuses, SQUARES))
-    assert "in refuses" in "".join(raised.value.__notes__)
+        list(pool.run(fails, SQUARES))
+    assert "in fails" in "".join(raised.value.__notes__)
 
 
-def test_processes_that_never_live_are_told_at_once():
+def test_processes_that_never_live_are_an_error_at_once():
     with pytest.raises(WorkerLost, match=r"\b[1-9] of the calls are lost"), Workers(2) as pool:
         list(pool.run(os._exit, [(1,)] * 1000))
 
@@ -163,7 +163,7 @@ def test_workers_must_be_some():
         Workers(0)
 
 
-def test_no_cluster_is_told():
+def test_no_cluster_is_an_error():
     pytest.importorskip("distributed", reason="needs the extra cluster")
     with pytest.raises(ValueError, match="no dask scheduler answers"), Workers(1, "nowhere"):
         pass

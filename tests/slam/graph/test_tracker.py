@@ -54,7 +54,7 @@ def test_loops_close_and_put_the_past_right(closed):
     assert tracker.closed > 5
     assert off_m.max() < 0.2
     with_loops, without = (
-        compare_trajectories(one.poses(), np.array(ROUTE)).rpe_m for one in (tracker, matched)
+        compare_trajectories(one.poses(), np.array(ROUTE))["rpe_m"] for one in (tracker, matched)
     )
     assert with_loops < min(0.03, 0.6 * without)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.published.measured_paths import read_measured_paths
+from tests.benchmarks.positioning import seen_from_receiver, seen_from_transmitter
 from wireless.positioning.single_bounce import (
     MeasuredPaths,
     PositioningConfig,
@@ -108,21 +109,19 @@ def hall(shared):
 
 def test_a_receiver_in_a_real_hall(hall):
     """Every fifth of 45 places: half within 0.5 m and 2 degrees with the clock unknown, within 0.2 m with it known."""
-    places = hall.places[::5]
-    free = [locate(place.seen_from_transmitter) for place in places]
-    off = [np.hypot(*(f.pose - place.receiver)[:2]) for f, place in zip(free, places, strict=True)]
-    turned = [abs(turn(f.pose[2] - place.receiver[2])) for f, place in zip(free, places, strict=True)]
-    assert np.median(off) < 0.5
-    assert np.median(turned) < math.radians(2)
-    timed = [locate(place.seen_from_transmitter, offset_m=0.0) for place in places]
-    off = np.sort([np.hypot(*(f.pose - place.receiver)[:2]) for f, place in zip(timed, places, strict=True)])
+    seen, truth = seen_from_transmitter(hall)[::5], hall.receivers[::5]
+    free = np.array([locate(paths).pose for paths in seen])
+    assert np.median(np.hypot(*(free - truth)[:, :2].T)) < 0.5
+    assert np.median(np.abs(turn(free[:, 2] - truth[:, 2]))) < math.radians(2)
+    timed = np.array([locate(paths, offset_m=0.0).pose for paths in seen])
+    off = np.sort(np.hypot(*(timed - truth)[:, :2].T))
     assert np.median(off) < 0.2
     assert off[-2] < 0.7
 
 
 def test_the_transmitter_in_a_real_hall(hall):
     """From the receiver's places, by the 362 paths at once: within 0.2 m and 1.5 degrees, clock unknown."""
-    found = locate(hall.seen_from_receiver)
+    found = locate(seen_from_receiver(hall))
     assert np.hypot(*(found.pose - hall.transmitter)[:2]) < 0.2
     assert abs(turn(found.pose[2] - hall.transmitter[2])) < math.radians(1.5)
     assert abs(found.offset_m) < 0.3

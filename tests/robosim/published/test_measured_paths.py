@@ -1,4 +1,4 @@
-"""Measured paths beside traced ones: what was made from a known room must be found again."""
+"""Measured and traced paths: materials of a known room are found from its paths."""
 
 from dataclasses import replace
 
@@ -8,9 +8,8 @@ from scipy.constants import speed_of_light
 
 from robosim.cli import main
 from robosim.plans.files import write_ros
-from robosim.published.material_fit import EDGES, SPECULAR, explained, fit_materials, residuals_db, tracer_of
-from robosim.published.measured_match import MatchConfig, match, trace_hall
-from robosim.published.measured_paths import COLUMNS, MeasuredHall
+from robosim.published.material_fit import EDGES, SPECULAR, Fit, residuals_db, tracer_of
+from robosim.published.measured_paths import COLUMNS, MatchConfig, MeasuredHall, trace_hall
 from tests.plans import two_rooms
 
 FREQUENCY_HZ = 60e9
@@ -30,17 +29,17 @@ def measured_in(plan, wall, noise_db=1.0, seed=0, range_db=35.0):
     )
     hall = MeasuredHall(empty)
     paths = trace_hall(hall, tracer_of(plan, wall, FREQUENCY_HZ, EDGES), 1.5)
-    kept = paths.select(paths.power_db > paths.power_db.max() - range_db)
+    loud = paths.select(paths.power_db > paths.power_db.max() - range_db)
     rows = np.column_stack([
-        kept.rx,
-        np.tile(tx, (len(kept), 1)),
-        places[kept.rx],
-        headings[kept.rx],
-        kept.delay_s * speed_of_light + rng.normal(0, 0.05, len(kept)),
-        kept.aod_az - tx[2] + rng.normal(0, np.radians(1), len(kept)),
-        kept.aoa_az - headings[kept.rx] + rng.normal(0, np.radians(1), len(kept)),
+        loud.rx,
+        np.tile(tx, (len(loud), 1)),
+        places[loud.rx],
+        headings[loud.rx],
+        loud.delay_s * speed_of_light + rng.normal(0, 0.05, len(loud)),
+        loud.aod_az - tx[2] + rng.normal(0, np.radians(1), len(loud)),
+        loud.aoa_az - headings[loud.rx] + rng.normal(0, np.radians(1), len(loud)),
     ])  # fmt: skip
-    return MeasuredHall(rows, kept.power_db + 7.0 + rng.normal(0, noise_db, len(kept)))
+    return MeasuredHall(rows, loud.power_db + 7.0 + rng.normal(0, noise_db, len(loud)))
 
 
 @pytest.fixture(scope="module")
@@ -55,33 +54,30 @@ def hall(plan):
 
 def test_what_was_traced_is_explained(plan, hall):
     """Nearly all paths and all power; a third of it by chance at most, as places lie near each other."""
-    found = explained(hall, tracer_of(plan, "glass", FREQUENCY_HZ, EDGES), MatchConfig())
+    found = Fit(hall, FREQUENCY_HZ, MatchConfig()).explained(plan, "glass", EDGES)
     assert found.paths > 0.97 and found.power > 0.99
     assert found.by_chance < 0.2
     assert found.off_db < 1.5
 
 
 def test_each_kind_of_path_explains_its_own(plan):
-    """Without reflections direct paths alone are explained, and they are direct; edges are told as such."""
-    hall, config = measured_in(plan, "glass", range_db=60.0), MatchConfig(range_db=80.0)
-    direct = match(
-        hall,
-        trace_hall(hall, tracer_of(plan, "glass", FREQUENCY_HZ, replace(SPECULAR, max_reflections=0)), 1.5),
-        config,
-    )
+    """Without reflections direct paths alone are explained, and they are direct; edges are marked."""
+    hall = measured_in(plan, "glass", range_db=60.0)
+    fit = Fit(hall, FREQUENCY_HZ, MatchConfig(range_db=80.0))
+    direct = fit.match(plan, "glass", replace(SPECULAR, max_reflections=0))
     assert (direct.order[direct.explained] == 0).all()
     length = np.hypot(*(hall.table[:, 4:6] - hall.transmitter[:2]).T)
     assert (np.abs(hall.table[direct.explained, 7] - length[direct.explained]) < 0.3).all()
-    all_of_them = match(hall, trace_hall(hall, tracer_of(plan, "glass", FREQUENCY_HZ, EDGES), 1.5), config)
+    all_of_them = fit.match(plan, "glass", EDGES)
     assert all_of_them.diffracted.sum() > 5
     off = residuals_db(hall, all_of_them)
     assert np.isnan(off[all_of_them.diffracted]).all() and np.isnan(off[all_of_them.order == 0]).all()
 
 
 def test_the_material_is_found_again(plan, hall):
-    """Of six materials the one that it was made with; at the places without a say it fits as well."""
-    names = ["wood", "concrete", "glass", "metal", "partition", "ceiling_board"]
-    fit = fit_materials(hall, plan, wall="wood", frequency_hz=FREQUENCY_HZ, names=names, config=MatchConfig())
+    """Of six materials the one that it was made with; at the other places it fits as well."""
+    names = ("wood", "concrete", "glass", "metal", "partition", "ceiling_board")
+    fit = Fit(hall, FREQUENCY_HZ, MatchConfig(), names).choose(plan, "wood")
     assert fit.wall == "glass"
     assert max(fit.after_db) < 1.6 and min(fit.before_db) > 3
     assert fit.tried["wood"] == fit.before_db[0]
@@ -95,16 +91,13 @@ def test_materials_of_colours_are_found_again(plan):
     painted = replace(plan, material=of_wall, materials=("metal",))
     hall = measured_in(painted, "wood")
     start = replace(painted, materials=("concrete",))
-    names = ["concrete", "wood", "metal"]
-    fit = fit_materials(
-        hall, start, wall="concrete", frequency_hz=FREQUENCY_HZ, names=names, config=MatchConfig()
-    )
+    fit = Fit(hall, FREQUENCY_HZ, MatchConfig(), ("concrete", "wood", "metal")).choose(start, "concrete")
     assert (fit.wall, fit.colours) == ("wood", ("metal",))
 
 
 def test_strengths_need_powers_and_direct_paths(plan, hall):
-    """Said as such, with what may be wrong."""
-    matched = match(hall, trace_hall(hall, tracer_of(plan, "glass", FREQUENCY_HZ), 1.5), MatchConfig())
+    """The error says what may be wrong."""
+    matched = Fit(hall, FREQUENCY_HZ, MatchConfig()).match(plan, "glass")
     with pytest.raises(ValueError, match="no column power_db"):
         residuals_db(MeasuredHall(hall.table), matched)
     with pytest.raises(ValueError, match="are plan and table in one frame"):
@@ -112,7 +105,7 @@ def test_strengths_need_powers_and_direct_paths(plan, hall):
 
 
 def test_the_command_writes_what_it_found(plan, hall, tmp_path, capsys):
-    """Table, picture and JSON; a table without powers is refused in one line."""
+    """Table, picture and JSON; a table without powers is an error of one line."""
     write_ros(plan, tmp_path / "rooms.yaml")
     lines = [",".join((*COLUMNS, "power_db"))]
     lines += [
