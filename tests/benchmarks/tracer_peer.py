@@ -1,4 +1,4 @@
-"""Specular paths beside Sionna RT's: links per second of the processor, and which paths each finds.
+"""Specular paths next to Sionna RT's: links per second of the processor, and which paths each finds.
 
 Both trace the same building, as `robosim plan` writes it for Sionna RT: reflections by exact images here, by shooting
 samples and refining them there. A path is found by both if their lengths differ by less than `SAME_M`.
@@ -27,7 +27,7 @@ from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: Sionna RT computes with 32 bits: lengths that differ by less are those of one path [m].
 SAME_M = 2e-3
-#: Heights of the building, of transmitter and receivers, which differ lest mirrored paths coincide [m].
+#: Heights of the building, of transmitter and receivers, which differ so that mirrored paths do not coincide [m].
 HEIGHT_M, TX_M, RX_M = 3.0, 2.1, 1.3
 #: Half-spaces, which both know; what stands for layered walls in Sionna RT reflects otherwise near their resonances.
 MATERIALS: dict[str, Any] = {
@@ -48,7 +48,7 @@ def main(
     order: int = 3,
     options: OmitArgPrefixes[Options] = DEFAULT,
 ) -> Results:
-    """Specular paths beside Sionna RT's: links per second of the processor, and recall.
+    """Specular paths next to Sionna RT's: links per second of the processor, and recall.
 
     Args:
         plans: Floor plans, or folders of them.

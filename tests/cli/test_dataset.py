@@ -37,7 +37,7 @@ def contents(folder):
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_manifest_tells_what_tables_hold(made):
+def test_manifest_lists_what_tables_hold(made):
     """Rows, states and columns of the manifest are those of the files; each unit has its own."""
     manifest = json.loads((made / "manifest.json").read_text())
     files = [unit["file"] for unit in manifest["units"]]
@@ -60,7 +60,7 @@ def test_manifest_tells_what_tables_hold(made):
 
 
 def test_links_are_those_of_the_tracer(made, plan_file):
-    """Traced anew from the positions in the file: the same paths and states; lists are as long as they say.
+    """Traced again from the positions in the file: the same paths and states; lists are as long as they say.
 
     Of links in sight, whose strongest path stands alone most often, 90 % or more are estimated within 5 degrees
     (measured 100 %): rows of estimates belong to rows of paths.
@@ -136,12 +136,12 @@ def test_a_killed_run_goes_on_to_the_same_bytes(made, plan_file, tmp_path, capsy
     done = list(tmp_path.glob("links/*.parquet"))
     assert 1 <= len(done) < 4
     assert not (tmp_path / "manifest.json").exists()
-    kept = {path: path.stat().st_mtime_ns for path in done}
+    stored = {path: path.stat().st_mtime_ns for path in done}
     (tmp_path / "links" / ".torn.partial-1.parquet").write_bytes(b"PAR1")
     capsys.readouterr()
     main(command)
     assert "resuming from there" in capsys.readouterr().out
-    assert {path: path.stat().st_mtime_ns for path in done} == kept
+    assert {path: path.stat().st_mtime_ns for path in done} == stored
     assert contents(tmp_path) == contents(made)
 
 
@@ -152,7 +152,7 @@ def test_the_same_command_again_makes_nothing(made, plan_file, capsys):
     assert contents(made) == before
 
 
-def test_other_settings_are_refused(made, plan_file, fails):
+def test_other_settings_are_rejected(made, plan_file, fails):
     command = f"dataset {plan_file} {OPTIONS} --out {made}"
     assert "seed 5 there, 6 now" in fails(*command.replace("--seed 5", "--seed 6").split())
     assert "estimator pca there, sage now" in fails(*command.replace(" pca", " sage").split())

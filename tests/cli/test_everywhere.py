@@ -23,7 +23,7 @@ FUNCTIONS = {name: load_command(name) for name in COMMANDS}
 
 
 @pytest.mark.parametrize("line", ["--version", "plan --version", "plan flat --quiet --version --radius 0.2"])
-def test_the_version_is_told_and_nothing_done(line, tmp_path, monkeypatch, capsys):
+def test_the_version_is_reported_and_nothing_done(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     main(line.split())
     assert capsys.readouterr().out == f"robosim {version('robosim-wireless')}\n"
@@ -93,12 +93,12 @@ def test_quiet_says_nothing_but_does_the_same(place, plan_file, tmp_path, capsys
     assert not console.quiet
 
 
-def test_quiet_tells_errors(fails):
+def test_quiet_prints_errors(fails):
     assert "radius is 9" in fails("plan", "--quiet", "flat", "--radius", "9")
 
 
 def test_quiet_keeps_warnings_to_itself(tmp_path, caplog):
-    """A box with its faces to the outside is taken for a room turned inside out, which is a warning."""
+    """A box with its faces to the outside is treated as a room turned inside out, which is a warning."""
     trimesh.creation.box((4, 3, 2.5)).export(tmp_path / "room.stl")
     main(f"plan {tmp_path}/room.stl --out {tmp_path}/out".split())
     assert "inside out" in caplog.text
@@ -116,22 +116,22 @@ def answer(line: str, capsys) -> dict:
 
 
 def test_plan_as_json(plan_file, tmp_path, capsys):
-    told = answer(f"plan {plan_file} --out {tmp_path}", capsys)
-    assert told["plan"] == "two rooms" and told["out"] == str(tmp_path)
-    assert told["free_m2"] == pytest.approx(18.2, abs=0.05)
-    assert told["parts"] == 1 and told["cut_off"] == []
+    printed = answer(f"plan {plan_file} --out {tmp_path}", capsys)
+    assert printed["plan"] == "two rooms" and printed["out"] == str(tmp_path)
+    assert printed["free_m2"] == pytest.approx(18.2, abs=0.05)
+    assert printed["parts"] == 1 and printed["cut_off"] == []
 
 
 def test_generated_plans_as_json(tmp_path, capsys):
-    told = answer(f"generate --count 2 --seed 4 --out {tmp_path}", capsys)
-    assert len(told["plans"]) == 2 and all((tmp_path / name).is_file() for name in told["plans"])
+    printed = answer(f"generate --count 2 --seed 4 --out {tmp_path}", capsys)
+    assert len(printed["plans"]) == 2 and all((tmp_path / name).is_file() for name in printed["plans"])
 
 
 def test_traced_links_as_json(plan_file, tmp_path, capsys):
     """The same as in trace.json; of one link, paths and the state of each transmitter."""
     grid = answer(f"trace {plan_file} --tx 1,1 --grid 1 --no-plots --workers 1 --out {tmp_path}/grid", capsys)
-    kept = json.loads((tmp_path / "grid" / "trace.json").read_text())
-    assert {**kept, "out": f"{tmp_path}/grid"} == grid
+    stored = json.loads((tmp_path / "grid" / "trace.json").read_text())
+    assert {**stored, "out": f"{tmp_path}/grid"} == grid
     link = answer(f"trace {plan_file} --tx 1,1 --rx 2,1 --out {tmp_path}/link", capsys)
     assert link["paths"] > 1 and link["states"] == ["los"] and link["rx_m"] == [2.0, 1.0, 1.5]
 
@@ -139,9 +139,9 @@ def test_traced_links_as_json(plan_file, tmp_path, capsys):
 @pytest.mark.usefixtures("in_process")
 def test_a_data_set_as_json(plan_file, tmp_path, capsys):
     """The same as in manifest.json, and how long it took."""
-    told = answer(f"dataset {plan_file} --tx-per-plan 1 --grid 1 --workers 1 --out {tmp_path}", capsys)
-    kept = json.loads((tmp_path / "manifest.json").read_text())
-    assert kept.items() <= told.items() and told["timing"]["links"] == kept["rows"]
+    printed = answer(f"dataset {plan_file} --tx-per-plan 1 --grid 1 --workers 1 --out {tmp_path}", capsys)
+    stored = json.loads((tmp_path / "manifest.json").read_text())
+    assert stored.items() <= printed.items() and printed["timing"]["links"] == stored["rows"]
 
 
 @pytest.mark.parametrize("works", [True, False])
@@ -150,21 +150,21 @@ def test_the_machine_as_json(works, monkeypatch, capsys):
     finding = doctor.Finding("camera", works, "draws on [red]OSMesa", "" if works else "install it")
     monkeypatch.setattr(doctor, "examine", lambda: [finding])
     if works:
-        told = answer("doctor", capsys)
+        printed = answer("doctor", capsys)
     else:
         with pytest.raises(SystemExit) as stop:
             main(["doctor", "--json"])
         assert stop.value.code == 1
-        told = json.loads(capsys.readouterr().out)
-    assert told["works"] == works and told["robosim"] == version("robosim-wireless")
-    assert told["findings"][0]["detail"] == "draws on [red]OSMesa"
+        printed = json.loads(capsys.readouterr().out)
+    assert printed["works"] == works and printed["robosim"] == version("robosim-wireless")
+    assert printed["findings"][0]["detail"] == "draws on [red]OSMesa"
 
 
 def test_an_episode_as_json(plan_file, tmp_path, capsys):
     """The same as in result.json."""
     options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video"
-    told = answer(f"episode {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
-    assert {**json.loads((tmp_path / "result.json").read_text()), "out": str(tmp_path)} == told
+    printed = answer(f"episode {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
+    assert {**json.loads((tmp_path / "result.json").read_text()), "out": str(tmp_path)} == printed
 
 
 @pytest.mark.usefixtures("in_process")
@@ -173,10 +173,12 @@ def test_an_evaluation_as_json(plan_file, tmp_path, capsys):
     options = (
         "--targets 1 --policies explore --physics kinematic --camera embree --image.height 32 --max-steps 3"
     )
-    told = answer(f"evaluate {plan_file} {options} --workers 1 --mapper classical --out {tmp_path}", capsys)
-    assert {row["policy"] for row in told["summary"]} == {"oracle", "explore"}
-    assert told["summary"] == json.loads((tmp_path / "summary.json").read_text())["summary"]
-    assert told["warnings"] == [] and told["out"] == str(tmp_path)
+    printed = answer(
+        f"evaluate {plan_file} {options} --workers 1 --mapper classical --out {tmp_path}", capsys
+    )
+    assert {row["policy"] for row in printed["summary"]} == {"oracle", "explore"}
+    assert printed["summary"] == json.loads((tmp_path / "summary.json").read_text())["summary"]
+    assert printed["warnings"] == [] and printed["out"] == str(tmp_path)
 
 
 def test_errors_leave_standard_output_to_results(capsys):

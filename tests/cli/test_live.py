@@ -1,4 +1,4 @@
-"""`robosim live` as it is typed: what it says, how it ends, and what it refuses."""
+"""`robosim live` as it is typed: what it says, how it ends, and what it rejects."""
 
 import json
 import os
@@ -22,7 +22,7 @@ def live(tmp_path) -> Iterator[Callable[..., subprocess.Popen]]:
     started = []
 
     def start(*words: object) -> subprocess.Popen:
-        # What is told has to come through a pipe at once, without a word to Python.
+        # Output has to come through a pipe at once, without a word to Python.
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
         command = [
             sys.executable,
@@ -49,11 +49,11 @@ def live(tmp_path) -> Iterator[Callable[..., subprocess.Popen]]:
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_it_serves_until_it_is_told_to_end_and_ends_without_a_word(live, plan_file, number, status):
+def test_it_serves_until_it_is_stopped_and_ends_without_a_word(live, plan_file, number, status):
     process = live(plan_file)
-    told = json.loads(process.stdout.readline())
-    assert told["url"].startswith("http://127.0.0.1:") and told["shown"] == "two rooms"
-    with urllib.request.urlopen(told["url"], timeout=60) as answer:
+    output = json.loads(process.stdout.readline())
+    assert output["url"].startswith("http://127.0.0.1:") and output["shown"] == "two rooms"
+    with urllib.request.urlopen(output["url"], timeout=60) as answer:
         assert b"<html" in answer.read()
     process.send_signal(number)
     out, error = process.communicate(timeout=60)
@@ -61,7 +61,7 @@ def test_it_serves_until_it_is_told_to_end_and_ends_without_a_word(live, plan_fi
     assert "Traceback" not in error and "viser" not in error
 
 
-def test_a_port_in_use_is_refused_before_any_work(plan_file, fails):
+def test_a_port_in_use_is_rejected_before_any_work(plan_file, fails):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -73,11 +73,11 @@ def test_a_port_in_use_is_refused_before_any_work(plan_file, fails):
     )
 
 
-def test_a_folder_of_nothing_is_refused(tmp_path, fails):
+def test_a_folder_of_nothing_is_rejected(tmp_path, fails):
     assert "neither an episode (episode.npz) nor an evaluation" in fails("live", tmp_path, "--port", 0)
 
 
-def test_a_plan_that_cannot_be_read_is_refused(tmp_path, fails):
+def test_a_plan_that_cannot_be_read_is_rejected(tmp_path, fails):
     (tmp_path / "damaged.yaml").write_text("image: no.pgm\nresolution: 0.05\norigin: [0, 0, 0]")
     assert "no.pgm" in fails("live", tmp_path / "damaged.yaml", "--port", 0)
 
@@ -107,7 +107,7 @@ def test_an_episode_is_exported_to_one_file(plan_file, tmp_path, capsys):
         ("--tolerance 1", "tolerance_m is 1.0"),
     ],
 )
-def test_nonsense_is_refused_before_any_work(words, said, monkeypatch, tmp_path, fails):
+def test_nonsense_is_rejected_before_any_work(words, said, monkeypatch, tmp_path, fails):
     def work(self) -> None:
         raise AssertionError("a plan was read before the options were")
 

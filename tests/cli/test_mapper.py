@@ -16,8 +16,8 @@ def test_from_frames_to_an_episode(tmp_path, capsys):
     assert len(list(frames.glob("home-*.npz"))) == 2
     options = "--steps 2 --batch 4 --widths 4 8 --seed 1 --threads 1"
     main(f"train mapper --data {frames} {options} --out {out}".split())
-    told = capsys.readouterr().out
-    assert "robosim train mapper --data" in told and "learned: IoU" in told
+    output = capsys.readouterr().out
+    assert "robosim train mapper --data" in output and "learned: IoU" in output
     assert json.loads((out / "mapper.json").read_text())["widths"] == [4, 8]
     weights = out / "mapper.safetensors"
     episode = (

@@ -13,7 +13,7 @@ from robosim.plans.files import write_ros
 from robosim.support.installation import install_command
 from tests.plans import room, two_rooms
 
-#: Names that Rich, its emojis or matplotlib's formulas would take for theirs, or stumble over.
+#: Names that Rich, its emojis or matplotlib's formulas would treat as theirs, or stumble over.
 NAMES = ["[red]x[b]", "a[X,Y]", "x[link=file]", ":smile:", "a$_{$b", "[not"]
 
 
@@ -99,7 +99,7 @@ def test_what_is_unknown_is_repeated(word, fails):
 
 
 def test_warnings_name_plans_as_they_are(tmp_path):
-    """In a process of its own, since the tests have another way with what is logged."""
+    """In a process of its own, since the tests handle logs differently."""
     plan = plan_of(NAMES[0], tmp_path, room(1.0, 1.0))
     options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 2 --no-video"
     done = subprocess.run(

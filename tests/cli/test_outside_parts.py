@@ -114,7 +114,7 @@ def strangers_folder(tmp_path, monkeypatch, own_modules) -> Path:
     return tmp_path
 
 
-def test_one_of_each_from_outside_is_evaluated_beside_ours(strangers_folder, capsys):
+def test_one_of_each_from_outside_is_evaluated_with_ours(strangers_folder, capsys):
     """A policy, a mapper, an array, a three-layered material, a robot and a plan format, on the command line."""
     run(
         "evaluate studio.txt --reader mine:read --policies fused mine:Straight --targets 1 --mapper "
@@ -128,10 +128,10 @@ def test_one_of_each_from_outside_is_evaluated_beside_ours(strangers_folder, cap
     assert all(row["steps"] > 5 for row in rows)
     assert "mine:Straight" in capsys.readouterr().out
 
-    kept = json.loads(Path("found/settings.json").read_text())["settings"]["episode"]
-    assert kept["mapper"] == "mine:Mapper"
-    assert kept["simulator"]["robot"]["radius_m"] == 0.17
-    assert kept["simulator"]["image"]["hfov_deg"] == 80.0
+    stored = json.loads(Path("found/settings.json").read_text())["settings"]["episode"]
+    assert stored["mapper"] == "mine:Mapper"
+    assert stored["simulator"]["robot"]["radius_m"] == 0.17
+    assert stored["simulator"]["image"]["hfov_deg"] == 80.0
 
     # The suite names the reader, and a result's configuration can be given back.
     assert "reader: mine:read" in Path("found/suite.yaml").read_text()
@@ -158,7 +158,7 @@ def test_a_result_gives_its_configuration_back(strangers_folder):
     first, second = (json.loads((strangers_folder / name / "result.json").read_text()) for name in "ab")
     del first["timing"], second["timing"]
     assert second == first
-    # What is given beside it wins.
+    # An additional option wins.
     run(
         "episode studio.txt --reader mine:read --config a/result.json --noise.level 0 --no-video "
         "--max-steps 1 --allow-code --out c"
@@ -168,13 +168,13 @@ def test_a_result_gives_its_configuration_back(strangers_folder):
 
 
 class Counted:
-    """Lets a part be as it is, and counts what is asked of it."""
+    """Lets a part be as it is, and counts its calls."""
 
     def __init__(self, part):
-        self._part, self.asked = part, 0
+        self._part, self.calls = part, 0
 
     def __getattr__(self, name):
-        self.asked += 1
+        self.calls += 1
         return getattr(self._part, name)
 
 
@@ -216,7 +216,7 @@ def test_objects_stand_in_for_names():
     building = make_building(two_rooms(0.8))
     places = reach(building, 0.1)
     log, _ = run_episode(building, places, make_task(places, np.random.default_rng(1)), config)
-    assert mapper.asked >= 5
+    assert mapper.calls >= 5
     assert {link.believed for link in log.links} == {LinkState.FIRST_ORDER}
     values = to_dict(config)
     assert values["link_states"] == {"part": f"{__name__}:Certain"}
@@ -235,8 +235,8 @@ def test_objects_stand_in_for_names():
         ("--goal mine:panel", "but making it from a robosim.policies.goals.PolicyContext fails: TypeError"),
         ("--mapper mine:read", "mapper is mine:read, but making it from"),
         (
-            "--robot nobody.yaml",
-            "robot is 'nobody.yaml', but there is no such file. Known without a file: turtlebot",
+            "--robot unknown.yaml",
+            "robot is 'unknown.yaml', but there is no such file. Known without a file: turtlebot",
         ),
         ("--robot broken.yaml", "broken.yaml: not readable as a robot (a key is 'legs'. Known: "),
         ("--building.wall-material mine:BORD", "'mine' has no 'BORD'. Did you mean 'BOARD'?"),
@@ -244,7 +244,7 @@ def test_objects_stand_in_for_names():
         ("--config broken.yaml", "broken.yaml"),
     ],
 )
-def test_parts_that_are_none_are_refused_in_one_line(options, words, strangers_folder, fails):
+def test_parts_that_are_none_are_rejected_in_one_line(options, words, strangers_folder, fails):
     (strangers_folder / "broken.py").write_text("1 / 0\n")
     (strangers_folder / "broken.yaml").write_text("legs: 2\n")
     assert words in fails("episode", "cottage", *options.split(), "--out", "out")

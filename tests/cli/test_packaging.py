@@ -80,7 +80,7 @@ def test_the_wheel_has_what_is_needed_to_run_and_no_more(wheel):
 
 
 def test_the_archive_of_the_sources_makes_the_same_wheel(wheel, tmp_path):
-    """Unpacked elsewhere, outside of any repository; the same files, to the byte. Tests and Makefile are in it."""
+    """Unpacked in another folder, outside of any repository: byte-identical files. Tests and Makefile are included."""
     sdist = built("sdist", ROOT, tmp_path / "dist")
     with tarfile.open(sdist) as archive:
         # Without the filter newer Pythons warn; Debian 12's knows none.
@@ -91,12 +91,12 @@ def test_the_archive_of_the_sources_makes_the_same_wheel(wheel, tmp_path):
     assert contents(built("wheel", source, tmp_path / "again")) == contents(wheel)
 
 
-def test_an_unpacked_wheel_runs_from_elsewhere(runs, site, wheel):
+def test_an_unpacked_wheel_runs_from_another_folder(runs, site, wheel):
     """Its own code, version, plans and weights are found, not those of this source tree."""
     version = wheel.name.split("-")[1]
     assert runs("-m", "robosim", "--version") == f"robosim {version}\n"
-    told = json.loads(runs("-m", "robosim", "plan", "cottage", "--json", "--out", "shown"))
-    assert told["plan"] == "cottage" and told["parts"] >= 1
+    output = json.loads(runs("-m", "robosim", "plan", "cottage", "--json", "--out", "shown"))
+    assert output["plan"] == "cottage" and output["parts"] >= 1
     code = (
         "import robosim, slam, wireless; from robosim.support.assets import assets_dir, shipped_network; "
         "print(robosim.__file__, slam.__file__, wireless.__file__, assets_dir()); "

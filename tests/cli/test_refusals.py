@@ -1,11 +1,11 @@
-"""Options that make no sense are refused before any work: in one line, with status 2, and no folder is left."""
+"""Options that make no sense are rejected before any work: in one line, with status 2, and no folder is left."""
 
 import pytest
 
 from robosim.plans.floorplan import FloorPlan
 
 #: Commands, and words of what is said of them; {} is a folder in which nothing is.
-REFUSED = [
+REJECTED = [
     ("episode flat --noise.level nan", "level is nan, expected 0 to 100 times the published noise of motion"),
     ("episode flat --noise.level inf", "level is inf"),
     ("episode flat --noise.level -1", "level is -1.0"),
@@ -110,9 +110,9 @@ def no_work(monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize(("command", "words"), REFUSED)
+@pytest.mark.parametrize(("command", "words"), REJECTED)
 @pytest.mark.usefixtures("no_work")
-def test_nonsense_is_refused_before_any_work(command, words, tmp_path, fails):
+def test_nonsense_is_rejected_before_any_work(command, words, tmp_path, fails):
     folder = tmp_path / "given"
     folder.mkdir()
     message = fails(*command.format(*[folder] * 4).split(), "--out", tmp_path / "out/deep")

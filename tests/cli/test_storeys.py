@@ -71,8 +71,8 @@ def test_data_set_has_links_between_all_storeys(house, tmp_path):
     }
 
 
-def test_places_and_storeys_that_are_none_are_refused(house, capsys):
-    for options, told in (
+def test_places_and_storeys_that_are_none_are_rejected(house, capsys):
+    for options, message in (
         (["--tx", "1,1,2.6", "--rx", "1,2"], "expected one within a storey: 0 to 2.5, 2.8 to 5.3 m"),
         (["--tx", "9,1", "--rx", "1,2"], "outside of the free space of house_storey_0"),
         (["--tx", "1,1", "--rx", "1,2", "--storey", "2"], "storey is 2, expected 0, the lowest, to 1"),
@@ -80,4 +80,4 @@ def test_places_and_storeys_that_are_none_are_refused(house, capsys):
     ):
         with pytest.raises(SystemExit):
             main(["trace", str(house), *options])
-        assert told in " ".join(capsys.readouterr().err.split())
+        assert message in " ".join(capsys.readouterr().err.split())

@@ -85,7 +85,7 @@ def test_one_link_with_every_option(plan_file, tmp_path, capsys):
     assert (out / "rays_tx1.png").exists()
 
 
-def test_a_transmitter_in_a_part_of_its_own_is_told(tmp_path, capsys):
+def test_a_transmitter_in_a_part_of_its_own_is_reported(tmp_path, capsys):
     """Rooms without a door: the one with the transmitter has 9 m2; half of all links are in outage."""
     plan = two_rooms(0.0)
     occupancy = plan.occupancy.copy()
@@ -147,7 +147,7 @@ def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, f
 def test_the_free_point_that_is_named_will_do(wrong):
     """Taken from the message, as a person would, to the centimetre."""
     scene = RadioScene(two_rooms(0.8), RadioConfig())
-    with pytest.raises(ValueError, match="nearest free point is") as refused:
+    with pytest.raises(ValueError, match="nearest free point is") as rejected:
         scene.places((wrong,), "tx")
-    x, y = re.findall(r"point is \((-?[\d.]+), (-?[\d.]+)\)", str(refused.value))[0]
+    x, y = re.findall(r"point is \((-?[\d.]+), (-?[\d.]+)\)", str(rejected.value))[0]
     scene.places(((float(x), float(y)),), "tx")

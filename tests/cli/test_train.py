@@ -18,7 +18,7 @@ from wireless.linkstate import load_classifier
 
 
 def write_building(folder, name, transmitters, rng):
-    """Measurements told apart by the strongest SNR: 45, 30 and 15 dB for states 1, 2 and 3; an outage is all zeros."""
+    """Measurements classified by the strongest SNR: 45, 30 and 15 dB for states 1, 2 and 3; an outage is all zeros."""
     place = folder / name
     place.mkdir(parents=True)
     with open(place / f"{name}_tx_pos.csv", "w") as file:
@@ -85,11 +85,11 @@ def test_the_whole_run(folders, tmp_path, capsys):
     classifier = load_classifier(tmp_path / "out" / "link-state.safetensors")
     assert len(classifier.networks) == 1
     assert classifier.card["recipe"]["epochs"] == 20
-    along = result["validation"]["ways"]
+    along = result["validation"]["ways"]  # stored name
     assert along["alone"]["links"] == along["fused"]["links"] == along["places"]
     assert along["alone"]["accuracy"] > 0.8
     assert (classifier.way is not None) == (along["fused"]["accuracy"] > along["alone"]["accuracy"])
-    for led in result["test"]["ways"].values():
+    for led in result["test"]["ways"].values():  # stored name
         assert led["alone"]["links"] == led["places"]
         assert ("fused" in led) == (classifier.way is not None)
         assert led["alone"]["accuracy"] > 0.8
@@ -114,7 +114,7 @@ def test_a_baseline_without_departures(folders, tmp_path):
     assert classifier.predict(np.zeros((1, 5)), np.full((1, 5), -np.inf)).tolist() == [[1, 0, 0, 0]]
 
 
-def test_what_cannot_be_is_told(folders, tmp_path, capsys):
+def test_invalid_options_are_rejected(folders, tmp_path, capsys):
     for more, message in (
         (["--folds", "0"], "nothing would be scored"),
         (["--n-folds", "4"], "4 folds, expected 1 to 3"),
@@ -143,7 +143,7 @@ def test_an_explorer_is_the_same_with_any_number_of_workers_and_after_a_break(tm
     assert set(card["mean_coverage"]) == {"nearest", "cheapest", "gain", "learned"}
     rounds = iter([explorer_training.improve])
     with monkeypatch.context() as patch, pytest.raises(SystemExit) as stop:
-        # The second round finds nobody to improve it, as if Ctrl-C had been pressed.
+        # The second round has none to improve it, as if Ctrl-C had been pressed.
         patch.setattr(explorer_training, "improve", lambda *a: next(rounds, _interrupted)(*a))
         main(f"{options} --workers 1 --out {tmp_path}/one".split())
     assert stop.value.code == 130

@@ -31,11 +31,11 @@ def run(code: str, module: str = "torch") -> subprocess.CompletedProcess[str]:
 
 def test_an_episode_runs_with_all_defaults(tmp_path):
     """Neural mapper, classifier of link states, learned choice of frontiers: three decisions, and files of them."""
-    told = run(
+    output = run(
         "from robosim.cli import main\n"
         f"main(['episode', 'cottage', '--max-steps', '3', '--no-video', '--out', {str(tmp_path / 'out')!r}])"
     )
-    assert told.returncode == 0, told.stderr
+    assert output.returncode == 0, output.stderr
     assert (tmp_path / "out" / "result.json").is_file()
 
 
@@ -47,18 +47,20 @@ def test_what_trains_says_what_to_install(tmp_path):
         ["train", "steering"],
         ["train", "search"],
     ):
-        told = run(f"from robosim.cli import main\nmain({[*words, '--out', str(tmp_path / 'out')]!r})")
-        assert told.returncode == 2, told.stdout + told.stderr
-        assert f"torch, which is not installed: {install_command('train')}" in told.stderr
-        assert "Traceback" not in told.stderr and told.stderr.count("\n") == 1
+        output = run(f"from robosim.cli import main\nmain({[*words, '--out', str(tmp_path / 'out')]!r})")
+        assert output.returncode == 2, output.stdout + output.stderr
+        assert f"torch, which is not installed: {install_command('train')}" in output.stderr
+        assert "Traceback" not in output.stderr and output.stderr.count("\n") == 1
 
 
 def test_libraries_say_what_to_install():
     for name in ("robosim.LinkDataset", "slam.learning.mapper", "wireless.linkstate.Recipe"):
         package, _, attribute = name.rpartition(".")
-        told = run(f"from {package} import {attribute}")
-        assert told.returncode == 1
-        assert "pip install" in told.stderr.splitlines()[-1] and "[train]'" in told.stderr.splitlines()[-1]
+        output = run(f"from {package} import {attribute}")
+        assert output.returncode == 1
+        assert (
+            "pip install" in output.stderr.splitlines()[-1] and "[train]'" in output.stderr.splitlines()[-1]
+        )
 
 
 @pytest.mark.parametrize(
@@ -85,7 +87,7 @@ def test_a_missing_extra_is_one_line_with_the_remedy(module, words, tmp_path):
 
 @pytest.mark.parametrize("package", ["robosim", "slam", "wireless"])
 def test_all_public_names_can_be_imported_at_once(package):
-    """`import *` brings what works without PyTorch; names that need it say so when they are asked for."""
+    """`import *` brings what works without PyTorch; names that need it say so when they are imported."""
     ended = run(f"from {package} import *\nprint(len(dir()))")
     assert ended.returncode == 0, ended.stderr
     assert int(ended.stdout) > 20

@@ -24,7 +24,7 @@ class Command:
     words: str
     """What is typed, with places of the plan and of other material."""
     goes_on: bool = True
-    """Whether it goes on where it was stopped; otherwise it begins anew."""
+    """Whether it goes on where it was stopped; otherwise it begins again."""
     workers: bool = False
     """Whether it works with processes of its own."""
     keeps: tuple[str, ...] = ()

@@ -246,7 +246,7 @@ def no_crash(ended: Ended) -> None:
 
 
 def before_us(ended: Ended) -> bool:
-    """Whether Ctrl-C came before Python had loaded anything of ours, and Python told it in its own way."""
+    """Whether Ctrl-C came before Python had loaded anything of ours, and Python reported it itself."""
     files = re.findall('File "(.*?)"', ended.complained)
     of_python = ("<frozen ", sysconfig.get_paths()["stdlib"])
     return (

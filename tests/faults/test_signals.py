@@ -1,4 +1,4 @@
-"""Signals at random moments: no crash, nobody left at work, no half file that stays, the same bytes in the end."""
+"""Signals at random moments: no crash, no worker left, no half file that stays, the same bytes in the end."""
 
 import json
 import os
@@ -67,7 +67,7 @@ test_sigkill_at_any_moment.daily = ("episode", "trace")
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 def test_an_episode_keeps_what_was_done(bench, number, tmp_path):
-    """In the middle of an episode: all its files tell of the decisions until then, and the video plays."""
+    """In the middle of an episode: all its files contain the decisions until then, and the video plays."""
     words = bench.words(COMMANDS["episode"], tmp_path)
     words[1], words[words.index("--max-steps") + 1] = "office", "100000"
     begin = time.monotonic()
@@ -82,9 +82,9 @@ def test_an_episode_keeps_what_was_done(bench, number, tmp_path):
     assert ended.status == 128 + number
     assert "Stopping after this step" in ended.complained
     assert set(COMMANDS["episode"].keeps) <= {path.name for path in (tmp_path / "out").iterdir()}
-    kept = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert kept["ended"] == {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
-    assert kept["steps"] > 0
-    assert len((tmp_path / "out" / "trajectory.tum").read_text().splitlines()) == kept["steps"] + 1
+    stored = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert stored["ended"] == {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
+    assert stored["steps"] > 0
+    assert len((tmp_path / "out" / "trajectory.tum").read_text().splitlines()) == stored["steps"] + 1
     with av.open(str(tmp_path / "out" / "episode.mp4")) as film:
-        assert sum(1 for _ in film.decode(video=0)) >= kept["steps"]
+        assert sum(1 for _ in film.decode(video=0)) >= stored["steps"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from tests.fuzz.trees import CANARY
 
-Way = Callable[[bytes, random.Random], bytes]
+Method = Callable[[bytes, random.Random], bytes]
 
 
 #: Numbers as text.
@@ -113,7 +113,7 @@ def corner(content: bytes, rng: random.Random) -> bytes:
     )
 
 
-BYTES: dict[str, Way] = {
+BYTES: dict[str, Method] = {
     "cut": cut, "flipped": flipped, "overwritten": overwritten, "removed": removed, "repeated": _repeated,
     "inserted": _inserted, "code": named_code, "longer": _longer, "garbage": _garbage, "length": length,
     "number": number,

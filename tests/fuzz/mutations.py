@@ -1,6 +1,6 @@
 """Damage done to a copy of a good file, by a seed: bits and lengths, fields and types, numbers and nesting.
 
-`damage` picks a way that fits the file: any file can be cut, flipped, swapped, or be something else than a file;
+`damage` picks a method that fits the file: any file can be cut, flipped, swapped, or be something else than a file;
 formats with fields have these changed by their own rules, check sums set right, so that damage gets past the first
 door.
 """
@@ -11,7 +11,7 @@ import stat
 from pathlib import Path
 
 from tests.fuzz.arrays import chunk, npy_array, npy_header, npz_array, npz_header, npz_member, npz_picture
-from tests.fuzz.bytes import BYTES, Way, corner, flipped, number
+from tests.fuzz.bytes import BYTES, Method, corner, flipped, number
 from tests.fuzz.tables import cell, column_of_table, metadata_of_table, pickled, state
 from tests.fuzz.trees import aliases, glb_tree, json_tree, safetensors_header, tag, tensor_values, yaml_tree
 
@@ -31,13 +31,13 @@ def damage(path: Path, others: list[Path], rng: random.Random) -> str:
         path.write_bytes(rng.choice(others).read_bytes())
         return "swapped"
     content = path.read_bytes()
-    ways = {**BYTES, **_of_format(path.suffix.lower(), content)}
-    own = [name for name in ways if name not in BYTES]
-    name = rng.choice(own if own and rng.random() < 0.6 else list(ways))
+    methods = {**BYTES, **_of_format(path.suffix.lower(), content)}
+    own = [name for name in methods if name not in BYTES]
+    name = rng.choice(own if own and rng.random() < 0.6 else list(methods))
     try:
-        damaged = ways[name](content, rng)
+        damaged = methods[name](content, rng)
         for _ in range(rng.choice([0, 0, 0, 0, 1, 2])):
-            damaged = ways[name](damaged, rng)
+            damaged = methods[name](damaged, rng)
     except Exception:  # what is damaged already may be beyond its format's own rules
         name, damaged = "flipped", flipped(content, rng)
     path.write_bytes(damaged)
@@ -79,8 +79,8 @@ def _no_file(path: Path, rng: random.Random) -> str:
     return kind
 
 
-def _of_format(suffix: str, content: bytes) -> dict[str, Way]:
-    ways: dict[str, dict[str, Way]] = {
+def _of_format(suffix: str, content: bytes) -> dict[str, Method]:
+    methods: dict[str, dict[str, Method]] = {
         ".json": {"tree": json_tree, "text-number": number},
         ".gltf": {"tree": json_tree},
         ".yaml": {"tree": yaml_tree, "tag": tag, "alias": aliases, "text-number": number},
@@ -95,4 +95,4 @@ def _of_format(suffix: str, content: bytes) -> dict[str, Way]:
         ".stl": {"corner": corner},
         ".pt": {"member": npz_member, "state": state, "pickle": pickled},
     }
-    return ways.get(suffix, {"text-number": number} if content[:200].isascii() else {})
+    return methods.get(suffix, {"text-number": number} if content[:200].isascii() else {})

@@ -3,7 +3,7 @@
     python -m tests.fuzz.run                        25,000 cases
     python -m tests.fuzz.run --only "mesh:123"      one of them again, with what was said
 
-A failure is kept with its damaged files and what was said in --out/failures; the exit status is 1 if there is one.
+A failure is stored with its damaged files and what was said in --out/failures; the exit status is 1 if there is one.
 """
 
 import argparse
@@ -41,7 +41,7 @@ class Tally:
 
     def add(self, case: Case, outcome: Outcome) -> None:
         """Count a case."""
-        name = f"{case.target}:{case.number} ({outcome.way} {outcome.file})"
+        name = f"{case.target}:{case.number} ({outcome.method} {outcome.file})"
         self.counts.setdefault(case.target, Counter())[outcome.kind] += 1
         self.slowest = max(self.slowest, (outcome.seconds, name))
         self.largest = max(self.largest, (outcome.peak_mb, name))
@@ -50,7 +50,7 @@ class Tally:
 
     def lines(self) -> Iterator[str]:
         """A table: a line a target, a column a kind of outcome."""
-        kinds = ["read", "refused", *(kind for kind in BAD if any(kind in c for c in self.counts.values()))]
+        kinds = ["read", "rejected", *(kind for kind in BAD if any(kind in c for c in self.counts.values()))]
         yield f"{'':36}" + "".join(f"{kind:>10}" for kind in kinds)
         total: Counter[str] = Counter()
         for target in sorted(self.counts, key=list(TARGETS).index):
@@ -150,7 +150,7 @@ class _Worker:
         self._process.communicate()
 
     def close(self) -> None:
-        """End it for good."""
+        """End it permanently."""
         self.stop()
         self._said.close()
 
@@ -202,7 +202,9 @@ def main() -> None:
         tally = fuzz(cases, seeds, options.out, options.workers)
     for case, outcome in tally.failures:
         last = outcome.message.strip().splitlines()[-1:] or [""]
-        print(f"{case.target}:{case.number} {outcome.kind} ({outcome.way} {outcome.file}): {last[0][:300]}")
+        print(
+            f"{case.target}:{case.number} {outcome.kind} ({outcome.method} {outcome.file}): {last[0][:300]}"
+        )
     print(*tally.lines(), sep="\n")
     if tally.failures:
         print(f"The damaged files are in {options.out / 'failures'}")

@@ -87,7 +87,7 @@ def small_plan() -> FloorPlan:
 
 
 def ros_maps(folder: Path) -> None:
-    """A map and its image, both ways; one with everything that a map can say."""
+    """A map and its image, in both forms; one with everything that a map can say."""
     write_ros(small_plan(), _into(folder, "ros-pgm") / "map.yaml")
     write_ros(small_plan(), _into(folder, "ros-png") / "map.yaml", image="png")
     rich = _into(folder, "ros-rich") / "map.yaml"
@@ -147,7 +147,7 @@ def plans(folder: Path) -> None:
 
 
 def meshes(folder: Path) -> None:
-    """A building in every format of meshes; glTF with its data beside it and within."""
+    """A building in every format of meshes; glTF with its data next to it and within."""
     home, building = _into(folder, "meshes"), make_building(small_plan())
     for suffix in (".glb", ".ply", ".obj", ".stl"):
         export_mesh(building, home / f"a{suffix}")
@@ -424,7 +424,7 @@ def robots(folder: Path) -> None:
 
 
 def furnishings(folder: Path) -> None:
-    """What is placed in a building, with meshes of every format beside it."""
+    """What is placed in a building, with meshes of every format next to it."""
     home = _into(folder, "furnishings")
     table = make_piece("table", at=(1.0, 1.0))
     entries = ["- {piece: chair, at: [2.0, 1.0], yaw_deg: 30, material: plywood, colour: [120, 90, 60]}"]

@@ -65,13 +65,22 @@ def column_of_table(content: bytes, rng: random.Random) -> bytes:
 
 def metadata_of_table(content: bytes, rng: random.Random) -> bytes:
     table = pq.read_table(io.BytesIO(content))
-    told = dict(table.schema.metadata or {})
-    for key in list(told)[: rng.choice([1, 3])]:
+    output = dict(table.schema.metadata or {})
+    for key in list(output)[: rng.choice([1, 3])]:
         if key != b"ARROW:schema":
-            told[key] = rng.choice(
-                [b"", b"nan", b"-1", CANARY.encode(), b"x" * 7, told[key][:-3], told[key] * 2, b"\xff" * 48]
+            output[key] = rng.choice(
+                [
+                    b"",
+                    b"nan",
+                    b"-1",
+                    CANARY.encode(),
+                    b"x" * 7,
+                    output[key][:-3],
+                    output[key] * 2,
+                    b"\xff" * 48,
+                ]
             )
-    return _parquet(table.replace_schema_metadata(told if rng.random() < 0.8 else None), rng)
+    return _parquet(table.replace_schema_metadata(output if rng.random() < 0.8 else None), rng)
 
 
 def _parquet(table: pa.Table, rng: random.Random) -> bytes:
@@ -106,12 +115,12 @@ def state(content: bytes, rng: random.Random) -> bytes:
     """A checkpoint whose structure is changed, or the shape or kind of one of its tensors."""
     import torch
 
-    kept = torch.load(io.BytesIO(content), weights_only=True)
+    stored = torch.load(io.BytesIO(content), weights_only=True)
     if rng.random() < 0.5:
-        kept = changed(kept, rng)
+        stored = changed(stored, rng)
     else:
         tensors: list[tuple[Any, Any]] = []
-        stack = [kept]
+        stack = [stored]
         while stack:
             node = stack.pop()
             for key, value in node.items() if isinstance(node, dict) else enumerate(node):
@@ -125,7 +134,7 @@ def state(content: bytes, rng: random.Random) -> bytes:
             [value.reshape(-1)[:1], value.double(), value * np.nan, value[None], torch.zeros(0), 3, None]
         )
     out = io.BytesIO()
-    torch.save(kept, out)
+    torch.save(stored, out)
     return out.getvalue()
 
 

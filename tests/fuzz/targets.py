@@ -74,9 +74,9 @@ class Target:
     weight: float = 1.0
     """Share of the cases."""
     is_command: bool = False
-    """Whether it goes through the command line, which tells by exit status and standard error."""
+    """Whether it goes through the command line, which reports by exit status and standard error."""
     names: str = ""
-    """What a refusal may name instead of the damaged file: the file that was asked for."""
+    """What a rejection may name instead of the damaged file: the file that was requested."""
 
 
 class EnoughError(BaseException):
@@ -413,7 +413,7 @@ TARGETS: dict[str, Target] = {
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
-    "scans beside a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
+    "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
     "layers of a wall": Target("robots", "wall.yaml", lambda folder, file: read_material(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),

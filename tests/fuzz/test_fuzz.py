@@ -30,15 +30,15 @@ def seeds(tmp_path_factory) -> Path:
     return folder
 
 
-def test_damaged_files_are_read_or_refused_in_one_line(seeds, tmp_path):
-    """No traceback, no hang, no gigabyte, no code run, whatever the damage; and damage there is: most are refused."""
+def test_damaged_files_are_read_or_rejected_in_one_line(seeds, tmp_path):
+    """No traceback, no hang, no gigabyte, no code run, whatever the damage; and damage there is: most are rejected."""
     tally = fuzz(cases_of(CASES, 1, list(TARGETS), seeds), seeds, tmp_path, workers=1)
     assert not tally.failures, "\n".join(
-        f"{case.target}:{case.number} {outcome.kind} ({outcome.way} {outcome.file})\n{outcome.message}"
+        f"{case.target}:{case.number} {outcome.kind} ({outcome.method} {outcome.file})\n{outcome.message}"
         for case, outcome in tally.failures
     )
-    refused = sum(counts["refused"] for counts in tally.counts.values())
-    assert refused > CASES // 3
+    rejected = sum(counts["rejected"] for counts in tally.counts.values())
+    assert rejected > CASES // 3
     assert set(tally.counts) == {name for name in TARGETS if (seeds / TARGETS[name].seed).is_dir()}
 
 
@@ -72,7 +72,7 @@ def test_code_at_any_place_of_a_file_is_not_run(seeds, tmp_path, monkeypatch, ta
     texts = list(with_canaries(yaml.safe_load(path.read_text())))
     for number, tree in enumerate(texts):
         outcome = run_case(Case(target, number), reads, seeds, tmp_path / "work", dumped(tree))
-        assert outcome.kind in ("read", "refused"), (tree, outcome)
+        assert outcome.kind in ("read", "rejected"), (tree, outcome)
     assert texts
 
 
@@ -87,10 +87,10 @@ def test_the_same_seed_does_the_same_damage(seeds, tmp_path):
             path.write_bytes(source.read_bytes())
             rng = random.Random(5)
             rng.random()
-            way = damage(path, others, rng)
+            method = damage(path, others, rng)
             if path.is_file() and path.stat().st_size < 1e8 and source.suffix not in (".npz", ".pt"):
-                # Archives tell the time they were written.
-                damaged.append((way, path.read_bytes()))
+                # Archives store the time they were written.
+                damaged.append((method, path.read_bytes()))
         assert len(set(damaged)) <= 1, source
 
 
@@ -145,7 +145,7 @@ def _good(folder, file):
     raise SystemExit(0)
 
 
-def _refuses(folder, file):
+def _rejects(folder, file):
     read_bytes(file, "a cake", most_bytes=1)
 
 
@@ -156,7 +156,7 @@ def _refuses(folder, file):
         (_wordy, False, "lines"), (_memory, False, "memory"), (_slow, False, "slow"), (_chatty, False, "said more"),
         (_credulous, False, "code run"), 
         (_imports, False, "code run"), (_traceback, True, "traceback"), (_two_lines, True, "lines"),
-        (_status_1, True, "traceback"), (_good, True, "read"), (_refuses, False, "refused"),
+        (_status_1, True, "traceback"), (_good, True, "read"), (_rejects, False, "rejected"),
     ],
 )  # fmt: skip
 def test_each_failure_is_noticed(tmp_path, monkeypatch, call, is_command, kind):

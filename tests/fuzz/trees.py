@@ -28,7 +28,7 @@ VALUES: list[Any] = [
 
 
 def _value(rng: random.Random) -> Any:
-    """One that is nobody else's: the next damage may change what is in it."""
+    """One that is no one else's: the next damage may change what is in it."""
     return copy.deepcopy(rng.choice(VALUES))
 
 

@@ -1,6 +1,6 @@
-"""Runs cases of the fuzzer in a process of its own, told on standard input, and says what came of each.
+"""Runs cases of the fuzzer in a process of its own, given on standard input, and says what came of each.
 
-A case is a target and a number; with the seed of all they decide the damage. Good is: read, or refused in one line that
+A case is a target and a number; with the common seed they give the damage. Good is: read, or rejected in one line that
 names the file. All else is a failure: another kind of error, many lines, no name, more than a gigabyte, more than
 20 s, code that was run, anything else said on standard error.
 """
@@ -44,8 +44,8 @@ class Outcome:
     """What came of a case."""
 
     kind: str
-    """read, refused, or one of `BAD`."""
-    way: str
+    """read, rejected, or one of `BAD`."""
+    method: str
     """How the file was damaged."""
     file: str
     """Which one."""
@@ -75,9 +75,9 @@ def run_case(case: Case, target: Target, seeds: Path, work: Path, content: bytes
     here.mkdir(parents=True)
     rng = random.Random(f"{case.seed}/{case.target}/{case.number}")
     file = rng.choice(sorted(path for path in folder.glob(target.files) if path.is_file()))
-    way = "given"
+    method = "given"
     if content is None:
-        way = damage(file, sorted(path for path in seeds.rglob("*") if path.is_file()), rng)
+        method = damage(file, sorted(path for path in seeds.rglob("*") if path.is_file()), rng)
     else:
         file.write_bytes(content)
     os.chdir(here)
@@ -87,28 +87,28 @@ def run_case(case: Case, target: Target, seeds: Path, work: Path, content: bytes
     with patch.object(sys, "path", [str(canaries), *sys.path]):
         kind, message, said = _called(target, folder, file)
     seconds, peak_mb = time.process_time() - begin, _peak_mb() - before_mb
-    if kind == "refused":
+    if kind == "rejected":
         # A file that is not there cannot be named.
-        named = "" if way in ("missing", "dangling") else file.name
+        named = "" if method in ("missing", "dangling") else file.name
         kind = _judged(message, [named, target.names or named], folder)
-    if kind in ("read", "refused") and said.strip():
+    if kind in ("read", "rejected") and said.strip():
         kind, message = "said more", f"{message}\n{said}"
     for bad, happened in (("slow", seconds > MOST_S), ("memory", peak_mb > MOST_MB)):
-        kind = bad if happened and kind in ("read", "refused") else kind
+        kind = bad if happened and kind in ("read", "rejected") else kind
     if any((place / MARKER).exists() for place in (here, folder, file.parent)):
         kind = "code run"
-    return Outcome(kind, way, str(file.relative_to(folder)), round(seconds, 3), round(peak_mb, 1), message)
+    return Outcome(kind, method, str(file.relative_to(folder)), round(seconds, 3), round(peak_mb, 1), message)
 
 
 def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
-    """Read, refused or traceback; the message; and what else was said on standard error, by whatever language."""
+    """Read, rejected or traceback; the message; and what else was said on standard error, by whatever language."""
     kind, message, code = "read", "", 0
-    # A command prints warnings, which may not stand beside a refusal; what a reader logs is no concern of its own.
+    # A command prints warnings, which may not stand next to a rejection; what a reader logs is no concern of its own.
     disabled = logging.root.manager.disable
     logging.disable(logging.NOTSET if target.is_command else logging.CRITICAL)
-    with tempfile.TemporaryFile() as heard:
-        kept = os.dup(2)
-        os.dup2(heard.fileno(), 2)
+    with tempfile.TemporaryFile() as captured:
+        stored = os.dup(2)
+        os.dup2(captured.fileno(), 2)
         try:
             target.call(folder, file)
         except SystemExit as error:
@@ -119,29 +119,29 @@ def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
                 "slam",
                 "wireless",
             )
-            kind, message = ("refused", str(error)) if own else ("traceback", traceback.format_exc())
+            kind, message = ("rejected", str(error)) if own else ("traceback", traceback.format_exc())
         except BaseException:
             kind, message = "traceback", traceback.format_exc()
         finally:
             logging.disable(disabled)
             sys.stderr.flush()
             plt.close("all")
-            os.dup2(kept, 2)
-            os.close(kept)
-        heard.seek(0)
-        said = heard.read().decode("utf-8", "replace")
+            os.dup2(stored, 2)
+            os.close(stored)
+        captured.seek(0)
+        said = captured.read().decode("utf-8", "replace")
     if target.is_command and kind != "traceback":
         if code == 2:
-            return "refused", said.removesuffix("\n"), ""
+            return "rejected", said.removesuffix("\n"), ""
         return ("read", "", "") if code == 0 else ("traceback", said, "")
     return kind, message, said
 
 
 def _judged(message: str, names: list[str], folder: Path) -> str:
-    """Whether a refusal is one line, and names the folder and one of the names."""
+    """Whether a rejection is one line, and names the folder and one of the names."""
     if "\n" in message or not message.isprintable():
         return "lines"
-    return "refused" if any(name in message for name in names) and str(folder) in message else "unnamed"
+    return "rejected" if any(name in message for name in names) and str(folder) in message else "unnamed"
 
 
 def _status(name: str) -> float:
@@ -156,7 +156,7 @@ def _peak_mb() -> float:
 
 
 def _forget_peak() -> float:
-    """Begin to measure the peak anew; memory now."""
+    """Begin to measure the peak again; memory now."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
@@ -171,7 +171,7 @@ def serve(seeds: Path, work: Path) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     warm_up(seeds, work)
-    # A backstop: what asks for more is out of memory rather than the machine.
+    # A backstop: what needs more is out of memory rather than the machine.
     most = int(_status("VmSize") * 1e6) + 4_000_000_000
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     print("ready", file=answers, flush=True)

@@ -1,4 +1,4 @@
-"""Several transmitters in one episode: each measured by itself, told by name, and none disturbs the target's."""
+"""Several transmitters in one episode: each measured by itself, reported by name, and none disturbs the target's."""
 
 import json
 from dataclasses import replace
@@ -48,8 +48,8 @@ def scene():
     return building, places, make_task(places, np.random.default_rng(0), start=start, target=target)
 
 
-def test_others_change_nothing_of_the_target_and_are_told_by_name(scene):
-    """Two more transmitters: the same way, the same measurements of the target, and two measurements beside each."""
+def test_others_change_nothing_of_the_target_and_are_reported_by_name(scene):
+    """Two more transmitters: the same trajectory, the same measurements of the target, and two for each."""
     building, places, task = scene
     config = replace(CONFIG, goal=Watching)
     alone, _ = run_episode(building, places, task, config)
@@ -68,17 +68,17 @@ def test_others_change_nothing_of_the_target_and_are_told_by_name(scene):
     assert measurement.aoa_rad[0] == pytest.approx(np.arctan2(y, x), abs=np.radians(3))
 
 
-def test_the_result_tells_of_them(tmp_path):
+def test_the_result_reports_them(tmp_path):
     write_ros(two_rooms(0.8), tmp_path / "pair.yaml")
     main(
         f"episode {tmp_path}/pair.yaml --start 0.8,0.6,0 --target 5.5,0.8 --anchor hall,1.5,2 "
         f"--unknown-anchor lift,5,2.5 --goal los --mapper classical --physics kinematic --camera embree "
         f"--radio.estimator pca --link-states true --max-steps 3 --no-video --out {tmp_path}/out".split()
     )
-    told = json.loads((tmp_path / "out" / "result.json").read_text())["anchors"]
-    assert told["hall"]["place"] == [1.5, 2.0] and told["hall"]["known"]
-    assert not told["lift"]["known"]
-    assert told["hall"]["los_aoa_within_5_deg"] == 1.0
+    output = json.loads((tmp_path / "out" / "result.json").read_text())["anchors"]
+    assert output["hall"]["place"] == [1.5, 2.0] and output["hall"]["known"]
+    assert not output["lift"]["known"]
+    assert output["hall"]["los_aoa_within_5_deg"] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_the_result_tells_of_them(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_is_refused(scene, anchors, words):
+def test_what_cannot_be_is_rejected(scene, anchors, words):
     _, places, task = scene
     with pytest.raises((ValueError, MapError), match=words):
         with_anchors(task, places, anchors)

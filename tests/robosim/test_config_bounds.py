@@ -1,4 +1,4 @@
-"""Every configuration refuses numbers and names that make no sense, where it is made."""
+"""Every configuration rejects numbers and names that make no sense, where it is made."""
 
 import dataclasses
 import importlib
@@ -93,7 +93,7 @@ CASES = [
 
 
 def make(kind: type, **values: Any) -> None:
-    """Make a configuration; options of commands check what they stand for when they are asked for it."""
+    """Make a configuration; options of commands check what they stand for when they need it."""
     made = kind(**{**NEEDED.get(kind.__name__, {}), **values})
     if kind is RadioOptions:
         made.config()
@@ -122,17 +122,17 @@ def test_the_configurations_are_found():
 
 @pytest.mark.parametrize(("kind", "name", "what"), CASES)
 def test_every_number_of_a_configuration_has_bounds(kind, name, what):
-    """Not-a-number, infinities and what no memory or patience would do are refused, by the field's name."""
+    """Not-a-number, infinities and what no memory or patience would do are rejected, by the field's name."""
     make(kind)
     default = getattr(kind(**NEEDED.get(kind.__name__, {})), name)
     for bad in BAD[what]:
         if kind in (Material, GridFrame) and bad in (1.5, True):
             continue  # left to type checkers
         value = (bad, *default[1:]) if isinstance(default, tuple) else bad
-        with pytest.raises(ValueError, match=r"is .*expected") as refused:
+        with pytest.raises(ValueError, match=r"is .*expected") as rejected:
             make(kind, **{name: value})
-        assert "\n" not in str(refused.value)
-        assert len(str(refused.value)) < 250
+        assert "\n" not in str(rejected.value)
+        assert len(str(rejected.value)) < 250
 
 
 @pytest.mark.parametrize(
@@ -181,10 +181,10 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
     ],
 )
 def test_names_of_parts_are_checked_where_a_configuration_is_made(make_it, words):
-    with pytest.raises(ValueError) as refused:
+    with pytest.raises(ValueError) as rejected:
         make_it()
-    assert words in str(refused.value)
-    assert "Known" in str(refused.value)
+    assert words in str(rejected.value)
+    assert "Known" in str(rejected.value)
 
 
 def test_the_command_line_offers_what_the_library_knows():

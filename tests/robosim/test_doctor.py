@@ -1,4 +1,4 @@
-"""The doctor tells what is missing and what is used, and how to mend it, without falling ill itself."""
+"""The doctor reports what is missing and what is used, and how to mend it, without falling ill itself."""
 
 import io
 import subprocess
@@ -62,7 +62,7 @@ def test_every_extra_is_listed(monkeypatch):
     assert "absent  minari is not installed." in text
 
 
-def test_no_renderer_at_all_names_the_way_round():
+def test_no_renderer_at_all_names_the_fallback():
     able, text = _printed([GOOD[0], Finding("camera", False, "no OSMesa", INSTALL["osmesa"])])
     assert not able
     assert "--camera embree" in text
@@ -105,8 +105,8 @@ def test_what_it_says_does_not_depend_on_markup():
 )
 def test_the_remedy_follows_from_the_error(error, expected):
     """Whatever the part is called in which it comes up: here it is always MuJoCo's."""
-    told = remedy(error, "mujoco")
-    assert all(piece in told for piece in expected), told
+    output = remedy(error, "mujoco")
+    assert all(piece in output for piece in expected), output
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_the_remedy_follows_from_the_error(error, expected):
     ],
 )
 def test_the_system_that_is_used_and_why(monkeypatch, setting, default, osmesa, egl, expected, fix):
-    """What a camera takes, in the words of the finding; and the shortest way out where that one does not draw."""
+    """What a camera takes, in the words of the finding; and the shortest fix where that one does not draw."""
     monkeypatch.setenv("PYOPENGL_PLATFORM", setting)
     monkeypatch.setattr(doctor, "default_system", lambda: default)
     finding = _camera({"osmesa": osmesa, "egl": egl})
@@ -133,7 +133,7 @@ def test_the_system_that_is_used_and_why(monkeypatch, setting, default, osmesa, 
 
 
 def test_no_system_to_use(monkeypatch):
-    """PYOPENGL_PLATFORM asks for EGL, which is not there, but OSMesa is: it is to be unset."""
+    """PYOPENGL_PLATFORM selects EGL, which is not there, but OSMesa is: it is to be unset."""
     nothing = OpenGLError("PYOPENGL_PLATFORM=egl, but EGL is not installed.", INSTALL["egl"])
 
     def default() -> str:

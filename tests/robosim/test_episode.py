@@ -35,7 +35,7 @@ START, TARGET = np.array([1.0, 0.6, 2.0]), np.array([5.0, 2.4])
 @pytest.mark.parametrize("physics", ["dynamic", "kinematic"])
 @pytest.mark.parametrize("camera", ["pyrender", "embree"])
 def test_the_oracle_goes_through_the_door_to_the_target(physics, camera):
-    """Noise on, start facing away. The way is 4.4 m; measured SPL 0.9 or more."""
+    """Noise on, start facing away. The path is 4.4 m; measured SPL 0.9 or more."""
     config = EpisodeConfig(
         goal="oracle", simulator=SimulatorConfig(physics=physics, camera=camera), max_steps=150
     )
@@ -50,7 +50,7 @@ def test_the_oracle_goes_through_the_door_to_the_target(physics, camera):
 
 @pytest.mark.parametrize("goal", ["snr", "los", "los-or-first", "visual"])
 def test_a_robot_that_listens_or_looks_finds_the_target(goal):
-    """From the other room, facing away; the way is 4.4 m, which the oracle drives in some 40 steps."""
+    """From the other room, facing away; the path is 4.4 m, which the oracle drives in some 40 steps."""
     config = EpisodeConfig(goal=goal, link_states="true", simulator=KINEMATIC, max_steps=300)
     result = _run(config, start=START, target=TARGET).result()
     assert result["ended"] == "arrived"
@@ -86,16 +86,16 @@ def test_exploration_sees_both_rooms_and_stops():
 @pytest.mark.parametrize(("goal", "looks"), [("explore", True), ("visual", False)])
 def test_only_a_robot_that_searches_nothing_looks_at_the_edge_from_before_it(goal, looks, monkeypatch):
     """A target may stand in a niche, so that a search drives up to where the map ends."""
-    asked, plan = [], Planner.plan
+    requests, plan = [], Planner.plan
 
-    def told(self, estimate, goal_xy, *, look=False):
-        asked.append(look)
+    def record(self, estimate, goal_xy, *, look=False):
+        requests.append(look)
         return plan(self, estimate, goal_xy, look=look)
 
-    monkeypatch.setattr(Planner, "plan", told)
+    monkeypatch.setattr(Planner, "plan", record)
     _run(EpisodeConfig(goal=goal, max_steps=3))
-    assert asked == [looks] * len(asked)
-    assert asked
+    assert requests == [looks] * len(requests)
+    assert requests
 
 
 def test_one_seed_gives_one_episode_bit_for_bit():
@@ -107,13 +107,13 @@ def test_one_seed_gives_one_episode_bit_for_bit():
     assert not np.array_equal(first.poses[1], _run(EpisodeConfig(seed=5, max_steps=25)).poses[1])
 
 
-def test_recorded_files_tell_the_same_story(tmp_path):
+def test_recorded_files_show_the_same_story(tmp_path):
     """Every file of a recorded episode can be read back and agrees with the result."""
     config = EpisodeConfig(goal="oracle", seed=2, simulator=KINEMATIC, max_steps=25)
     result = record_episode(two_rooms(0.8), config, tmp_path, start=START, target=TARGET)
-    kept = json.loads((tmp_path / "result.json").read_text())
-    assert kept["steps"] == result["steps"] == 25
-    assert kept["ended"] == "out of steps"
+    stored = json.loads((tmp_path / "result.json").read_text())
+    assert stored["steps"] == result["steps"] == 25
+    assert stored["ended"] == "out of steps"
     assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == 26
     with av.open(str(tmp_path / "episode.mp4")) as video:
         assert sum(1 for _ in video.decode(video=0)) == 25
@@ -128,7 +128,7 @@ def test_recorded_files_tell_the_same_story(tmp_path):
 
 
 def test_the_episode_runs_in_the_building_asked_for(tmp_path):
-    """A staircase of cells is a slope of 6 cm or less beside it: 4 walls and a slope with that tolerance."""
+    """A staircase of cells is a slope of 6 cm or less next to it: 4 walls and a slope with that tolerance."""
     free = np.tri(40, 60, 10, dtype=bool)
     plan = FloorPlan(occupancy=np.where(free, FREE, OCCUPIED).astype(np.uint8), resolution_m=0.05)
     walls = {}
@@ -149,9 +149,9 @@ def test_results_do_not_depend_on_the_run(tmp_path):
     results = []
     for run in ("a", "b"):
         record_episode(two_rooms(0.8), config, tmp_path / run, video=False)
-        kept = json.loads((tmp_path / run / "result.json").read_text())
-        kept.pop("timing")
-        results.append((kept, (tmp_path / run / "trajectory.tum").read_bytes()))
+        stored = json.loads((tmp_path / run / "result.json").read_text())
+        stored.pop("timing")
+        results.append((stored, (tmp_path / run / "trajectory.tum").read_bytes()))
     assert results[0] == results[1]
 
 

@@ -1,4 +1,4 @@
-"""Scores and trajectory files of an episode, on ways with known answers."""
+"""Scores and trajectory files of an episode, on trajectories with known answers."""
 
 import json
 
@@ -38,14 +38,14 @@ def test_spl_of_a_detour():
 
 
 def test_the_path_counts_up_to_the_arrival():
-    """An explorer that passes the target and goes on is scored for the way to it."""
+    """An explorer that passes the target and goes on is scored for the path to it."""
     result = _log([(0, 0), (2, 0), (5, 0)], (2.1, 0), 1.8).result()
     assert result["arrived_at_step"] == 1
     assert result["path_length_m"] == pytest.approx(2.0)
     assert result["steps"] == 2
 
 
-def test_half_the_way_is_half_a_soft_success():
+def test_half_the_route_is_half_a_soft_success():
     """2 m from a target that was 4 m away: SPL 0, soft SPL 1 - 2/4 (Datta et al. 2020)."""
     result = _log([(0, 0), (2, 0)], (4, 0), 3.7).result()
     assert not result["arrived"]
@@ -54,7 +54,7 @@ def test_half_the_way_is_half_a_soft_success():
 
 
 def test_arrival_is_by_distance_not_by_cells():
-    """0.3 m in a straight line; the L1 rule of the published code would refuse (0.2, 0.2), 0.28 m away."""
+    """0.3 m in a straight line; the L1 rule of the published code would reject (0.2, 0.2), 0.28 m away."""
     assert _log([(0, 0), (1.0, 0.0)], (1.2, 0.2), 1).arrived
     assert not _log([(0, 0), (1.0, 0.0)], (1.22, 0.22), 1).arrived
 
@@ -88,10 +88,10 @@ def test_json_takes_arrays_and_has_no_nan(tmp_path):
     assert json.loads((tmp_path / "a.json").read_text()) == {"x": [0, 1], "nan": None, "deep": [{"y": 0.5}]}
 
 
-def test_a_file_that_fails_half_way_is_not_there(tmp_path):
-    (tmp_path / "kept.txt").write_text("old")
-    with pytest.raises(RuntimeError), whole_file(tmp_path / "kept.txt") as partial:
+def test_a_file_that_fails_halfway_is_not_there(tmp_path):
+    (tmp_path / "stored.txt").write_text("old")
+    with pytest.raises(RuntimeError), whole_file(tmp_path / "stored.txt") as partial:
         partial.write_text("half")
         raise RuntimeError
-    assert (tmp_path / "kept.txt").read_text() == "old"
-    assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
+    assert (tmp_path / "stored.txt").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["stored.txt"]

@@ -1,4 +1,4 @@
-"""What `robosim`, `slam` and `wireless` offer by name: all is there, told of, and costs nothing until asked for."""
+"""What `robosim`, `slam` and `wireless` offer by name: all is there, documented, and costs nothing until imported."""
 
 import ast
 import subprocess
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 PACKAGES = ("robosim", "slam", "wireless")
-#: Libraries that take long to load, and that nobody needs who only looks around.
+#: Libraries that take long to load, and that no one needs for a first look.
 HEAVY = {
     "torch",
     "onnxruntime",
@@ -41,13 +41,13 @@ def test_every_public_name_is_there_and_documented(package):
 def test_type_checkers_see_the_same_names_in_the_same_places(package):
     """What is imported for type checkers alone agrees with where the names are found as the program runs."""
     module = import_module(package)
-    told = {
+    output = {
         alias.name: node.module
         for node in ast.walk(ast.parse(Path(module.__file__).read_text()))
         if isinstance(node, ast.ImportFrom) and node.module.startswith(f"{package}.")
         for alias in node.names
     }
-    assert told == {name: f"{package}.{place}" for name, place in module._MODULES.items()}
+    assert output == {name: f"{package}.{place}" for name, place in module._MODULES.items()}
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -58,7 +58,7 @@ def test_an_unknown_name_is_an_attribute_error(package):
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_version_and_types_are_told(package):
+def test_version_and_types_are_reported(package):
     """`__version__` is the installed one, and `py.typed` says that annotations may be relied on."""
     module = import_module(package)
     assert module.__version__ == version("robosim-wireless")
@@ -67,7 +67,7 @@ def test_version_and_types_are_told(package):
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_importing_a_package_loads_nothing_heavy(package):
-    """In a fresh process: a name is imported when it is asked for, and with it what it needs."""
+    """In a fresh process: a name is imported on first access, and with it what it needs."""
     code = f"import sys, {package}; print(*sys.modules)"
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not HEAVY & set(process.stdout.split())

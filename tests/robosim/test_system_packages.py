@@ -104,8 +104,8 @@ def test_for_the_tests_both_are_installed(make_needs, capsys):
     machine = Machine(installed={"libosmesa6"}, offered={"libosmesa6", *EGL})
     assert make_needs(machine, "--all") == 0
     assert machine.installed == {"libosmesa6", *EGL}
-    told = capsys.readouterr().err
-    assert "This distribution does not offer chromium. Tests in a browser are skipped." in told
+    output = capsys.readouterr().err
+    assert "This distribution does not offer chromium. Tests in a browser are skipped." in output
 
 
 def test_nothing_is_asked_of_a_machine_that_has_it(make_needs):
@@ -124,7 +124,7 @@ def test_a_user_installs_with_sudo(make_needs):
 
 
 def test_without_rights_it_goes_on_with_what_is_there(make_needs, capsys):
-    """EGL is there, OSMesa would be better, and nobody is there to type a password."""
+    """EGL is there, OSMesa would be better, and no one is there to type a password."""
     machine = Machine(installed=set(EGL), offered={"libosmesa6"}, root=False)
     assert make_needs(machine) == 0
     assert "OSMesa is missing (libosmesa6). It takes root or sudo" in capsys.readouterr().err
@@ -132,12 +132,12 @@ def test_without_rights_it_goes_on_with_what_is_there(make_needs, capsys):
 
 @pytest.mark.parametrize("apt", [False, True], ids=["no apt", "no rights"])
 def test_without_rights_and_renderer_it_says_what_to_ask_for(make_needs, capsys, apt):
-    """Both ways to have a renderer, and the one to do without."""
+    """Both options to have a renderer, and the one to do without."""
     assert make_needs(Machine(installed=set(), offered={"libosmesa6"}, root=False), apt=apt) == 1
-    told = capsys.readouterr().err
-    assert "apt-get install libosmesa6\n" in told
-    assert "apt-get install libegl1 libopengl0 libgl1-mesa-dri\n" in told
-    assert "--camera embree" in told
+    output = capsys.readouterr().err
+    assert "apt-get install libosmesa6\n" in output
+    assert "apt-get install libegl1 libopengl0 libgl1-mesa-dri\n" in output
+    assert "--camera embree" in output
 
 
 def test_without_venv_and_rights_its_package_is_named(make_needs, capsys):
@@ -147,7 +147,7 @@ def test_without_venv_and_rights_its_package_is_named(make_needs, capsys):
 
 
 def test_a_failing_apt_is_quoted(make_needs, capsys):
-    """Here a mirror no longer has what the lists say; another renderer is there, so that work goes on."""
+    """Here a mirror lacks what the lists say; another renderer is there, so that work goes on."""
     machine = Machine(installed=set(EGL), offered={"libosmesa6"})
     fetch = machine.run
 

@@ -86,8 +86,8 @@ def test_no_ray_leaves_the_building():
     centres = centres[shapely.contains_xy(building.free, centres)]
     xy = centres[rng.integers(len(centres), size=40_000)]
     starts = np.column_stack([xy, np.full(len(xy), 1.0)])
-    ways = rng.standard_normal((len(xy), 3))
-    hit = building.mesh.ray.intersects_any(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True))
+    rays = rng.standard_normal((len(xy), 3))
+    hit = building.mesh.ray.intersects_any(starts, rays / np.linalg.norm(rays, axis=1, keepdims=True))
     assert hit.all()
 
 
@@ -245,13 +245,13 @@ def test_same_plan_same_building():
         ({"wall_material": "drywal"}, "wall_material is 'drywal'.*Did you mean 'drywall'"),
     ],
 )
-def test_impossible_options_are_refused(options, message):
+def test_impossible_options_are_rejected(options, message):
     """The message names the option, its value and what would do."""
     with pytest.raises(ValueError, match=message):
         BuildingConfig(**options)
 
 
-def test_unknown_parts_are_refused():
+def test_unknown_parts_are_rejected():
     """Kinds and materials that a building has not are named with those it has."""
     building = make_building(plan_of(["..", ".."]))
     with pytest.raises(ValueError, match="kind is 'roof', expected one of wall"):

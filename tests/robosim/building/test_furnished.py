@@ -85,24 +85,24 @@ def ring(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def exact_depth(T: np.ndarray, config: CameraConfig) -> np.ndarray:
     """Depth by the slab method: rays against the boxes of the table, and from within the box that the room is."""
-    ways = config.directions() @ T[:3, :3].T
-    nearest = slab(T[:3, 3], ways, np.zeros(3), np.array([WIDTH, DEPTH, HEIGHT]))[1]
+    rays = config.directions() @ T[:3, :3].T
+    nearest = slab(T[:3, 3], rays, np.zeros(3), np.array([WIDTH, DEPTH, HEIGHT]))[1]
     c, s = np.cos(-YAW), np.sin(-YAW)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-    start, ways = turn @ (T[:3, 3] - [*AT, 0]), ways @ turn.T
+    start, rays = turn @ (T[:3, 3] - [*AT, 0]), rays @ turn.T
     x, y = TABLE.width_m / 2, TABLE.depth_m / 2
     boxes = [(np.array([-x, -y, TABLE.clearance_m]), np.array([x, y, TABLE.height_m]))]
     boxes += [(np.array([*low, 0.0]), np.array([*high, TABLE.clearance_m])) for low, high in legs_m()]
     for low, high in boxes:
-        enter, leave = slab(start, ways, low, high)
+        enter, leave = slab(start, rays, low, high)
         nearest = np.where((enter < leave) & (enter > 0), np.minimum(enter, nearest), nearest)
     return nearest
 
 
-def slab(start, ways, low, high):
+def slab(start, rays, low, high):
     """Where rays enter and leave a box."""
     with np.errstate(divide="ignore"):
-        a, b = (low - start) / ways, (high - start) / ways
+        a, b = (low - start) / rays, (high - start) / rays
     return np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
 
 
@@ -167,12 +167,12 @@ def test_a_robot_drives_under_what_is_higher_and_stops_at_what_is_lower(world):
     """
     ends = {}
     for top_m in (0.74, 0.5):
-        moved = world(furnished(table(yaw=0.0, height_m=top_m)), robot=robot(0.6))
-        moved.reset(np.array([1.0, 2.0, 0.0]))
+        simulated = world(furnished(table(yaw=0.0, height_m=top_m)), robot=robot(0.6))
+        simulated.reset(np.array([1.0, 2.0, 0.0]))
         for _ in range(16):
-            motion = moved.move(np.array([0.25, 0.0, 0.0]))
+            motion = simulated.move(np.array([0.25, 0.0, 0.0]))
             assert motion.penetration_m < 5e-3
-        ends[top_m] = moved.pose[0], motion.collided
+        ends[top_m] = simulated.pose[0], motion.collided
     assert ends[0.74] == (pytest.approx(5.0, abs=0.01), False)
     exact = 3.0 - 0.8 - 0.1
     assert ends[0.5] == (pytest.approx(exact, abs=1e-8 if world is KinematicWorld else 2e-3), True)
@@ -181,11 +181,11 @@ def test_a_robot_drives_under_what_is_higher_and_stops_at_what_is_lower(world):
 @pytest.mark.parametrize("world", [KinematicWorld, World])
 def test_a_leg_stops_a_robot_that_the_top_lets_pass(world):
     """On the line of a leg, whose face is 2.2 m along x."""
-    moved = world(furnished(table(yaw=0.0)), robot=robot(0.6))
-    moved.reset(np.array([1.0, 2.0 - 0.5 + 0.03, 0.0]))
+    simulated = world(furnished(table(yaw=0.0)), robot=robot(0.6))
+    simulated.reset(np.array([1.0, 2.0 - 0.5 + 0.03, 0.0]))
     for _ in range(8):
-        moved.move(np.array([0.25, 0.0, 0.0]))
-    assert moved.pose[0] == pytest.approx(2.1, abs=1e-8 if world is KinematicWorld else 2e-3)
+        simulated.move(np.array([0.25, 0.0, 0.0]))
+    assert simulated.pose[0] == pytest.approx(2.1, abs=1e-8 if world is KinematicWorld else 2e-3)
 
 
 def test_a_robot_as_high_as_the_clearance_just_passes():
@@ -210,25 +210,25 @@ def test_nowhere_does_a_hull_come_nearer_than_its_radius():
     building = furnished(*pieces)
     for world, deepest_m in ((KinematicWorld, 1e-7), (World, 5e-3)):
         for height_m in (0.3, 1.25):
-            moved = world(building, robot=robot(height_m))
+            simulated = world(building, robot=robot(height_m))
             rng = np.random.default_rng(3)
             edge = building.floor(height_m).boundary
-            moved.reset(np.array([*reach(building, 0.1, height_m).widest(), 0.0]))
+            simulated.reset(np.array([*reach(building, 0.1, height_m).widest(), 0.0]))
             bumps = 0
             for _ in range(120):
-                motion = moved.move(np.array([0.25, 0.0, rng.uniform(-0.8, 0.8)]))
+                motion = simulated.move(np.array([0.25, 0.0, rng.uniform(-0.8, 0.8)]))
                 bumps += motion.collided
-                assert shapely.distance(shapely.Point(moved.pose[:2]), edge) > 0.1 - deepest_m
+                assert shapely.distance(shapely.Point(simulated.pose[:2]), edge) > 0.1 - deepest_m
             assert bumps > 5
 
 
 @pytest.mark.parametrize("height_m", [0.2, 0.5, 0.63, 0.9])
 def test_a_footprint_is_the_shadow_of_what_is_lower(height_m):
     """A convex body that hangs at 0.3 to 0.9 m: the hull of its corners below the height and of its section there."""
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.3)
-    hanging = Furnishing(mesh=ball, at=(0.4, -0.2), z_m=0.6, yaw_rad=0.3)
+    sphere = trimesh.creation.icosphere(subdivisions=2, radius=0.3)
+    hanging = Furnishing(mesh=sphere, at=(0.4, -0.2), z_m=0.6, yaw_rad=0.3)
     shadow = footprint(hanging.bodies, height_m)
-    below = ball.slice_plane((0, 0, height_m - 0.6), (0, 0, -1)).vertices
+    below = sphere.slice_plane((0, 0, height_m - 0.6), (0, 0, -1)).vertices
     hull = (
         shapely.convex_hull(shapely.MultiPoint(hanging.to_map(below)[:, :2]))
         if len(below)
@@ -258,11 +258,11 @@ def test_sheets_count_with_a_millimetre():
     board = Furnishing(mesh=trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False), at=(3.0, 2.0))
     building = furnished(board)
     assert building.taken(1.0).area == pytest.approx(0.8e-3, rel=0.01)
-    moved = KinematicWorld(building)
-    moved.reset(np.array([3.0, 1.0, np.pi / 2]))
+    simulated = KinematicWorld(building)
+    simulated.reset(np.array([3.0, 1.0, np.pi / 2]))
     for _ in range(6):
-        moved.move(np.array([0.25, 0.0, 0.0]))
-    assert moved.pose[1] == pytest.approx(2.0 - 0.0005 - 0.1, abs=1e-6)
+        simulated.move(np.array([0.25, 0.0, 0.0]))
+    assert simulated.pose[1] == pytest.approx(2.0 - 0.0005 - 0.1, abs=1e-6)
     config = CameraConfig(width=32, height=32, height_m=0.5)
     with make_camera([shaded_mesh(building)], config) as camera:
         for y, yaw in ((1.0, np.pi / 2), (3.0, -np.pi / 2)):
@@ -288,24 +288,24 @@ def test_a_low_robot_maps_what_stops_it_and_nothing_else(building):
         segments(outline, *(ring(*leg) for leg in legs_m())), np.array([0.8, 1.1, 0.3]), bearing=bearing
     )
     range_m = low.depth_m * np.hypot(1, low.left)
-    # Columns on the edge of a leg may go either way.
+    # Columns on the edge of a leg may go to either side.
     assert (np.abs(range_m - exact) < 0.02)[np.isfinite(low.depth_m)].mean() > 0.95
     assert (high.depth_m < low.depth_m - 0.1).sum() > 10
 
 
 def test_the_truth_about_the_floor_depends_on_the_robot(building):
     """What is reached, what the truthful map calls an obstacle, and how far it is to drive."""
-    under, beside = (reach(building, 0.1, height_m) for height_m in (0.6, 1.25))
-    assert under.part_at(AT) and not beside.part_at(AT)
+    under, standing = (reach(building, 0.1, height_m) for height_m in (0.6, 1.25))
+    assert under.part_at(AT) and not standing.part_at(AT)
     assert under.overhung.sum() * 0.05**2 == pytest.approx(1.6 - 4 * 0.06**2, rel=0.05)
-    assert not beside.overhung.any()
+    assert not standing.overhung.any()
     for height_m, taken in ((0.6, False), (1.25, True)):
         estimate = TrueMapper(building, lambda: np.zeros(3), height_m).estimate()
         iy, ix = estimate.frame.index(AT[None])
         assert bool(estimate.obstacle[iy[0], ix[0]]) is taken
     straight, around = (
         make_task(one, np.random.default_rng(0), start=np.array([1.0, 2.0, 0.0]), target=np.array([5.0, 2.0]))
-        for one in (under, beside)
+        for one in (under, standing)
     )
     assert straight.shortest_m == pytest.approx(3.7, abs=0.06)  # a cell
     assert around.shortest_m > 3.8
@@ -324,8 +324,8 @@ def test_nothing_is_drawn_into_things(building):
     for height_m, count in ((0.73, 0), (1.0, 5)):
         top = shapely.Polygon(ring(-np.array([0.8, 0.5]), np.array([0.8, 0.5])))
         sent = random_transmitters(building, 200, height_m, np.random.default_rng(1))
-        heard = receiver_grid(building, 0.15, height_m).position
-        for points in (sent, heard):
+        received = receiver_grid(building, 0.15, height_m).position
+        for points in (sent, received):
             inside = shapely.contains_xy(top, points[:, :2]).sum()
             assert inside == 0 if count == 0 else inside > count
     scene = RadioScene(replace(room(WIDTH, DEPTH), furnishings=(table(),)), RadioConfig(height_m=0.73))
@@ -457,7 +457,7 @@ def test_exported_meshes_have_them(building, tmp_path):
         ({"z_m": 2.0}, "reaches to 2.74 m, expected at most the ceiling at 2.5 m."),
     ],
 )
-def test_a_thing_that_cannot_be_there_is_refused(change, words):
-    with pytest.raises(MapError) as refused:
+def test_a_thing_that_cannot_be_there_is_rejected(change, words):
+    with pytest.raises(MapError) as rejected:
         furnished(replace(table(), **change))
-    assert words in str(refused.value)
+    assert words in str(rejected.value)

@@ -85,7 +85,7 @@ def test_export_leaves_the_building_as_it_was(building, tmp_path):
     assert np.array_equal(building.mesh.vertices, before)
 
 
-def test_unknown_format_is_refused(building, tmp_path):
+def test_unknown_format_is_rejected(building, tmp_path):
     """The message names the formats and the nearest one."""
     with pytest.raises(ValueError, match=r"expected a name that ends in \.glb.*Did you mean \.glb"):
         export_mesh(building, tmp_path / "building.glbb")
@@ -136,7 +136,7 @@ def test_mitsuba_scene_refers_to_its_meshes_and_materials(building, tmp_path):
 
 
 def test_mitsuba_scene_goes_by_the_name_it_is_given(building, tmp_path):
-    """A path that ends in .xml is the scene; its meshes lie beside it."""
+    """A path that ends in .xml is the scene; its meshes lie next to it."""
     assert export_mitsuba(building, tmp_path / "office.xml") == tmp_path / "office.xml"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["meshes", "office.xml"]
 
@@ -193,7 +193,7 @@ def test_slabs_of_itu_materials_reflect_as_our_walls(material, itu_type, thickne
 
 
 def test_layers_that_no_slab_can_stand_for():
-    """Two boards with air between reflect like no slab, and it is known by how much; own permittivities are refused."""
+    """Two boards with air between reflect like no slab, by a known difference; own permittivities are rejected."""
     assert 3 < itu_slab("partition", 28e9).off_db < 5
     own = Material("own", (Layer(thickness_m=0.1, relative_permittivity=3.0),))
     with pytest.raises(ValueError, match="'own' has a permittivity of its own"):

@@ -1,4 +1,4 @@
-"""Buildings of several storeys: closed shells around the right volumes, made of what was asked for."""
+"""Buildings of several storeys: closed shells around the right volumes, made of what was requested."""
 
 from dataclasses import replace
 
@@ -59,10 +59,10 @@ def test_generated_homes_under_turned_openings_are_closed(seed):
         plans.append((plan, middle))
     storeys = []
     for i, (plan, middle) in enumerate(plans):
-        moved = plan.__class__(**{**vars(plan), "origin": (-middle[0], -middle[1], 0.0)})
+        shifted = plan.__class__(**{**vars(plan), "origin": (-middle[0], -middle[1], 0.0)})
         hole = shapely.affinity.rotate(shapely.box(-1.1, -0.9, 1.1, 0.9), rng.choice([0, rng.uniform(0, 90)]))
         ring = tuple((float(x), float(y)) for x, y in shapely.get_coordinates(hole)[:-1])
-        storeys.append(StoreyPlan(plan=moved, openings=(ring,) if i < 2 else ()))
+        storeys.append(StoreyPlan(plan=shifted, openings=(ring,) if i < 2 else ()))
     made = make_storeys(StoreysPlan(name="homes", storeys=tuple(storeys)))
     expected = sum(one.building.free.area * 2.5 + one.opening.area * 0.3 for one in made.storeys)
     assert made.mesh.is_watertight and made.mesh.volume == pytest.approx(-expected, rel=1e-9)
@@ -89,7 +89,7 @@ def test_opening_reaches_as_far_as_both_floors_are_free():
     assert made.mesh.is_watertight
 
 
-def test_openings_and_settings_that_make_no_building_are_refused():
+def test_openings_and_settings_that_make_no_building_are_rejected():
     with pytest.raises(MapError, match=r"house: storey 0: openings .*nowhere both free"):
         make_storeys(two_storeys(ring=((9.0, 9.0), (10.0, 9.0), (10.0, 10.0))))
     with pytest.raises(MapError, match="does not cross itself"):

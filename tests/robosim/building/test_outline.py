@@ -46,8 +46,8 @@ def unit_steps(ring_cells):
         ring = np.round(ring).astype(int)
         for a, b in pairwise(ring):
             n = int(np.abs(b - a).max())
-            way = [tuple(a + (b - a) * i // n) for i in range(n + 1)]
-            for p, q in pairwise(way):
+            pieces = [tuple(a + (b - a) * i // n) for i in range(n + 1)]
+            for p, q in pairwise(pieces):
                 key = (min(p, q), max(p, q))
                 walked[key] = walked.get(key, 0) + 1
     return walked
@@ -86,7 +86,7 @@ def test_outline_covers_free_cells_and_no_others(seed):
 
 
 def test_cells_that_touch_by_a_corner_are_not_connected():
-    """No way leads through a corner: two polygons that share one point, which OGC allows."""
+    """No path leads through a corner: two polygons that share one point, which OGC allows."""
     free = free_polygons(plan_of(["#.", ".#"]), 0)
     assert len(free.geoms) == 2 and free.is_valid
     assert shapely.intersection(*free.geoms).equals(shapely.Point(1, 1))
@@ -155,7 +155,7 @@ def test_passage_one_cell_wide_is_closed_but_keeps_its_walls():
     assert shapely.LineString(line).length == pytest.approx(2 * (6 + 2 * 2**0.5 + 1))
 
 
-def test_plan_of_lines_only_is_refused():
+def test_plan_of_lines_only_is_rejected():
     """One cell wide everywhere: no area between such walls; the message says what to change."""
     with pytest.raises(MapError, match="cell_edge"):
         free_polygons(plan_of(["#####", "#...#", "#####"], "cell_centre"), 0)
@@ -165,7 +165,7 @@ def test_plan_of_lines_only_is_refused():
 @pytest.mark.parametrize("tolerance_m", [0.02, 0.05, 0.1, 0.3])
 @pytest.mark.parametrize("seed", range(12))
 def test_simpler_walls_stay_within_the_tolerance_and_keep_the_topology(seed, tolerance_m, wall_line):
-    """Each old corner within the tolerance of a new wall, each new one on an old wall; rooms and holes kept.
+    """Each old corner within the tolerance of a new wall, each new one on an old wall; rooms and holes remain.
 
     Measured up to 1.000 of the tolerance, never above. GEOS on closed rings reaches 1.74.
     """
@@ -201,7 +201,7 @@ def test_staircase_becomes_a_slanted_wall():
 
 
 @pytest.mark.parametrize("tolerance_m", [-0.1, np.nan, np.inf])
-def test_impossible_tolerance_is_refused(tolerance_m):
+def test_impossible_tolerance_is_rejected(tolerance_m):
     """The message names the value and what to use instead."""
     for outline in (free_polygons, wall_lines):
         with pytest.raises(ValueError, match=r"tolerance_m is .* 0 is the exact"):

@@ -67,17 +67,17 @@ def test_travel_round_a_corner_is_the_taut_string():
     assert got == pytest.approx(2 * leg + 2 * r * slope + 0.2, abs=0.1)
 
 
-def test_remaining_way_is_continuous_between_cells():
-    """Moving by 1 cm changes the way by at most 1 cm and a little: no steps of a cell."""
+def test_remaining_path_is_continuous_between_cells():
+    """Moving by 1 cm changes the path length by at most 1 cm and a little: no steps of a cell."""
     places = reach(make_building(room()), 0.1)
     travel = places.travel_m(np.array([0.5, 0.5]))
     line = np.column_stack([np.arange(1.0, 3.0, 0.01), np.full(200, 1.33)])
-    ways = np.array([places.remaining_m(travel, p) for p in line])
-    assert np.abs(np.diff(ways)).max() < 0.012
+    lengths = np.array([places.remaining_m(travel, p) for p in line])
+    assert np.abs(np.diff(lengths)).max() < 0.012
 
 
-def test_the_remaining_way_is_a_number_where_the_sampling_has_closed_a_passage():
-    """A dead end 0.25 m wide between walls through cell centres: no centre has the hull's 0.1 m beside it there.
+def test_the_remaining_path_is_a_number_where_the_sampling_has_closed_a_passage():
+    """A dead end 0.25 m wide between walls through cell centres: no centre has the hull's 0.1 m for it there.
 
     The hull fits, and drives in: a reward of such a step was minus infinity, and those after it not a number.
     """
@@ -88,8 +88,8 @@ def test_the_remaining_way_is_a_number_where_the_sampling_has_closed_a_passage()
     places = reach(make_building(plan), 0.1)
     travel = places.travel_m(np.array([0.6, 1.0]))
     line = np.column_stack([np.arange(3.0, 5.5, 0.01), np.full(250, 2.15)])
-    ways = np.array([places.remaining_m(travel, point) for point in line])
-    assert np.diff(ways) == pytest.approx(0.01, abs=0.012)
+    lengths = np.array([places.remaining_m(travel, point) for point in line])
+    assert np.diff(lengths) == pytest.approx(0.01, abs=0.012)
     assert places.remaining_m(np.full(plan.shape, np.inf), line[0]) == np.inf
 
 

@@ -45,7 +45,7 @@ def corners(polygons):
 def test_turned_rectangles_come_back(degrees, seed):
     """A room of 120 x 80 cells at any angle: 4 to 8 corners, walls within half a cell, directions within 0.5 degrees.
 
-    At 2 degrees walls of 80 cells have two or three steps, which tell their direction to 0.5 degrees and no better.
+    At 2 degrees walls of 80 cells have two or three steps, which give their direction to 0.5 degrees and no better.
     """
     shift = np.random.default_rng(seed).uniform(-1, 1, 2)
     room = rotated(shapely.box(90, 110, 210, 190), degrees, shift)
@@ -57,10 +57,10 @@ def test_turned_rectangles_come_back(degrees, seed):
     middles = shapely.line_interpolate_point(ring, np.linspace(0, 1, 400), normalized=True)
     assert np.quantile(shapely.distance(middles, room.exterior), 0.9) < 0.5
     ends = shapely.get_coordinates(ring)
-    way = np.diff(ends, axis=0)
-    long = np.hypot(*way.T) > 40
+    vector = np.diff(ends, axis=0)
+    long = np.hypot(*vector.T) > 40
     assert long.sum() == 4
-    heading = np.degrees(np.arctan2(way[long, 1], way[long, 0])) - degrees
+    heading = np.degrees(np.arctan2(vector[long, 1], vector[long, 0])) - degrees
     assert np.abs((heading + 45) % 90 - 45).max() < (0.5 if degrees > 2 else 1.0)
 
 
@@ -88,7 +88,7 @@ def test_round_rooms_become_polygons_within_half_a_cell():
     ids=["room", "single step", "corner", "niche", "post", "two niches"],
 )
 def test_walls_along_the_grid_and_corners_stay(rows):
-    """Rooms, single steps, niches and posts are not staircases: nothing changes, to the last bit."""
+    """Rooms, single steps, niches and posts are not staircases: nothing changes, the arrays are bit-identical."""
     plan = plan_of([row for row in rows for _ in range(3)])
     assert shapely.equals_exact(free_polygons(plan).normalize(), free_polygons(plan, 0).normalize())
 

@@ -105,14 +105,14 @@ def test_reflections_off_it_are_those_of_a_straight_wall(mirrored):
     # The side of the wall: half a cell along the grid from its middle.
     face = a + normal * 0.5 * np.abs(along).max()
     image = tx[:2] - 2 * normal * (normal @ (tx[:2] - CELL_M * face))
-    want_m, way = np.linalg.norm(rx[:2] - image), image - rx[:2]
+    want_m, vector = np.linalg.norm(rx[:2] - image), image - rx[:2]
     paths = Tracer(make_building(plan), config=TracerConfig(max_reflections=1, diffraction=False)).trace(
         tx[None], rx[None]
     )
     length_m, azimuth = paths.delay_s * 299792458.0, paths.aoa_az
     near = np.abs(length_m - want_m) < 0.02
     assert near.sum() == 1, (length_m, want_m)
-    off = azimuth[near][0] - np.arctan2(way[1], way[0])
+    off = azimuth[near][0] - np.arctan2(vector[1], vector[0])
     assert abs((off + np.pi) % (2 * np.pi) - np.pi) < np.radians(0.5)
 
 

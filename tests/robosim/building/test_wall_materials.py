@@ -108,15 +108,15 @@ def test_written_and_read_again_it_is_the_same(tmp_path):
         ("'#0000ff': none.yaml", "there is no such file"),
     ],
 )
-def test_materials_that_are_none_are_refused(tmp_path, colours, words):
+def test_materials_that_are_none_are_rejected(tmp_path, colours, words):
     """By the name of the map, with what is expected."""
-    with pytest.raises(MapError, match=words) as refused:
+    with pytest.raises(MapError, match=words) as rejected:
         read_plan(room_with_window(tmp_path, colours))
-    assert "room.yaml" in str(refused.value)
+    assert "room.yaml" in str(rejected.value)
 
 
-def test_grey_pictures_and_missing_colours_are_told(tmp_path, caplog):
-    """Colours of a grey picture are a mistake; a colour that is nowhere is told."""
+def test_grey_pictures_and_missing_colours_are_reported(tmp_path, caplog):
+    """Colours of a grey picture are a mistake; a colour that is nowhere is reported."""
     path = room_with_window(tmp_path, "'#ff00ff': door")
     with caplog.at_level(logging.WARNING):
         read_plan(path)
@@ -142,12 +142,12 @@ def test_grey_pictures_and_missing_colours_are_told(tmp_path, caplog):
         (OWN + "lobe: 2.5", "lobe is 2.5, expected a whole number"),
     ],
 )
-def test_layers_that_are_none_are_refused(tmp_path, text, words):
+def test_layers_that_are_none_are_rejected(tmp_path, text, words):
     """One line that names the file and what would be right."""
     (tmp_path / "wall.yaml").write_text(text)
-    with pytest.raises(FileError, match=words) as refused:
+    with pytest.raises(FileError, match=words) as rejected:
         read_material(tmp_path / "wall.yaml")
-    assert "wall.yaml" in str(refused.value)
+    assert "wall.yaml" in str(rejected.value)
 
 
 def test_a_file_of_layers_is_a_wall_material(tmp_path):
@@ -167,7 +167,7 @@ def test_a_file_of_layers_says_how_rough_they_are(tmp_path):
     assert (read_material(path).scattering, read_material(path).lobe) == (None, None)
 
 
-def test_materials_of_free_cells_are_refused():
+def test_materials_of_free_cells_are_rejected():
     """They would be of no wall."""
     cells = np.full((4, 4), FREE, np.uint8)
     cells[0] = OCCUPIED

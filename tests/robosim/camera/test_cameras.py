@@ -176,7 +176,7 @@ def test_both_engines_see_the_same_colours():
 def test_culling_changes_no_bit():
     """What a level camera cannot see is not drawn, and the pictures are the same as with all of it.
 
-    Judge: the same camera told to draw every part. In these 40 views it leaves out more than half of them.
+    Judge: the same camera that draws every part. In these 40 views it leaves out more than half of them.
     """
     building, config = flat(), CameraConfig(width=100, height=80)
     with make_camera([shaded_mesh(building)], config) as camera:
@@ -207,13 +207,13 @@ def test_ten_kilometres_from_the_origin_nothing_changes(backend):
     """In single precision a vertex 10 km away would be off by 1 mm, and depth by more; here by 1e-6 at most."""
     config, far = CameraConfig(), np.array([8192.0, -6144.0, 0.0])
     T = camera_pose(np.array([0.3, -0.4, 0.7]), config)
-    moved = room()
-    moved.apply_translation(far)
+    shifted = room()
+    shifted.apply_translation(far)
     T_far = T.copy()
     T_far[:3, 3] += far
     with make_camera([room()], config, backend=backend) as near_camera:
         expected = near_camera.render(T)
-    with make_camera([moved], config, backend=backend) as camera:
+    with make_camera([shifted], config, backend=backend) as camera:
         got = camera.render(T_far)
     assert np.abs(got.depth - expected.depth).max() < 1e-6
     assert np.abs(got.rgb.astype(int) - expected.rgb).max() <= 1
@@ -256,7 +256,7 @@ def test_a_closed_camera_says_so(backend, view):
 
 
 @pytest.mark.parametrize("backend", ENGINES)
-def test_bad_arguments_are_refused(backend, view):
+def test_bad_arguments_are_rejected(backend, view):
     """Nothing to see, corners that are not numbers, poses that are not poses."""
     with pytest.raises(ValueError, match="no triangles"):
         make_camera([], CameraConfig(), backend=backend)
@@ -281,7 +281,7 @@ def test_bad_arguments_are_refused(backend, view):
         ({"height_m": np.nan}, "height_m is nan"),
     ],
 )
-def test_impossible_cameras_are_refused(arguments, message):
+def test_impossible_cameras_are_rejected(arguments, message):
     """Each message names the field and its value."""
     with pytest.raises(ValueError, match=message):
         CameraConfig(**arguments)

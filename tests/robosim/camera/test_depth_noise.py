@@ -117,7 +117,7 @@ def test_grazing_surfaces_return_nothing(angle_deg, low, high):
 
 
 def test_edges_are_swapped_as_often_as_the_jitter_crosses_them():
-    """The share of pixels beside an edge that show the other side is E max(jitter, 0), uniform edges in a pixel.
+    """The share of pixels next to an edge that show the other side is E max(jitter, 0), uniform edges in a pixel.
 
     The jitter is the sum of two uniform numbers with deviation s: E max = s sqrt(6) / 6. Here s = 0.44 px: 0.179 each.
     """
@@ -153,6 +153,6 @@ def test_same_generator_same_noise():
     "wrong",
     [{"level": -1.0}, {"level": math.nan}, {"fading_deg": 88.0}, {"min_range_m": 11.0}, {"step_px": -1}],
 )
-def test_wrong_settings_are_refused(wrong):
+def test_wrong_settings_are_rejected(wrong):
     with pytest.raises(ValueError, match="expected"):
         DepthNoise(**wrong)

@@ -117,7 +117,7 @@ def test_faces_look_outwards():
         ({"radio_height_m": 0.0}, "radio_height_m is 0"),
     ],
 )
-def test_impossible_targets_are_refused(arguments, message):
+def test_impossible_targets_are_rejected(arguments, message):
     """Each message names the field and its value."""
     with pytest.raises(ValueError, match=message):
         TargetConfig(**arguments)

@@ -80,7 +80,7 @@ def fan(ranges, **options) -> LaserScan:
     )
 
 
-def test_one_missing_beam_says_nothing_and_five_are_clear_as_far_as_those_beside():
+def test_one_missing_beam_says_nothing_and_five_are_clear_as_far_as_neighbours():
     ranges = np.full(360, 3.0)
     ranges[10] = np.inf
     ranges[100:107] = np.inf
@@ -141,10 +141,10 @@ def test_a_map_and_poses_from_beams_alone(building):
     estimate = mapper.update(blind, laser=lidar.scan(pose, rng))
     for length, turns in ((20, 9), (12, 9), (20, 9), (10, 0)):
         for action in [Action.FORWARD] * length + [Action.LEFT] * turns:
-            moved = np.array([0.25, 0, 0]) if action == Action.FORWARD else np.array([0, 0, np.radians(10)])
-            pose = compose(pose, moved)
-            told = moved + rng.normal(0, [0.01, 0.01, 0.01])
-            estimate = mapper.update(blind, action, told, laser=lidar.scan(pose, rng))
+            motion = np.array([0.25, 0, 0]) if action == Action.FORWARD else np.array([0, 0, np.radians(10)])
+            pose = compose(pose, motion)
+            measured = motion + rng.normal(0, [0.01, 0.01, 0.01])
+            estimate = mapper.update(blind, action, measured, laser=lidar.scan(pose, rng))
     off = between(pose, estimate.pose)
     assert np.hypot(*off[:2]) < 0.02
     assert abs(off[2]) < np.radians(0.4)
@@ -191,7 +191,7 @@ def test_a_robot_without_a_camera_explores(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ("--camera none", "camera and lidar are 'none'"),
         ("--camera none --lidar lds-01", "mapper is 'neural', which learned from pictures"),
@@ -203,11 +203,11 @@ def test_a_robot_without_a_camera_explores(tmp_path):
         ("--lidar lds-01 --laser.height-m 0", "height_m is 0"),
     ],
 )
-def test_what_cannot_be_is_refused(options, told, tmp_path, capsys):
+def test_what_cannot_be_is_rejected(options, message, tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
         main(f"episode flat {options} --out {tmp_path}/out".split())
     assert stop.value.code == 2
-    assert told in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()
 
 

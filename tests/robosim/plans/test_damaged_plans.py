@@ -132,7 +132,7 @@ def test_binary_garbage_gives_a_map_error(tmp_path, name, content):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_each_way_of_cutting_a_file_short_is_survived(tmp_path, name):
+def test_each_truncation_of_a_file_is_survived(tmp_path, name):
     """Every length up to 32, then forty lengths more; nothing may be read out of nothing."""
     content = FILES[name]
     lengths = {*range(min(32, len(content))), *np.linspace(0, len(content) - 1, 40).astype(int).tolist()}

@@ -1,4 +1,4 @@
-"""What a floor plan refuses, and its coordinates."""
+"""What a floor plan rejects, and its coordinates."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ GOOD = {"occupancy": np.array([[0, 1, 2]], np.uint8), "resolution_m": 0.05}
         ({"name": "a\nb"}, "printable"),
     ],
 )
-def test_senseless_plans_are_refused(keys, word):
+def test_senseless_plans_are_rejected(keys, word):
     with pytest.raises(MapError) as error:
         FloorPlan(**{**GOOD, **keys})
     assert word in str(error.value)
@@ -47,6 +47,6 @@ def test_grids_hold_a_rectangle_with_a_margin(width, columns):
 
 
 @pytest.mark.parametrize("upper", [1e9, 1e308, float("inf")])
-def test_absurd_grids_are_refused(upper):
+def test_absurd_grids_are_rejected(upper):
     with pytest.raises(MapError, match=r"it goes.*metres"):
         grid_size(np.array([-upper, 0.0]), np.array([upper, 1.0]), 0.05, "it")

@@ -62,7 +62,7 @@ def test_nothing_is_drawn_there_and_that_is_said(caplog):
     drawn += list(random_transmitters(building, 30, 1.5, np.random.default_rng(0))[:, :2])
     column, row = np.floor(plan.to_cells(np.array(drawn))).astype(int).T
     assert not outside[row, column].any()
-    # The robot may go out if it is told to.
+    # The robot may go out if it is instructed to.
     there = make_task(places, np.random.default_rng(0), start=np.array([0.5, 0.5, 0.0]))
     assert not outside[tuple(np.floor(plan.to_cells(there.target)).astype(int)[::-1])]
 

@@ -27,7 +27,7 @@ def written(folder, text=GOOD):
 
 
 def test_file_says_all_of_its_storeys(tmp_path):
-    """Plans beside the file and shipped ones; heights, slabs and openings; an offset moves a plan."""
+    """Plans next to the file and shipped ones; heights, slabs and openings; an offset moves a plan."""
     file = written(tmp_path)
     house = read_storeys(file)
     ground, first = house.storeys
@@ -41,7 +41,7 @@ def test_file_says_all_of_its_storeys(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("height: 2.6", "height: tall", "storeys\\[0\\].height is 'tall', expected a number"),
         ("height: 2.6", "height: 260", "storey 0: height is 260, expected 0.1 to 100 m"),
@@ -56,12 +56,12 @@ def test_file_says_all_of_its_storeys(tmp_path):
         ("storeys:", "floors:", "a key is 'floors'. Known: storeys, name"),
     ],
 )
-def test_senseless_values_are_told_with_file_and_fix(tmp_path, old, new, told):
-    with pytest.raises(MapError, match=told) as error:
+def test_senseless_values_are_reported_with_file_and_fix(tmp_path, old, new, message):
+    with pytest.raises(MapError, match=message) as error:
         read_storeys(written(tmp_path, GOOD.replace(old, new)))
     assert "house.yaml" in str(error.value) or "flet" in str(error.value)
 
 
-def test_a_single_plan_is_expected_elsewhere(tmp_path):
+def test_a_single_plan_is_rejected(tmp_path):
     with pytest.raises(MapError, match="several storeys, expected one floor plan"):
         read_plan(written(tmp_path))

@@ -59,7 +59,7 @@ def test_a_turned_plan_with_the_robot_at_its_edge_is_seen_alike():
             place = plan.to_map(np.array([x, y]) / plan.resolution_m)
             coverage.update(np.array([*place, yaw + origin[2]]), _wall_at(0))
         seen.append(coverage.seen)
-    assert (seen[0] != seen[1]).sum() <= 5, "cells on the rim of a view may be rounded either way"
+    assert (seen[0] != seen[1]).sum() <= 5, "cells on the rim of a view may be rounded to either side"
     assert seen[0].sum() * 0.05**2 == pytest.approx(3 * np.pi / 4 * VISION_RANGE_M**2 - 0.5**2, rel=0.01)
 
 

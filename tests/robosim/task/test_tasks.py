@@ -47,7 +47,7 @@ def test_one_seed_gives_one_task(joined):
     assert np.array_equal(first.target, second.target)
 
 
-def test_what_is_given_is_kept(joined):
+def test_what_is_given_is_stored(joined):
     """A straight task of 2 m: 1.7 m to the arrival radius."""
     start, target = np.array([0.525, 1.525, 0.3]), np.array([2.525, 1.525])
     task = make_task(joined, np.random.default_rng(0), start=start, target=target)
@@ -91,7 +91,7 @@ def test_impossible_tasks_say_why(apart, given, message):
 
 
 def test_a_target_in_a_nook_is_too_far_from_any_place_of_the_hull():
-    """Both rooms are free, but in a gap of 0.1 m beside a door of 0.1 m no hull of 0.5 m comes near."""
+    """Both rooms are free, but in a gap of 0.1 m next to a door of 0.1 m no hull of 0.5 m comes near."""
     wide = reach(make_building(two_rooms(0.1, wall_m=1.0)), 0.4)
     with pytest.raises(MapError, match=r"cannot come within 0\.3 m of the target"):
         make_task(wide, np.random.default_rng(0), target=np.array([3.5, 1.5]))
@@ -108,9 +108,9 @@ def test_a_target_in_a_nook_is_too_far_from_any_place_of_the_hull():
 )
 def test_the_place_that_is_named_will_do(joined, given):
     """Taken from the message, as a person would, to the centimetre."""
-    with pytest.raises(MapError) as refused:
+    with pytest.raises(MapError) as rejected:
         make_task(joined, np.random.default_rng(0), **given)
-    x, y = (float(v) for v in re.findall(r"can be is \((-?[\d.]+), (-?[\d.]+)\)", str(refused.value))[0])
+    x, y = (float(v) for v in re.findall(r"can be is \((-?[\d.]+), (-?[\d.]+)\)", str(rejected.value))[0])
     (what,) = given
     better = np.array([x, y, 0.0]) if what == "start" else np.array([x, y])
     make_task(joined, np.random.default_rng(0), **{what: better})
@@ -127,7 +127,7 @@ def test_the_place_that_is_named_will_do(joined, given):
         ({"target": np.array([np.inf, 1.0])}, "target is .*inf.*, expected 2 numbers"),
     ],
 )
-def test_what_is_no_place_is_refused(joined, given, message):
+def test_what_is_no_place_is_rejected(joined, given, message):
     with pytest.raises(ValueError, match=message):
         make_task(joined, np.random.default_rng(0), **given)
 

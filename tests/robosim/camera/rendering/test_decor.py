@@ -16,7 +16,7 @@ from robosim.plans.floorplan import FloorPlan
 
 
 def flat(yaw: float = 0.0) -> FloorPlan:
-    """Rooms of 4.0 m and 3.9 m by 5 m, a wall of 0.1 m between them with a door of 0.9 m, beside a closet of 1 m."""
+    """Rooms of 4.0 m and 3.9 m by 5 m, a wall of 0.1 m between them with a door of 0.9 m, next to a closet of 1 m."""
     occupancy = np.zeros((100, 160), np.uint8)
     occupancy[:, 80:82] = 1
     occupancy[40:58, 80:82] = 0

@@ -63,11 +63,11 @@ def test_depth_is_the_same_if_the_driver_does_not_show_its_memory(view):
 def test_frames_are_the_callers_own(view):
     """A frame does not change when the next one is taken."""
     with make_camera([room()], CameraConfig()) as camera:
-        kept = camera.render(view)
-        copy = RGBD(kept.rgb.copy(), kept.depth.copy())
+        stored = camera.render(view)
+        copy = RGBD(stored.rgb.copy(), stored.depth.copy())
         view[0, 3] += 0.5
         assert not same(camera.render(view), copy)
-    assert same(kept, copy)
+    assert same(stored, copy)
 
 
 def resident_kib() -> int:
@@ -158,7 +158,7 @@ room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
 
 
 def test_a_servers_setting_for_mujoco_is_no_obstacle():
-    """MUJOCO_GL=egl made `import mujoco` fail beside the old PyOpenGL that pyrender asks for."""
+    """MUJOCO_GL=egl made `import mujoco` fail with the old PyOpenGL that pyrender requires."""
     result = run_alone("import robosim.robot.dynamic", MUJOCO_GL="egl")
     assert result.returncode == 0, result.stderr
 
@@ -181,7 +181,7 @@ print([name for name in names if hasattr(everybodys, name)])
 def test_mujocos_renderer_works_in_the_same_process():
     """On the same system, frames in turns, both closed: a wall 2 m ahead is at 2 m for both, every time.
 
-    MuJoCo is told after robosim has been imported, which clears MUJOCO_GL=egl (see above).
+    MuJoCo is configured after robosim has been imported, which clears MUJOCO_GL=egl (see above).
     """
     system = default_system()
     result = run_alone(
@@ -241,7 +241,7 @@ np.savez({str(tmp_path / "other.npz")!r}, rgb=rgb, depth=depth); second.close()
 
 
 def test_a_process_can_use_one_opengl_only():
-    """After OSMesa, EGL is refused by name instead of drawing nothing; and the other way round."""
+    """After OSMesa, EGL is rejected by name instead of drawing nothing; and the reverse."""
     used = bind_opengl()
     (other,) = set(SYSTEM_NAMES) - {used}
     with (

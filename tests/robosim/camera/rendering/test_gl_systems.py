@@ -97,7 +97,7 @@ def bare_machine(monkeypatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
-def test_without_opengl_the_message_names_packages_and_the_way_round(bare_machine):
+def test_without_opengl_the_message_names_packages_and_the_fallback(bare_machine):
     """Both systems with what to install, and the engine that needs none."""
     with pytest.raises(OSError, match=r"libosmesa6.*libegl1 libopengl0 libgl1-mesa-dri.*--camera embree"):
         default_system()

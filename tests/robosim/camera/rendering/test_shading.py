@@ -201,11 +201,11 @@ def test_a_building_without_a_ceiling_is_shaded():
 
 
 def test_light_from_disk_is_the_light(tmp_path, monkeypatch):
-    """Computed, cached, read: the same colours to the bit, and others where a wall stands elsewhere."""
+    """Computed, cached, read: the same bit-identical colours, and others where a wall is in another place."""
     monkeypatch.setattr(cached_array, "writable_folder", lambda folders: tmp_path)
-    building, elsewhere = make_building(plan()), replace(plan(), occupancy=plan().occupancy[::-1].copy())
+    building, other = make_building(plan()), replace(plan(), occupancy=plan().occupancy[::-1].copy())
     found = []
-    for one in (building, building, make_building(elsewhere)):
+    for one in (building, building, make_building(other)):
         shaded_mesh.cache_clear()
         found.append(shaded_mesh(one).visual.vertex_colors)
     assert len(list(tmp_path.glob("light-*.cached"))) == 2

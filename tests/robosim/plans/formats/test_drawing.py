@@ -97,7 +97,7 @@ class Drawing:
 @pytest.mark.parametrize("frame", [None, "line", "grey line", "inset", "table"])
 @pytest.mark.parametrize("resolution_m", [0.01, 0.02, 0.05])
 def test_strokes_and_frames_are_no_walls(tmp_path, resolution_m, frame, quality):
-    """Walls are kept within a cell, and where strokes meet them 0.2 m2 more at most; the rooms are what is within.
+    """Walls are within a cell, and where strokes meet them 0.2 m2 more at most; the rooms are what is within.
 
     Without the option text, arcs and furniture block 1.5 m2 and more.
     """
@@ -109,7 +109,7 @@ def test_strokes_and_frames_are_no_walls(tmp_path, resolution_m, frame, quality)
     assert far.max() <= max(4.0, 0.2 / resolution_m)
     assert (far > 1.5).sum() * resolution_m**2 < 0.05
     building = make_building(plan)
-    # By hand: 9.6 x 7.6 less walls between of 2.8 + 3.8, 1.8 and 1.8 m, and what is taken from the front door's way.
+    # By hand: 9.6 x 7.6 less walls between of 2.8 + 3.8, 1.8 and 1.8 m, and the front door's passage.
     assert building.indoor_m2 == pytest.approx(72.96 - 0.2 * (2.8 + 3.8 + 1.8 + 1.8), abs=0.3)
     places = reach(building, 0.1)
     inside = places.parts[places.indoors]
@@ -155,12 +155,12 @@ def test_slanted_walls_are_as_thick_as_upright_ones(tmp_path, cells, degrees):
     wall = np.zeros(pixels.shape, bool)
     wall[20:] = pixels[20:] == 0
 
-    def kept(thinnest_cells):
+    def stored(thinnest_cells):
         plan = read_plan(tmp_path / "wall.png", resolution_m=0.05, thinnest_wall_m=0.05 * thinnest_cells)
         return (plan.occupancy[::-1] != FREE)[wall].mean()
 
-    assert kept(cells - 1) > 0.97
-    assert kept(cells + 2) < 0.03
+    assert stored(cells - 1) > 0.97
+    assert stored(cells + 2) < 0.03
 
 
 def test_a_single_room_keeps_its_own_walls(tmp_path):

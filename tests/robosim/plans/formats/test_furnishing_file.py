@@ -84,10 +84,10 @@ def test_a_union_of_boxes_has_no_face_inside():
         ),
     ],
 )
-def test_what_makes_no_sense_is_refused(make, words):
-    with pytest.raises(ValueError) as refused:
+def test_what_makes_no_sense_is_rejected(make, words):
+    with pytest.raises(ValueError) as rejected:
         make()
-    assert words in str(refused.value)
+    assert words in str(rejected.value)
 
 
 def test_soup_of_triangles_is_sorted_into_bodies():
@@ -101,7 +101,7 @@ def test_soup_of_triangles_is_sorted_into_bodies():
     for number in np.flatnonzero(found.oriented):
         part = trimesh.Trimesh(found.vertices, found.faces[found.body == number], process=False)
         assert part.volume == pytest.approx(1.0)
-    # One triangle turned: closed still, but which side is out is no longer told.
+    # One triangle turned: closed still, but which side is out is unknown.
     triangles[0] = triangles[0, ::-1]
     found = find_bodies(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     assert found.closed.sum() == 2 and found.oriented.sum() == 1
@@ -111,11 +111,11 @@ def test_soup_of_triangles_is_sorted_into_bodies():
 def test_a_mesh_is_the_same_from_any_format(tmp_path, suffix):
     """A chair in millimetres away from its origin: placed by the middle of its lowest level, with z upwards."""
     mesh = Chair().mesh()
-    moved = mesh.copy()
-    moved.vertices = (mesh.vertices + np.array([5.0, -3.0, 0.4])) * 1000
+    shifted = mesh.copy()
+    shifted.vertices = (mesh.vertices + np.array([5.0, -3.0, 0.4])) * 1000
     if suffix == "glb":
-        moved.vertices = moved.vertices[:, [0, 2, 1]] * (1, 1, -1)
-    moved.export(tmp_path / f"chair.{suffix}")
+        shifted.vertices = shifted.vertices[:, [0, 2, 1]] * (1, 1, -1)
+    shifted.export(tmp_path / f"chair.{suffix}")
     made = furnishing_from_file(
         tmp_path / f"chair.{suffix}", at=(1.0, 2.0), yaw_rad=0.5, z_m=0.1, unit_m=0.001
     )
@@ -133,12 +133,12 @@ def test_plans_carry_what_is_placed_through_files(tmp_path):
     things = (
         make_piece("table", at=(1.0, 1.5), yaw_rad=0.25, width_m=1.25, material="plywood"),
         furnishing_from_file(tmp_path / "cone.stl", at=(3.0, 1.0), name="a cone"),
-        Furnishing(mesh=trimesh.creation.icosphere(radius=1 / 3), at=(2.0, 0.5), z_m=0.5, name="ball"),
+        Furnishing(mesh=trimesh.creation.icosphere(radius=1 / 3), at=(2.0, 0.5), z_m=0.5, name="sphere"),
     )
     plan = room(furnishings=things)
     write_ros(plan, tmp_path / "room.yaml")
     again = read_plan(tmp_path / "room.yaml")
-    assert [one.name for one in again.furnishings] == ["table", "a cone", "ball"]
+    assert [one.name for one in again.furnishings] == ["table", "a cone", "sphere"]
     for one, other in zip(things, again.furnishings, strict=True):
         assert (one.material, one.colour, one.z_m, one.at) == (
             other.material,
@@ -188,11 +188,11 @@ def test_a_damaged_file_is_named_with_what_is_wrong(tmp_path, text, words):
     (tmp_path / "bad.stl").write_bytes(b"solid nothing\nendsolid\n")
     make_piece("chair", at=(0.0, 0.0)).mesh.export(tmp_path / "chair.stl")
     (tmp_path / "things.yaml").write_text(text)
-    with pytest.raises(FileError) as refused:
+    with pytest.raises(FileError) as rejected:
         read_furnishings(tmp_path / "things.yaml")
-    assert words in str(refused.value)
-    assert ".yaml" in str(refused.value) or ".stl" in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert words in str(rejected.value)
+    assert ".yaml" in str(rejected.value) or ".stl" in str(rejected.value)
+    assert "\n" not in str(rejected.value)
 
 
 def test_writing_needs_no_folder(tmp_path):

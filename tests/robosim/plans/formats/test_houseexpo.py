@@ -42,7 +42,7 @@ def test_axis_aligned_houses_are_exact(tmp_path):
     assert not (plan.free[0].any() or plan.free[-1].any() or plan.free[:, 0].any() or plan.free[:, -1].any())
 
 
-def test_the_outline_may_go_either_way_around(tmp_path):
+def test_the_outline_may_go_in_either_direction(tmp_path):
     there = read_plan(write(tmp_path, TWO_ROOMS)).occupancy
     back = read_plan(write(tmp_path, TWO_ROOMS[::-1])).occupancy
     np.testing.assert_array_equal(there, back)

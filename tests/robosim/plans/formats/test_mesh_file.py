@@ -64,7 +64,7 @@ def glb(tree: dict) -> bytes:
     return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
 
 
-def refusal(path, content=None):
+def rejection(path, content=None):
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else json.dumps(content).encode())
     begin = time.process_time()
@@ -75,11 +75,11 @@ def refusal(path, content=None):
     return str(error.value)
 
 
-def test_buffers_may_lie_in_the_file_and_beside_it(tmp_path):
+def test_buffers_may_lie_in_the_file_and_next_to_it(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "my room.bin").write_bytes(DATA)
     trees = {
-        "beside.gltf": gltf("sub/my%20room.bin"),
+        "outside.gltf": gltf("sub/my%20room.bin"),
         "within.gltf": gltf("data:application/octet-stream;base64," + base64.b64encode(DATA).decode()),
     }
     for name, tree in trees.items():
@@ -89,16 +89,16 @@ def test_buffers_may_lie_in_the_file_and_beside_it(tmp_path):
     assert all(plan.free.sum() == plans[0].free.sum() > 7000 for plan in plans)
 
 
-def test_buffers_elsewhere_are_not_opened(tmp_path):
+def test_buffers_in_other_folders_are_not_opened(tmp_path):
     """Neither devices nor pipes, which would never end, nor files outside of the folder, which are not its own."""
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "zero").symlink_to("/dev/zero")
-    assert "is a named pipe" in refusal(tmp_path / "a.gltf", gltf("pipe"))
-    assert "is a device" in refusal(tmp_path / "a.gltf", gltf("zero"))
-    assert "no such file" in refusal(tmp_path / "a.gltf", gltf("missing.bin"))
-    assert "expected a file in its own folder" in refusal(tmp_path / "a.gltf", gltf("/etc/passwd"))
-    assert "expected a file in its own folder" in refusal(tmp_path / "a.gltf", gltf("../room.bin"))
-    assert "expected a file in its own folder" in refusal(tmp_path / "a.glb", glb(gltf("%2e%2e/room.bin")))
+    assert "is a named pipe" in rejection(tmp_path / "a.gltf", gltf("pipe"))
+    assert "is a device" in rejection(tmp_path / "a.gltf", gltf("zero"))
+    assert "no such file" in rejection(tmp_path / "a.gltf", gltf("missing.bin"))
+    assert "expected a file in its own folder" in rejection(tmp_path / "a.gltf", gltf("/etc/passwd"))
+    assert "expected a file in its own folder" in rejection(tmp_path / "a.gltf", gltf("../room.bin"))
+    assert "expected a file in its own folder" in rejection(tmp_path / "a.glb", glb(gltf("%2e%2e/room.bin")))
 
 
 @pytest.mark.parametrize(
@@ -122,8 +122,8 @@ def test_buffers_elsewhere_are_not_opened(tmp_path):
         ({"nodes": [{"mesh": 7}]}, "mesh"),
     ],
 )
-def test_scenes_that_unfold_without_end_are_refused_before_they_do(tmp_path, changes, words):
-    assert words in refusal(tmp_path / "a.glb", glb(gltf(**changes)))
+def test_scenes_that_unfold_without_end_are_rejected_before_they_do(tmp_path, changes, words):
+    assert words in rejection(tmp_path / "a.glb", glb(gltf(**changes)))
 
 
 def test_a_node_within_itself_ends(tmp_path):
@@ -131,32 +131,32 @@ def test_a_node_within_itself_ends(tmp_path):
     assert read_plan(tmp_path / "a.glb").free.any()
 
 
-def test_coordinates_beyond_all_buildings_are_refused(tmp_path):
+def test_coordinates_beyond_all_buildings_are_rejected(tmp_path):
     far = trimesh.Trimesh(CORNERS.astype(float) * 1e30, FACES, process=False)
-    assert "lies 5e+30 m away, expected at most 1e+07 m" in refusal(
+    assert "lies 5e+30 m away, expected at most 1e+07 m" in rejection(
         tmp_path / "far.stl", far.export(file_type="stl")
     )
     with pytest.raises(MapError, match="expected at most"):
         read_plan(tmp_path / "far.stl", unit_m=1e-9)
 
 
-def test_coordinates_rounded_to_32_bits_at_utm_are_refused(tmp_path):
+def test_coordinates_rounded_to_32_bits_at_utm_are_rejected(tmp_path):
     """STL holds 32-bit numbers; the same building as text keeps its digits."""
     rotated = trimesh.Trimesh(
         CORNERS[:, [0, 2, 1]] * 1.137 + (691_607.3, 5_334_760.7, 519.0), FACES, process=False
     )
-    assert "y is rounded to 0.5 m" in refusal(tmp_path / "utm.stl", rotated.export(file_type="stl"))
+    assert "y is rounded to 0.5 m" in rejection(tmp_path / "utm.stl", rotated.export(file_type="stl"))
     text = rotated.export(file_type="obj", digits=8)
     np.testing.assert_allclose(
         np.ptp(load_triangles(text.encode(), tmp_path / "utm.obj").reshape(-1, 3), 0)[0], 5 * 1.137
     )
 
 
-def test_more_storeys_than_any_building_has_are_refused(tmp_path):
+def test_more_storeys_than_any_building_has_are_rejected(tmp_path):
     floor = np.array([[0, 0, 0], [5, 0, 0], [5, 5, 0]])
     tower = floor + np.arange(5000)[:, None, None] * (0, 0, 3)
     mesh = trimesh.Trimesh(tower.reshape(-1, 3), np.arange(15_000).reshape(-1, 3), process=False)
-    assert "more than 300 storeys" in refusal(tmp_path / "tower.stl", mesh.export(file_type="stl"))
+    assert "more than 300 storeys" in rejection(tmp_path / "tower.stl", mesh.export(file_type="stl"))
 
 
 def test_materials_and_groups_of_an_obj_file_change_nothing(tmp_path):
@@ -192,10 +192,10 @@ def test_mirrored_meshes_keep_their_faces_outside(tmp_path):
     np.testing.assert_allclose(np.sign(normals.sum(axis=1)), np.sign(mesh.face_normals.sum(axis=1)))
 
 
-@pytest.mark.parametrize("kept", [84, 84 + 50 * 3, 84 + 50 * 9 + 20])
-def test_an_stl_file_that_was_cut_off_is_refused(tmp_path, kept):
-    """What is left is taken for a text by trimesh; the message says how many of the ten triangles are there."""
+@pytest.mark.parametrize("stored", [84, 84 + 50 * 3, 84 + 50 * 9 + 20])
+def test_an_stl_file_that_was_cut_off_is_rejected(tmp_path, stored):
+    """What is left is treated as a text by trimesh; the message says how many of the ten triangles are there."""
     whole = trimesh.Trimesh(CORNERS, FACES).export(file_type="stl")
     assert len(load_triangles(whole, tmp_path / "room.stl")) == 10
-    told = refusal(tmp_path / "room.stl", whole[:kept])
-    assert "it says 10 triangles" in told and f"only {(kept - 84) // 50} are in it" in told
+    output = rejection(tmp_path / "room.stl", whole[:stored])
+    assert "it says 10 triangles" in output and f"only {(stored - 84) // 50} are in it" in output

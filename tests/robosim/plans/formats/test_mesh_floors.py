@@ -1,4 +1,4 @@
-"""What a floor is: a level surface below free air, whichever way it faces."""
+"""What a floor is: a level surface below free air, whichever direction it faces."""
 
 import logging
 

@@ -1,4 +1,4 @@
-"""Cells that surfaces reach into, judged by shapely, sections of a ball by its radius."""
+"""Cells that surfaces reach into, judged by shapely, sections of a sphere by its radius."""
 
 import numpy as np
 import pytest
@@ -118,9 +118,9 @@ def test_points_lines_table_tops_and_giants(triangle, expected):
 
 
 def test_sections_go_around_the_inside_of_solids():
-    """A ball of radius 5 cut at height 3 gives a disc of radius 4; the centres it holds, by its radius."""
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
-    triangles = ball.triangles + np.array([7.0, 6.0, 0.0])
+    """A sphere of radius 5 cut at height 3 gives a disc of radius 4; the centres it holds, by its radius."""
+    sphere = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
+    triangles = sphere.triangles + np.array([7.0, 6.0, 0.0])
     start, end = section(triangles, 3.0)
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
     distance = np.hypot(x - 7, y - 6)

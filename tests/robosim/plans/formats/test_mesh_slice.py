@@ -135,7 +135,7 @@ def test_turned_buildings_lose_no_wall_and_less_than_a_cell(turn):
 
 
 def test_a_noisy_scan_with_holes_keeps_its_walls():
-    """Triangles of 5 cm, 4 mm of noise, every tenth one missing: no way leads through any wall.
+    """Triangles of 5 cm, 4 mm of noise, every tenth one missing: no path leads through any wall.
 
     Few border cells are lost (measured 3 %), and pinholes in the floor are closed.
     """
@@ -188,7 +188,7 @@ def test_a_storey_is_a_floor_with_walls_and_no_table():
 
 
 def test_a_high_shelf_in_a_hall_is_no_storey():
-    """A surface of 1 m2 at 2 m, with 3 m of the hall's walls above it: too small beside the floor's 12 m2."""
+    """A surface of 1 m2 at 2 m, with 3 m of the hall's walls above it: too small compared with the floor's 12 m2."""
     assert len(find_floors(room(table=2.0, height_m=5.0), 0.2, 1.5)) == 1
 
 
@@ -248,7 +248,7 @@ def box(low, high, inwards=False):
 @pytest.mark.parametrize("room_inwards", [True, False])
 @pytest.mark.parametrize("faces", ["out", "in", "both"])
 def test_the_inside_of_a_closed_cupboard_is_not_free(room_inwards, faces):
-    """2 m tall, so that neither top nor bottom is in the slice; whichever way faces of room and cupboard point."""
+    """2 m tall: neither top nor bottom is in the slice; whichever direction faces of room and cupboard point."""
     cupboard = box((1, 1, 0), (2, 2, 2), inwards=faces == "in")
     if faces == "both":
         cupboard = np.concatenate([cupboard, cupboard[:, ::-1]])
@@ -261,7 +261,7 @@ def test_the_inside_of_a_closed_cupboard_is_not_free(room_inwards, faces):
 
 
 def test_rooms_that_are_closed_surfaces_stay():
-    """Two rooms as shells of their own, also beside open ground; a cupboard in the smaller one; a room in a room."""
+    """Two rooms as shells of their own, also next to open ground; a cupboard in the smaller one; a room in a room."""
     rooms = [box((0, 0, 0), (4, 3, 2.5), True), box((4.2, 0, 0), (7, 3, 2.5), True)]
     both = plan_from_triangles(np.concatenate(rooms), ReadingOptions(resolution_m=0.1)).free.sum()
     assert both > 38 * 28 + 26 * 28
@@ -352,8 +352,8 @@ def test_millimetres_are_suspected(tmp_path):
 
 
 @pytest.mark.parametrize("unit_m", [0.001, 0.0254])
-def test_other_units_of_length_are_told(tmp_path, unit_m):
-    """Millimetres and inches, the floor of the storey still asked for in metres."""
+def test_other_units_of_length_are_reported(tmp_path, unit_m):
+    """Millimetres and inches, the floor of the storey still given in metres."""
     mesh = solids(floor_m=3.0)
     mesh.apply_scale(1 / unit_m)
     mesh.export(tmp_path / "house.stl")
@@ -370,6 +370,6 @@ def test_a_lone_wall_has_no_floor(tmp_path):
 
 
 @pytest.mark.parametrize("slice_m", [(0.0, 1.0), (1.0, 0.5), (0.2, float("inf")), (0.2, float("nan"))])
-def test_senseless_slices_are_refused(slice_m):
+def test_senseless_slices_are_rejected(slice_m):
     with pytest.raises(ValueError, match="slice_m"):
         plan_from_triangles(room(), ReadingOptions(slice_m=slice_m))

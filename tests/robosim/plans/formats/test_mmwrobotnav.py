@@ -1,4 +1,4 @@
-"""Top-down grids, judged by numpy.loadtxt and by the pictures published beside them."""
+"""Top-down grids, judged by numpy.loadtxt and by the pictures published next to them."""
 
 import numpy as np
 import pytest

@@ -79,7 +79,7 @@ def test_values_above_white_are_white():
     ],
 )
 def test_broken_files_are_said(content, word):
-    """An absurd size fails by its header alone, before any memory is asked for."""
+    """An absurd size fails by its header alone, before any memory is allocated."""
     with pytest.raises(ValueError) as error:
         decode_pgm(content)
     assert word in str(error.value)

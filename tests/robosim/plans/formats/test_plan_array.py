@@ -84,7 +84,7 @@ def npy(header):
     ],
 )
 def test_damaged_files_are_said(tmp_path, content):
-    """Headers that lie about the size must not ask for the memory; pickles must not run."""
+    """Headers that lie about the size must not allocate the memory; pickles must not run."""
     (tmp_path / "plan.npy").write_bytes(content)
     with pytest.raises(MapError, match=r"plan\.npy"):
         read_plan(tmp_path / "plan.npy", resolution_m=0.1)

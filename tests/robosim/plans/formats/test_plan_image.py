@@ -99,7 +99,7 @@ def test_one_transparent_grey_is_found(grey):
 
 
 def test_an_image_alone_needs_its_scale(tmp_path):
-    """The message says how, and names the YAML file beside the image."""
+    """The message says how, and names the YAML file next to the image."""
     path = tmp_path / "office.png"
     path.write_bytes(encoded(Image.fromarray(GREY)))
     with pytest.raises(MapError, match=r"office\.png.*--resolution 0\.05"):
@@ -154,7 +154,7 @@ def test_damaged_images_are_said(tmp_path, content):
         read_plan(path, resolution_m=0.05)
 
 
-def test_images_of_real_numbers_are_refused(tmp_path):
+def test_images_of_real_numbers_are_rejected(tmp_path):
     """Thresholds of such values would be a guess."""
     Image.fromarray(np.zeros((2, 2), np.float32)).save(tmp_path / "map.tif")
     with pytest.raises(MapError, match="floating-point"):

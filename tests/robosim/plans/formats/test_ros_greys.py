@@ -130,7 +130,7 @@ def test_whatever_the_greys(
 
 
 def test_transparent_is_unknown(tmp_path, caplog):
-    """Transparent black, which map_server takes for walls, and transparent white, which it may take for free."""
+    """Transparent black, which map_server treats as walls, and transparent white, which it may treat as free."""
     for colour in (0, 255):
         pixels = cv2.cvtColor(greys(), cv2.COLOR_GRAY2BGRA)
         pixels[greys() == 205] = (colour, colour, colour, 0)

@@ -89,7 +89,7 @@ def test_grey_205_is_unknown_up_to_the_usual_threshold_by_the_letter(tmp_path, f
 
 @pytest.mark.parametrize("channels", [1, 3])
 def test_grey_205_of_map_saver_is_unknown_at_any_threshold(tmp_path, caplog, channels):
-    """Nav2's map_saver writes 205 for unknown beside free_thresh 0.25: by the letter, outdoors is free."""
+    """Nav2's map_saver writes 205 for unknown with free_thresh 0.25: by the letter, outdoors is free."""
     grey = np.array([[254, 205, 0]], np.uint8)
     pixels = grey if channels == 1 else np.repeat(grey[..., None], 3, axis=-1)
     path = write_map(tmp_path, pixels, free_thresh=0.25)
@@ -101,7 +101,7 @@ def test_grey_205_of_map_saver_is_unknown_at_any_threshold(tmp_path, caplog, cha
 
 
 def test_alpha_that_changes_cells_is_said(tmp_path, caplog):
-    """Averaging alpha makes an opaque 205 free by map_server's rule (mean 217.5), which nobody expects."""
+    """Averaging alpha makes an opaque 205 free by map_server's rule (mean 217.5), which is unexpected."""
     pixels = np.full((2, 2, 4), 255, np.uint8)
     pixels[1, :, :3] = 205
     path = write_map(tmp_path, pixels)
@@ -149,9 +149,9 @@ def test_all_spellings_of_yaml_mean_the_same(tmp_path, text):
 def test_image_path_counts_from_the_yaml_file_or_is_absolute(tmp_path, monkeypatch):
     """The working folder must not matter."""
     (tmp_path / "images").mkdir()
-    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "other").mkdir()
     Image.fromarray(np.array([[254, 0]], np.uint8)).save(tmp_path / "images" / "a b.png")
-    monkeypatch.chdir(tmp_path / "elsewhere")
+    monkeypatch.chdir(tmp_path / "other")
     for image in ("images/a b.png", str(tmp_path / "images" / "a b.png")):
         (tmp_path / "map.yaml").write_text(yaml.safe_dump({**HEADER, "image": image}))
         assert read_plan("../map.yaml").shape == (1, 2)
@@ -226,7 +226,7 @@ def test_lists_that_unfold_without_end_are_not_written_out(tmp_path):
 
 
 def test_yaw_of_more_than_a_turn_is_suspected_to_be_degrees(tmp_path, caplog):
-    """90 is a legal number of radians, so it is kept and said."""
+    """90 is a legal number of radians, so it is accepted and reported."""
     path = write_map(tmp_path, np.array([[254, 0]], np.uint8), origin=[0.0, 0.0, 90.0])
     with caplog.at_level(logging.WARNING):
         assert read_plan(path).origin == (0.0, 0.0, 90.0)
@@ -285,7 +285,7 @@ def test_written_maps_keep_to_map_servers_keys_where_they_can(tmp_path):
 
 @pytest.mark.parametrize("image", ["pgm", "png"])
 def test_a_write_that_fails_leaves_the_old_map(tmp_path, monkeypatch, image):
-    """The disk fills up half-way: what was there stays readable, and no remains lie about."""
+    """The disk fills up halfway: what was there stays readable, and no remains lie about."""
     path = tmp_path / "map.yaml"
     old = random_plan(1, resolution_m=0.05, name="map")
     write_ros(old, path, image=image)
@@ -303,7 +303,7 @@ def test_a_write_that_fails_leaves_the_old_map(tmp_path, monkeypatch, image):
     assert sorted(p.name for p in tmp_path.iterdir()) == [f"map.{image}", "map.yaml"]
 
 
-def test_wrong_arguments_of_the_writer_are_refused(tmp_path):
+def test_wrong_arguments_of_the_writer_are_rejected(tmp_path):
     plan = random_plan(1, resolution_m=0.05)
     with pytest.raises(ValueError, match=r"ends in \.yaml"):
         write_ros(plan, tmp_path / "map.pgm")

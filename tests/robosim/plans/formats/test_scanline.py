@@ -45,7 +45,7 @@ def test_polygons_that_tile_a_square_cover_each_centre_once():
     np.testing.assert_array_equal(got, 1)
 
 
-def test_a_figure_of_eight_winds_both_ways():
+def test_a_figure_of_eight_winds_in_both_directions():
     corners = np.array([[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 4.0]])
     got = winding_numbers(corners, np.roll(corners, -1, axis=0), (4, 4))
     assert got[0, 2] == got[3, 1] == 0  # below and above the crossing
@@ -72,7 +72,7 @@ def test_polygons_can_come_one_after_the_other():
     np.testing.assert_array_equal(windings.numbers(), together)
 
 
-def test_more_rows_than_any_building_has_are_refused_before_the_work():
+def test_more_rows_than_any_building_has_are_rejected_before_the_work():
     """A zigzag of 100,000 edges from top to bottom would take minutes; many short edges may be as many."""
     zigzag = np.column_stack([np.linspace(0, 5000, 100_000), np.arange(100_000) % 2 * 5000.0])
     with pytest.raises(ValueError, match="coarser resolution"):
