@@ -26,10 +26,7 @@ def test_each_class_of_claims_weighs_as_many_as_fall_in_it():
 
 @pytest.mark.parametrize("length", [1, 30])
 def test_chance_is_of_searches_rather_than_of_claims(length):
-    """Claims of one half in n searches: the mean of |held - n / 2| / n, of a binomial law, however many claims.
-
-    Drawn 4,000 times it is met to 2 %; were claims of one search independent, it would fall by the root of 30.
-    """
+    """Claims of one half in n searches: the mean of |held - n / 2| / n, of a binomial law, however many claims."""
     n = 25
     searches = [np.full(length, 0.5) for _ in range(n)]
     held = np.arange(n + 1)

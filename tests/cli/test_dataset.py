@@ -60,11 +60,7 @@ def test_manifest_lists_what_tables_hold(made):
 
 
 def test_links_are_those_of_the_tracer(made, plan_file):
-    """Traced again from the positions in the file: the same paths and states; lists are as long as they say.
-
-    Of links in sight, whose strongest path stands alone most often, 90 % or more are estimated within 5 degrees
-    (measured 100 %): rows of estimates belong to rows of paths.
-    """
+    """Traced again from the positions in the file: the same paths and states; lists are as long as they say."""
     links = read_links(made / "links" / "two rooms_Tx_2.parquet")
     rays = read_rays(made / "links" / "two rooms_Tx_2.parquet")
     scene = RadioScene(read_plan(plan_file), _config())

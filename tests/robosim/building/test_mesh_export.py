@@ -108,11 +108,7 @@ def test_broken_export_leaves_the_old_file(building, tmp_path, monkeypatch):
 
 
 def test_mitsuba_scene_refers_to_its_meshes_and_materials(building, tmp_path):
-    """What Sionna RT and DiffeRT read: BSDFs `mat-itu_NAME` with a type, shapes with a file and a material.
-
-    The meshes together are the building, each the faces of its material. Such a scene was loaded by Sionna RT
-    2.2 and differt-core as it is, and by Mitsuba 3.9 with its own `diffuse` in place of the plugin.
-    """
+    """What Sionna RT and DiffeRT read: BSDFs `mat-itu_NAME` with a type, shapes with a file and a material."""
     xml = export_mitsuba(building, tmp_path / "scene")
     assert xml == tmp_path / "scene" / "scene.xml"
     root = ET.parse(xml).getroot()

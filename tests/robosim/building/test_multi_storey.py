@@ -47,10 +47,7 @@ def test_two_rooms_and_their_stairwell_have_the_volume_of_three_boxes():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_generated_homes_under_turned_openings_are_closed(seed):
-    """Openings that cross walls and furniture of three homes: volume by the polygons' areas, and two faces an edge.
-
-    A corner that stands on another one's wall, on a slanted one but for rounding too, would leave a crack.
-    """
+    """Openings that cross walls and furniture of three homes: volume by the polygons' areas, and two faces an edge."""
     rng = np.random.default_rng(seed)
     plans = []
     for number in rng.integers(0, 40, 3):

@@ -37,10 +37,7 @@ def test_a_room_behind_a_narrow_door_is_reported():
 
 
 def test_travel_in_the_open_is_the_straight_distance():
-    """Fast marching of second order on an empty floor: |p - q| within half a cell.
-
-    Measured 0.017 m from the one-cell start; an 8-neighbour Dijkstra would be 8 % long, 0.28 m here.
-    """
+    """Fast marching of second order on an empty floor: |p - q| within half a cell."""
     places = reach(make_building(room()), 0.1)
     source = np.array([0.525, 0.525])
     travel = places.travel_m(source)
@@ -51,12 +48,7 @@ def test_travel_in_the_open_is_the_straight_distance():
 
 
 def test_travel_round_a_corner_is_the_taut_string():
-    """Through the door of two rooms: two straight legs and an arc of the hull's radius about the jambs.
-
-    The string from (0.5, 0.5) to (5.7, 0.5) runs over the disks of radius 0.18 m at the lower jamb corners
-    (3, 1.25) and (3.2, 1.25): its length from the tangents, 5.47 m. Bound two cells, since the raster lets the
-    hull no nearer to a jamb than the next cell centre; measured 0.06 m long.
-    """
+    """Through the door of two rooms: two straight legs and an arc of the hull's radius about the jambs."""
     places = reach(make_building(two_rooms(0.5)), 0.18)
     travel = places.travel_m(np.array([0.525, 0.525]))
     got = places.remaining_m(travel, np.array([5.675, 0.525]))
@@ -77,10 +69,7 @@ def test_remaining_path_is_continuous_between_cells():
 
 
 def test_the_remaining_path_is_a_number_where_the_sampling_has_closed_a_passage():
-    """A dead end 0.25 m wide between walls through cell centres: no centre has the hull's 0.1 m for it there.
-
-    The hull fits, and drives in: a reward of such a step was minus infinity, and those after it not a number.
-    """
+    """A dead end 0.25 m wide between walls through cell centres: no centre has the hull's 0.1 m for it there."""
     occupancy = np.full((80, 120), OCCUPIED, np.uint8)
     occupancy[10:70, 5:70] = FREE
     occupancy[40:46, 70:115] = FREE

@@ -67,11 +67,7 @@ def test_camera_pose_is_a_right_handed_frame_that_looks_ahead():
 @pytest.mark.parametrize("backend", ENGINES)
 @pytest.mark.parametrize(("width", "height", "hfov"), [(128, 128, 90.0), (200, 75, 60.0), (33, 130, 100.0)])
 def test_depth_of_an_empty_room_is_exact(backend, width, height, hfov):
-    """Along z, a ray leaves a box where it meets the first of six planes: a closed form for each pixel.
-
-    Bound 0.1 mm + 0.01 %, ten times below the promise (measured 0.04 mm). Odd sizes are there for rows that a
-    driver pads, and for half a pixel of shift, which would be off by 10 mm at these walls.
-    """
+    """Along z, a ray leaves a box where it meets the first of six planes: a closed form for each pixel."""
     config = CameraConfig(width=width, height=height, hfov_deg=hfov)
     T = camera_pose(np.array([0.3, -0.4, 0.7]), config)
     rays = config.directions() @ T[:3, :3].T

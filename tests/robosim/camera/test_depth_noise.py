@@ -55,10 +55,7 @@ def test_level_scales_the_spread():
 
 
 def test_depths_come_in_steps_of_the_shift():
-    """All depths are 1 / (k step) with whole k; at 3 m neighbours are z^2 step = 25.6 mm apart.
-
-    With the numbers of a Kinect, step = (1 / 8) / (585 x 0.075): Khoshelham and Elberink measured 2.6 cm at 3 m.
-    """
+    """All depths are 1 / (k step) with whole k; at 3 m neighbours are z^2 step = 25.6 mm apart."""
     noise = DepthNoise(level=1.0, lateral_px=0.0)
     step = noise.step_px / (NATIVE_FOCAL_PX * noise.baseline_m)
     got = noise.apply(wall(3.0), FOCAL_PX, np.random.default_rng(3)).astype(float)
@@ -71,10 +68,7 @@ def test_depths_come_in_steps_of_the_shift():
 
 
 def test_sideways_jitter_moves_along_the_slope():
-    """A wall turned by 45 degrees: deviation of the depth in the middle = z^2 (tan 45 / z f) lateral, added in squares.
-
-    Level 20 makes the jitter (1.75 pixels) outweigh the spread; bound 10 %.
-    """
+    """A wall turned by 45 degrees: deviation of the depth in the middle = z^2 (tan 45 / z f) lateral, added in squares."""
     noise = DepthNoise(level=20.0, baseline_m=0.0, step_px=0.0)
     still = DepthNoise(level=20.0, **PLAIN)
     depth = slanted(45.0, 0.5)

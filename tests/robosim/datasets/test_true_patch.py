@@ -18,10 +18,7 @@ def rooms() -> tuple[TruePatches, object]:
 
 
 def test_obstacles_are_the_cells_that_walls_touch(rooms):
-    """Against shapely: a cell is an obstacle if its square is not all within the free polygon.
-
-    All but slivers: cells that walls enter by less than a raster cell may differ (below 2 % measured 0.5 %).
-    """
+    """Against shapely: a cell is an obstacle if its square is not all within the free polygon."""
     import shapely
 
     patches, free = rooms

@@ -88,10 +88,7 @@ def layouts(rooms: int, area_m2: float, style: str = "home", n: int = 20) -> lis
     ids=["usual", "navigable", "crowded", "small", "wide hull", "coarse"],
 )
 def test_the_hull_gets_everywhere(config: GeneratorConfig):
-    """GEOS: the floor shrunk by the hull's radius is one part, but for slivers that hold no cell's centre.
-
-    Slivers together stay below 1 % of it (measured 0.2 % at most); a room that is cut off is far more.
-    """
+    """GEOS: the floor shrunk by the hull's radius is one part, but for slivers that hold no cell's centre."""
     for seed in range(5):
         plan = generate_plan(seed, config=config)
         places = free_polygons(plan).buffer(-config.hull_radius_m, quad_segs=32)
@@ -101,10 +98,7 @@ def test_the_hull_gets_everywhere(config: GeneratorConfig):
 
 @pytest.mark.parametrize("style", ["home", "office"])
 def test_no_room_is_cut_off(style: str):
-    """The simulator's own judge, by the building's walls: one part that the hull can drive through.
-
-    Cells on the rim of its sampling may stand alone (less than 2 %); what is cut off are nooks, not rooms.
-    """
+    """The simulator's own judge, by the building's walls: one part that the hull can drive through."""
     for seed in range(3):
         plan = generate_plan(seed, config=GeneratorConfig(style=style))
         places = reach(make_building(plan), 0.18)

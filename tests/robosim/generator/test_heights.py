@@ -68,10 +68,7 @@ def test_navigable_areas_have_no_heights():
 @pytest.mark.parametrize("physics", ["kinematic", "dynamic"])
 @pytest.mark.parametrize(("goal", "mast_m"), [("oracle", 1.25), ("shortest", 0.3)])
 def test_an_episode_among_furniture_arrives_and_penetrates_nothing(physics, goal, mast_m):
-    """A tall robot and one that drives under tables: no hull nearer to anything lower than it than its radius.
-
-    Exactly in kinematics, and within 1 mm by contacts (measured 0.005 mm at most).
-    """
+    """A tall robot and one that drives under tables: no hull nearer to anything lower than it than its radius."""
     building = make_building(generate_plan(1, config=GeneratorConfig(heights=True, area_m2=45)))
     robot = RobotConfig(mast_m=mast_m)
     simulator = SimulatorConfig(physics=physics, robot=robot, image=CameraConfig(height_m=mast_m))

@@ -62,10 +62,7 @@ def test_one_measurement_in_sight_gives_direction_and_distance():
 
 
 def test_in_a_large_building_the_grid_grows():
-    """A target 57 m from the start, beyond the first grid of 30 m: within 1 m of it after 50 m towards it.
-
-    Cells do not move, and a place that was ruled out stays so.
-    """
+    """A target 57 m from the start, beyond the first grid of 30 m: within 1 m of it after 50 m towards it."""
     target, belief, first = np.array([57.0, 3.0]), TargetBelief(np.zeros(2)), TargetBelief(np.zeros(2)).frame
     for x in np.linspace(0, 50, 40):
         aoa, away_m = to((x, 0), target), np.hypot(target[0] - x, target[1])

@@ -79,10 +79,7 @@ def test_a_disk_stops_at_the_corner_of_a_wall():
     radius_m=st.sampled_from([0.1, 0.18]),
 )
 def test_no_motion_leads_into_a_wall_and_none_stops_before_it(hall, seed, length_m, sideways_m, radius_m):
-    """Among columns, slopes and corners: both legs of a move stay clear of walls all along, judged by GEOS.
-
-    Each leg that stops short stops in touch with a wall, within 2 nm, and going on would lead into it.
-    """
+    """Among columns, slopes and corners: both legs of a move stay clear of walls all along, judged by GEOS."""
     building, rng = hall.building, np.random.default_rng(seed)
     world = KinematicWorld(building, robot=replace(hall.robot, radius_m=radius_m))
     pose = _draw(building, radius_m + 1e-6, rng)

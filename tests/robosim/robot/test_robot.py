@@ -67,10 +67,7 @@ def test_wheels_drive_straight_and_turn_in_place(name):
 
 @pytest.mark.parametrize("name", ROBOT_NAMES)
 def test_wheels_follow_an_arc(name):
-    """Differential drive: turning at w while going v leads along a circle of radius v / w.
-
-    Half a circle ends 2 v / w to the left, heading back. Bound 3 mm in 0.5 m across; measured 1.5 mm.
-    """
+    """Differential drive: turning at w while going v leads along a circle of radius v / w."""
     robot = ROBOTS[name]
     compiled, data = model(robot)
     roll(compiled, data, robot, 0.3, 1.2, np.pi / 1.2)

@@ -46,10 +46,7 @@ def turned_to(x: float, y: float, yaw_deg: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_moves_end_where_they_were_sent(name):
-    """0.25 m ahead, 10 degrees, and both with slip: within 0.15 mm and 0.01 degrees, in fewer than 200 steps.
-
-    Measured: 0.1 mm, 0.004 degrees; 168 steps ahead, 88 for a turn, 96 for a turn with 2 cm of slip.
-    """
+    """0.25 m ahead, 10 degrees, and both with slip: within 0.15 mm and 0.01 degrees, in fewer than 200 steps."""
     world = World(make_building(room()), robot=ROBOTS[name])
     world.reset(turned_to(2.0, 1.5, 17))
     for wanted in (
@@ -166,13 +163,7 @@ def test_walls_that_sleep_change_no_motion(monkeypatch):
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 @pytest.mark.parametrize("wall_line", ["cell_edge", "cell_centre"])
 def test_walls_hold_against_any_driving(name, wall_line, monkeypatch):
-    """105 reckless moves among columns, corners and slopes: never deeper than 5 mm in a wall.
-
-    Measured over 2400 moves: 2.4 mm. Judged by the distance of the hull's centre from the nearest wall
-    line, at each motion's end; during motion by physics' own contacts, which must have seen at least as
-    much. At no step is the robot more than 5 mm above the floor (wheels that slip hop a little; measured
-    2.5 mm), tilted by 4 degrees (measured 2) or faster than 0.6 m/s (commanded 0.5).
-    """
+    """105 reckless moves among columns, corners and slopes: never deeper than 5 mm in a wall."""
     robot = ROBOTS[name]
     building = make_building(cluttered(wall_line=wall_line))
     world, rng = World(building, robot=robot), np.random.default_rng(1)
@@ -273,11 +264,7 @@ def split(boxes: int):
 
 
 def test_seams_between_pieces_do_not_snag(monkeypatch):
-    """Sliding 1.5 m along a wall of 1 box or of 240: the same distance within 3 cm, at a steady pace.
-
-    Measured 9 mm (what a robot that scrapes along a wall does is chaotic). A hull that catches on inner edges
-    would stop short by decimetres.
-    """
+    """Sliding 1.5 m along a wall of 1 box or of 240: the same distance within 3 cm, at a steady pace."""
     ends = {}
     for boxes in (1, 240):
         monkeypatch.setattr(world_module, "solids", split(boxes))

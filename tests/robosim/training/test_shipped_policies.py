@@ -13,10 +13,7 @@ from robosim.training.explorer import ExplorerRecipe, mean_coverage
 
 
 def test_the_learned_local_policy_arrives():
-    """In the shipped cottage, with wheels and contacts and noise, in at most half as many decisions more.
-
-    Measured: 67 decisions, and 83 by the deterministic controller.
-    """
+    """In the shipped cottage, with wheels and contacts and noise, in at most half as many decisions more."""
     building = make_building(read_plan("cottage"))
     places = reach(building, 0.1)
     task = make_task(places, np.random.default_rng([1, 0]))
@@ -30,10 +27,7 @@ def test_the_learned_local_policy_arrives():
 
 
 def test_the_learned_choice_sees_more_sooner():
-    """Walks of 150 decisions through four homes of another seed: above the hand-made rating it began from.
-
-    Measured: 0.484 of the floor seen on average against 0.411; over 40 homes and 300 decisions 0.664 against 0.621.
-    """
+    """Walks of 150 decisions through four homes of another seed: above the hand-made rating it began from."""
     weights, recipe = load_file(shipped_network("explorer")), ExplorerRecipe(decisions=150, seed=77)
     learned = [mean_coverage(home, recipe, "learned", weights) for home in range(4)]
     rated = [mean_coverage(home, recipe, "gain") for home in range(4)]
@@ -41,10 +35,7 @@ def test_the_learned_choice_sees_more_sooner():
 
 
 def test_the_learned_search_arrives():
-    """In the shipped cottage, with wheels and contacts, noise and live radio: in at most twice as many decisions.
-
-    From depth and radio paths, the map and planner idle. Measured: 71 decisions, and 99 by the oracle.
-    """
+    """In the shipped cottage, with wheels and contacts, noise and live radio: in at most twice as many decisions."""
     building = make_building(read_plan("cottage"))
     places = reach(building, 0.1)
     task = make_task(places, np.random.default_rng([1, 0]))

@@ -82,10 +82,7 @@ def test_it_drives_through_a_door_without_touching_it():
 
 
 def test_after_repeated_bumps_it_tries_something_else():
-    """An invisible wall at x = 0.3, 0.6 m wide, that the map never shows: it does not push against it for ever.
-
-    Of 40 decisions fewer than 20 are pushes, and the robot leaves the line on which it was stopped.
-    """
+    """An invisible wall at x = 0.3, 0.6 m wide, that the map never shows: it does not push against it for ever."""
 
     def invisible(pose, after):
         return after[0] > 0.3 and pose[0] <= 0.3 and abs(after[1]) < 0.3

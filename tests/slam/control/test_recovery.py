@@ -107,10 +107,7 @@ def test_out_of_a_pocket_of_glass(depth_m, width_m):
 
 @pytest.mark.parametrize("half_m", [0.3, 0.8])
 def test_without_marks_a_stuck_robot_walks_off_all_the_same(half_m):
-    """The controller alone must notice: never longer than 60 decisions within 0.35 m (measured 49 and 54).
-
-    It acts after 45 decisions without progress, then needs up to half a turn; before the pane it would stay for ever.
-    """
+    """The controller alone must notice: never longer than 60 decisions within 0.35 m (measured 49 and 54)."""
     solid = hall((6, 4))
     world = GridWorld(solid, (1, 2, 0), glass=_glass(solid, (3, 2 - half_m, 3.05, 2 + half_m))).know_all()
     world.marks.update = lambda *_: False
@@ -121,10 +118,7 @@ def test_without_marks_a_stuck_robot_walks_off_all_the_same(half_m):
 
 @pytest.mark.parametrize(("slips", "decisions"), [(1, 60), (5, 100), (20, 250)])
 def test_after_its_wheels_slipped_the_robot_continues_through_the_only_passage(slips, decisions):
-    """In a corridor 0.5 m wide marks made in error close the only passage; it is tried again all the same.
-
-    A planner that treated marks as walls would find no path until they fade after 150 decisions, or later.
-    """
+    """In a corridor 0.5 m wide marks made in error close the only passage; it is tried again all the same."""
     world = GridWorld(hall((6, 3), [(1.5, 0, 4.5, 1.25), (1.5, 1.75, 4.5, 3)]), (2, 1.5, 0)).know_all()
     world.slips = slips
     _drive(world, (5.3, 1.5), decisions)

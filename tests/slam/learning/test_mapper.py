@@ -52,10 +52,7 @@ def test_points_lie_on_the_wall():
 
 
 def test_what_is_shown_has_no_handedness():
-    """A mirrored image and map give mirrored channels, but for the sign of the place to the left.
-
-    Bound 2 % of cells: those on the very edge of the view, 64 of 4096, fall on one side only.
-    """
+    """A mirrored image and map give mirrored channels, but for the sign of the place to the left."""
     rng = np.random.default_rng(0)
     depth = Room().depth(np.array([0.3, -0.4, 0.5]), size=128)
     belief = rng.random((64, 64)).astype(np.float32)

@@ -67,10 +67,7 @@ def test_pairs_fit_once_the_offset_is_undone():
 
 
 def test_it_learns_the_offset():
-    """300 batches of clean corners: less than 0.6 of the error in place is left, and half of that in heading.
-
-    Measured 0.45 and 0.26. The matrix is right within a factor of two, and a run is the same again.
-    """
+    """300 batches of clean corners: less than 0.6 of the error in place is left, and half of that in heading."""
     size = PoseNetworkConfig(widths=(8, 16, 16, 32), hidden=32)
     recipe = PoseRecipe(network=size, steps=300, batch=32, rate=3e-3)
     network, curve = train_pose(_pairs(200), recipe)

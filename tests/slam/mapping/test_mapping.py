@@ -140,10 +140,7 @@ def test_an_uncalibrated_bias_is_learned():
 
 @pytest.mark.parametrize("wild", [0.0, np.nan])
 def test_three_hundred_blind_frames_do_no_harm(wild):
-    """The pose is that of odometry, the map what the hull stood on; nothing grows, nothing is NaN, no error.
-
-    Bound on the map: the room for the 4 m that the robot drives, not more than it began with plus one growth.
-    """
+    """The pose is that of odometry, the map what the hull stood on; nothing grows, nothing is NaN, no error."""
     mapper, blind = ClassicalMapper(), np.full((32, 32), wild, np.float32)
     before = mapper.frame.shape
     pose = np.zeros(3)
@@ -197,10 +194,7 @@ def test_a_hall_of_a_quarter_kilometre_is_mapped_to_its_end():
     ],
 )
 def test_odometry_that_is_missing_or_not_finite_is_left_out(odometry):
-    """The robot counts as not moved; what it sees decides, and the next good reading counts.
-
-    A reading that is not a number must not get into the learned bias either, where it would stay for ever.
-    """
+    """The robot counts as not moved; what it sees decides, and the next good reading counts."""
     room, mapper = Room(), ClassicalMapper()
     mapper.reset(START)
     for _ in range(5):

@@ -60,11 +60,7 @@ def test_evidence_adds_up_within_its_bounds(n):
 
 @pytest.mark.parametrize("looks", [1, 2, 3, 100])
 def test_a_wall_entered_in_error_clears_after_contrary_looks(looks):
-    """Belief b = min(4, 1.2 looks) is free again after the first look that brings b - 0.4 k below 0, never later.
-
-    That is 4, 7, 10 and 11 looks (a look more where b is a multiple of 0.4): without the bound, 100 would take 301.
-    The looks at which it stops being an obstacle are reported, once.
-    """
+    """Belief b = min(4, 1.2 looks) is free again after the first look that brings b - 0.4 k below 0, never later."""
     grid, belief, still = OccupancyGrid(FRAME), min(4.0, 1.2 * looks), 0
     for _ in range(looks):
         _enter(grid, _flat(2.02))

@@ -43,11 +43,7 @@ def _push(pose: np.ndarray, x_m: float, y_m: float, turned_deg: float = 0.0) -> 
 
 @pytest.mark.parametrize("direction_deg", range(0, 360, 45))
 def test_a_robot_pushed_by_half_a_metre_finds_itself(direction_deg):
-    """Either side: within 3 cm and 1 degree when it has turned by 90 degrees (measured 0.6 cm, 0.1 degrees).
-
-    It faces the middle of a wall at first, where a push to the side shows nothing yet. Matching alone keeps the error
-    of 0.5 m permanently.
-    """
+    """Either side: within 3 cm and 1 degree when it has turned by 90 degrees (measured 0.6 cm, 0.1 degrees)."""
     room = Room()
     mapper, pose = _mapped(room)
     a = math.radians(direction_deg)

@@ -51,10 +51,7 @@ def test_a_known_offset_is_recovered_in_a_room(yaw, offset):
 
 
 def test_in_a_long_corridor_the_pose_does_not_slide_along_it():
-    """Walls at y = +-1 m alone leave x as odometry has it, to 1 mm, while y and yaw are found.
-
-    A point-to-point match would slide by the spacing of the points.
-    """
+    """Walls at y = +-1 m alone leave x as odometry has it, to 1 mm, while y and yaw are found."""
     corridor = Room(low_xy=(-40.0, -1.0), high_xy=(40.0, 1.0))
     surfaces = _surfaces(corridor, _spin(-0.5, 0.0) + _spin(0.5, 0.0))
     true = np.array([0.013, 0.02, 0.0])

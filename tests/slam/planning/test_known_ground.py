@@ -27,10 +27,7 @@ def _box(probability: np.ndarray) -> Box:
 
 
 def test_open_floor_costs_its_length():
-    """Without obstacles the cost is the length: here 3 m along x, and 5 m along a slope of 3 to 4.
-
-    Bound 5 cm, half a cell of the halved grid (measured 3.1 cm, from the corner of the source).
-    """
+    """Without obstacles the cost is the length: here 3 m along x, and 5 m along a slope of 3 to 4."""
     travel_time = travel_time_from_robot(_box(np.zeros((120, 120))), CostConfig())
     assert travel_time.frame.resolution_m == 2 * CELL_M
     got = travel_time.at(np.array([[4.0, 1.0], [4.0, 5.0]]))

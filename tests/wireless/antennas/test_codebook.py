@@ -28,10 +28,7 @@ def test_beams_reach_the_directivity_where_they_point(name):
 
 
 def test_beams_are_narrow_and_ordered():
-    """The best of all beams of an isotropic-element terminal at any azimuth is one of the two nearest.
-
-    A conjugated weight would mirror each array's beams about its face.
-    """
+    """The best of all beams of an isotropic-element terminal at any azimuth is one of the two nearest."""
     terminal = Terminal(platform=Platform(array=uniform_array(8, element="3gpp")), n_beams=48)
     azimuth = np.linspace(-np.pi, np.pi, 1000)
     best = np.argmax(np.abs(terminal.beam_response(azimuth)), axis=1)

@@ -87,11 +87,7 @@ def test_what_is_missing_is_named(data, tmp_path):
 
 
 def test_a_wall_between_keeps_line_of_sight_and_raises_the_rest(extruded):
-    """A closed room and a screen outside: inside LOS; round the screen first order; both, higher order.
-
-    Behind both, one passage allowed, no direct path is left and the corner's path is of two interactions
-    at least. An order that ignored the passages would call it first order.
-    """
+    """A closed room and a screen outside: inside LOS; round the screen first order; both, higher order."""
     screen = [[(2.0, -30.0), (2.0, 0.0)]]
     room = [(-30.0, 3.0), (30.0, 3.0), (30.0, 20.0), (-30.0, 20.0)]
     sheet = [*itertools.pairwise([*room, room[0]])]

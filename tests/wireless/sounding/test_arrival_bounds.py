@@ -41,11 +41,7 @@ def fisher_bound_rad(sounder, snr_db, aoa, aod, late):
 @pytest.mark.parametrize("names", [("gnb", "ue"), ("ue", "gnb")])
 @pytest.mark.parametrize("late", [-0.45, 0.2])
 def test_closed_form_is_the_inverse_of_the_fisher_information(names, late):
-    """Both azimuths at random, on a face, between faces: equal within 1e-4, wherever the delay is.
-
-    The other method inverts the information of all unknowns, 13 of them, from differences of mean tensors. Without
-    free phases or free size the bound comes out too low; with a face's share left out too high.
-    """
+    """Both azimuths at random, on a face, between faces: equal within 1e-4, wherever the delay is."""
     sounder = Sounder(*map(terminal_named, names))
     rng = np.random.default_rng(6)
     aoa = np.concatenate([[0.1, np.deg2rad(60.3), np.deg2rad(-179.0)], rng.uniform(-np.pi, np.pi, 4)])
@@ -56,10 +52,7 @@ def test_closed_form_is_the_inverse_of_the_fisher_information(names, late):
 
 
 def test_a_line_of_isotropic_ports_has_the_textbook_bound():
-    """M ports half a wavelength apart, E the energy: var = 6 / (E pi^2 cos^2 (M^2 - 1)).
-
-    On one array alone: with free phase 1 / (2 E pi^2 cos^2 v), v = (M^2 - 1) / 12 the ports' variance.
-    """
+    """M ports half a wavelength apart, E the energy: var = 6 / (E pi^2 cos^2 (M^2 - 1))."""
     ports, azimuth = 8, 0.4
     one = Terminal(
         platform=Platform(array=uniform_array(ports, element="isotropic"), face_rad=(0.0,)), n_beams=8

@@ -154,10 +154,7 @@ SHOW = """
 
 
 def test_processes_may_start_at_the_same_time(mini):
-    """Three processes on an empty folder, three types of argument: each type is compiled by one process.
-
-    Numba's index of a function's files would mix up code of different types if two processes wrote it at once.
-    """
+    """Three processes on an empty folder, three types of argument: each type is compiled by one process."""
     lines = [told(process).split() for process in [start(mini, SHOW) for _ in range(3)]]
     assert [values for *values, _ in lines] == [["1025.0"] * 3] * 3
     assert sum(int(count) for *_, count in lines) == 3

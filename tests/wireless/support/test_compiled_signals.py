@@ -87,10 +87,7 @@ INTERRUPTED = """
 
 
 def test_signals_wait_until_a_loop_is_through(mini):
-    """Ctrl-C in a loop of the main thread, and in its compiling, is a KeyboardInterrupt; so for other handlers.
-
-    Left alone, it is raised where numba makes an array of the result, and the process ends with signal 11.
-    """
+    """Ctrl-C in a loop of the main thread, and in its compiling, is a KeyboardInterrupt; so for other handlers."""
     assert told(start(mini, INTERRUPTED)).split() == ["whole"]
 
 

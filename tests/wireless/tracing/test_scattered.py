@@ -47,11 +47,7 @@ def test_a_small_piece_follows_the_radar_equation(extruded, alpha):
 
 @pytest.mark.parametrize("alpha", [None, 4])
 def test_a_wall_scatters_as_rays_that_are_shot_at_it(extruded, alpha):
-    """Rays from the transmitter in all directions, each joined to the receiver where it meets the wall: within 1 %.
-
-    Two million rays; no areas, distances or cosines of incidence enter there, since they are in where rays fall
-    (measured 0.3 %). A wall of finite height, both ends off its middle; vertical fields split into TE and TM.
-    """
+    """Rays from the transmitter in all directions, each joined to the receiver where it meets the wall: within 1 %."""
     paths = scattered(extruded(WALL, high=2.5), scattering_lobe=alpha)
     rng = np.random.default_rng(0)
     n = 2_000_000

@@ -86,12 +86,7 @@ def traced(mesh, tx, rx, scene, **options):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_storeys_and_space_find_the_same_paths(seed):
-    """Views through layers against chains of images among all triangles, which share no geometry.
-
-    Random buildings of two and three storeys, links in one storey and between any two of them: every path of up to
-    two reflections, or an edge (upright, or a slab's rim) and one, agrees in length, angles and four gains to 1e-8
-    (measured 1e-14; 200 more buildings likewise).
-    """
+    """Views through layers against chains of images among all triangles, which share no geometry."""
     rng = np.random.default_rng(seed)
     free, openings = random_building(rng, 2 + seed % 2)
     points = random_points(rng, free, 9)

@@ -110,10 +110,7 @@ def test_another_seed_paints_otherwise_and_leaves_depth_as_it_is():
     ],
 )
 def test_daylight_is_that_of_a_shining_point(at, normal, expected):
-    """A window of 1 m2 at the origin that looks along +x: A cos cos / (pi t2), and none from behind or afar.
-
-    Bound 5 %: light starts 2 cm before the glass, and arrives 1 cm inside of the patch.
-    """
+    """A window of 1 m2 at the origin that looks along +x: A cos cos / (pi t2), and none from behind or afar."""
     patch = Patches(
         vertices=np.array([at]),
         normals=np.array([normal]),

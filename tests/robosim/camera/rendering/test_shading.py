@@ -53,10 +53,7 @@ def areas(triangles: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", BUILDINGS)
 def test_patches_cover_the_same_surfaces(name):
-    """Area by kind is that of the building to 1e-9, and each patch lies in the plane of a face of its kind.
-
-    Together with closedness (below) that leaves no other surface. Measured 2e-12 m2, 1e-13 m.
-    """
+    """Area by kind is that of the building to 1e-9, and each patch lies in the plane of a face of its kind."""
     building = BUILDINGS[name]()
     patches = cut(building)
     corners = patches.vertices[patches.faces]
@@ -73,11 +70,7 @@ def test_patches_cover_the_same_surfaces(name):
 
 @pytest.mark.parametrize("name", BUILDINGS)
 def test_patches_leave_no_cracks(name):
-    """Joined by position, patches form a closed surface with normals inwards, as the building is.
-
-    A vertex in the middle of a neighbour's edge (a T-junction) would leave that edge with one face, and a
-    picture with pixels that see through the wall.
-    """
+    """Joined by position, patches form a closed surface with normals inwards, as the building is."""
     patches = cut(BUILDINGS[name]())
     mesh = trimesh.Trimesh(patches.vertices, patches.faces, process=True)
     assert mesh.is_watertight
@@ -102,10 +95,7 @@ def test_a_real_plan_is_covered_too(shared: Path):
 
 
 def test_directions_are_weighted_with_the_cosine():
-    """Moments of the distribution cos(theta) / pi over the hemisphere: E z = 2/3, E z2 = 1/2, E x2 = E y2 = 1/4.
-
-    64 directions of the spiral meet them to 0.01; random ones would to 0.06.
-    """
+    """Moments of the distribution cos(theta) / pi over the hemisphere: E z = 2/3, E z2 = 1/2, E x2 = E y2 = 1/4."""
     directions = cosine_directions(64)
     assert np.allclose(np.linalg.norm(directions, axis=1), 1.0)
     x, y, z = directions.T
@@ -123,11 +113,7 @@ def hall() -> Building:
 
 
 def test_ambient_light_is_the_open_share_of_the_hemisphere():
-    """On the floor of a wide hall: 1 in the middle, 1/2 at the foot of a wall, 1/4 in a corner, by symmetry.
-
-    Bound 0.03: rays start 1 cm away from the wall, of a range of 1.5 m. A vertex that sees the backs of the walls
-    it lies on would get 1 everywhere.
-    """
+    """On the floor of a wide hall: 1 in the middle, 1/2 at the foot of a wall, 1/4 in a corner, by symmetry."""
     building = hall()
     patches = cut(building)
     light = ambient_light(patches, building.mesh, range_m=1.5, n_rays=256)

@@ -79,11 +79,7 @@ def as_gltf(mesh):
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "ply", "stl", "obj", "off"])
 def test_extruded_plans_come_back_cell_by_cell(tmp_path, suffix):
-    """Intersection over union is 1 in every format, though all walls lie on lines of the grid.
-
-    Under the walls lies floor too: a slicer that looks at the floor alone, or that takes the inside of solids
-    for rooms, fails; so does one that gives walls a cell of thickness on the free side.
-    """
+    """Intersection over union is 1 in every format, though all walls lie on lines of the grid."""
     mesh = as_gltf(solids()) if suffix in ("glb", "gltf") else solids()
     if suffix == "gltf":
         for name, content in trimesh.exchange.gltf.export_gltf(trimesh.Scene(mesh)).items():
@@ -135,10 +131,7 @@ def test_turned_buildings_lose_no_wall_and_less_than_a_cell(turn):
 
 
 def test_a_noisy_scan_with_holes_keeps_its_walls():
-    """Triangles of 5 cm, 4 mm of noise, every tenth one missing: no path leads through any wall.
-
-    Few border cells are lost (measured 3 %), and pinholes in the floor are closed.
-    """
+    """Triangles of 5 cm, 4 mm of noise, every tenth one missing: no path leads through any wall."""
     rng = np.random.default_rng(3)
     mesh = make_building(plan()).mesh
     vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, 0.05)

@@ -57,10 +57,7 @@ def documented_state(pixel, mode, negate, free_thresh, occupied_thresh):
 @pytest.mark.parametrize("negate", [0, 1])
 @pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
 def test_each_pixel_follows_the_documented_rule(tmp_path, mode, negate, thresholds):
-    """Every cell of a random RGBA image has the state that the documented formulas give in exact fractions.
-
-    0.2 = 51/255 is a grey level: floating-point 1 - 204/255 lies below 0.2 and would make that cell free.
-    """
+    """Every cell of a random RGBA image has the state that the documented formulas give in exact fractions."""
     rng = np.random.default_rng(1)
     pixels = rng.integers(0, 256, (24, 40, 4)).astype(np.uint8)
     pixels[:12, :, :3] = pixels[:12, :, :1]  # half of it grey
