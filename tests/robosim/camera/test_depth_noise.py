@@ -68,7 +68,7 @@ def test_depths_come_in_steps_of_the_shift():
 
 
 def test_sideways_jitter_moves_along_the_slope():
-    """A wall turned by 45 degrees: deviation of the depth in the middle = z^2 (tan 45 / z f) lateral, added in squares."""
+    """A wall turned by 45 degrees: deviation of the depth = z^2 (tan 45 / z f) lateral, added in squares."""
     noise = DepthNoise(level=20.0, baseline_m=0.0, step_px=0.0)
     still = DepthNoise(level=20.0, **PLAIN)
     depth = slanted(45.0, 0.5)

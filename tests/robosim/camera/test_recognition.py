@@ -30,7 +30,7 @@ def _local(pose):
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 @pytest.mark.parametrize(("bearing_deg", "distance_m"), [(180, 1.2), (160, 1.2), (205, 1.5), (180, 2.4)])
 def test_the_marker_shows_where_the_target_is(camera, bearing_deg, distance_m, noise):
-    """Up to 25 degrees off a side's normal, within 3 cm of the target's middle, with the depth noise of a Kinect too."""
+    """Up to 25 degrees off the normal, within 3 cm of the target's middle, with the depth noise of a Kinect too."""
     bearing = np.deg2rad(bearing_deg)
     place = TARGET + distance_m * np.array([np.cos(bearing), np.sin(bearing)])
     pose = np.array([*place, bearing + np.pi + 0.1])

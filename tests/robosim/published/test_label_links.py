@@ -11,7 +11,7 @@ from wireless.sounding.sounder import Rays
 
 
 def test_paths_are_as_strong_as_published(shared):
-    """A published transmitter traced and received again: medians of the strongest SNR agree within 3 dB in each state."""
+    """A published transmitter traced and received again: median strongest SNRs agree within 3 dB in each state."""
     measured = read_measurements(shared / "data" / "mmwrobotnav", "Hominy", 1)
     some = np.arange(0, len(measured.state), 3)
     place = measured.rx_position[some]
