@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
@@ -31,3 +32,32 @@ def two_rooms(door_m: float, wall_m: float = 0.2) -> FloorPlan:
     middle = occupancy.shape[0] // 2
     occupancy[middle - half : middle + half, wall] = FREE
     return FloorPlan(occupancy=occupancy, resolution_m=r, name="two rooms")
+
+
+def plan_from(
+    free: np.ndarray, wall_line: str = "cell_edge", resolution_m: float = 1.0, origin=(0.0, 0.0, 0.0)
+) -> FloorPlan:
+    """A plan whose cells are free or solid."""
+    return FloorPlan(
+        occupancy=np.where(free, FREE, OCCUPIED).astype(np.uint8),
+        resolution_m=resolution_m,
+        origin=origin,
+        wall_line=wall_line,
+    )
+
+
+def plan_of(
+    rows: list[str], wall_line: str = "cell_edge", resolution_m: float = 1.0, origin=(0.0, 0.0, 0.0)
+) -> FloorPlan:
+    """A plan from pictures of rows, the top one first; '.' is free."""
+    free = np.array([[letter == "." for letter in row] for row in rows])[::-1]
+    return plan_from(free, wall_line, resolution_m, origin)
+
+
+def ragged(seed: int) -> tuple[np.ndarray, tuple[float, float, float]]:
+    """Ragged blobs of free cells with every awkward touching there is, and an origin of a turned plan."""
+    rng = np.random.default_rng(seed)
+    shape = rng.integers(3, 36, 2)
+    free = gaussian_filter(rng.standard_normal(shape), rng.choice([0.0, 0.7, 1.5])) > rng.uniform(-0.3, 0.1)
+    free[:3, :3] = True
+    return free, (*rng.uniform(-20, 20, 2), rng.uniform(-np.pi, np.pi))

@@ -252,22 +252,8 @@ def _train_link_state(folder: Path, file: Path) -> None:
         _only_reading("robosim.training.link_state.generate_homes"),
         patch("robosim.training.link_state.links_of", read_links),
     ):
-        main(
-            [
-                "train",
-                "link-state",
-                "--data",
-                str(folder),
-                "--folds",
-                "0",
-                "--n-folds",
-                "1",
-                "--test",
-                str(folder),
-                "--out",
-                str(folder / "out"),
-            ]
-        )
+        words = f"train link-state --data {folder} --folds 0 --n-folds 1 --test {folder} --out {folder}/out"
+        main(words.split())
 
 
 def _command_plan(folder: Path, file: Path) -> None:
@@ -287,17 +273,7 @@ def _episode_with_classifier(folder: Path, file: Path) -> None:
 
 def _command_episode(folder: Path, option: str) -> None:
     with _only_reading("robosim.run.make_building"):
-        main(
-            [
-                "episode",
-                "flat",
-                option,
-                str(folder / "a.safetensors"),
-                "--no-video",
-                "--out",
-                str(folder / "out"),
-            ]
-        )
+        main(f"episode flat {option} {folder}/a.safetensors --no-video --out {folder}/out".split())
 
 
 def _scans(folder: Path, file: Path) -> None:
@@ -348,17 +324,8 @@ def _episode_with_config(folder: Path, file: Path) -> None:
 
 def _trace_with_material(folder: Path, file: Path) -> None:
     with _only_reading("wireless.tracing.tracer.Tracer.trace"):
-        words = [
-            "--tx",
-            "6.5,8.5",
-            "--rx",
-            "5.6,9.9",
-            "--material",
-            str(folder / "wall.yaml"),
-            "--out",
-            str(folder / "out"),
-        ]
-        main(["trace", "cottage", *words])
+        ends = "--tx 6.5,8.5 --rx 5.6,9.9"
+        main(f"trace cottage {ends} --material {folder}/wall.yaml --out {folder}/out".split())
 
 
 TARGETS: dict[str, Target] = {

@@ -10,7 +10,7 @@ from robosim.building.building import make_building
 from robosim.plans.files import read_plan
 from tests.benchmarks.trial_floors import turned
 from tests.outlines import free_polygons
-from tests.robosim.building.test_outline import noise, plan_from, plan_of
+from tests.plans import plan_from, plan_of, ragged
 
 
 def raster(shape, size=(300, 300)):
@@ -96,7 +96,7 @@ def test_walls_along_the_grid_and_corners_stay(rows):
 @pytest.mark.parametrize("seed", range(40))
 def test_noise_keeps_its_topology(seed):
     """Blobs with every awkward touching there is: valid, as many polygons and holes, no wall far off."""
-    cells, origin = noise(seed)
+    cells, origin = ragged(seed)
     plan = plan_from(cells, "cell_edge", 1.0, origin)
     exact, straight = free_polygons(plan, 0), free_polygons(plan)
     assert straight.is_valid, shapely.is_valid_reason(straight)
@@ -126,6 +126,6 @@ def test_buildings_are_made_of_straight_walls_and_published_grids_are_not():
     """The office has a sixth of its walls; walls through centres of cells stay as they are."""
     plan = read_plan("office")
     assert len(make_building(plan).walls_2d) < 1100
-    cells, _ = noise(3)
+    cells, _ = ragged(3)
     grid = plan_from(cells, "cell_centre")
     assert shapely.equals(free_polygons(grid), free_polygons(grid, 0))

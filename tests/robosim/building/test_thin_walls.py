@@ -13,7 +13,7 @@ from robosim.building.straight import _reach, _rings, _segments
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from tests.outlines import free_polygons
-from tests.robosim.building.test_outline import noise, plan_from
+from tests.plans import plan_from, ragged
 from wireless import Tracer, TracerConfig
 
 CELL_M = 0.05
@@ -173,7 +173,7 @@ def plain_segments(step, fixed):
 @pytest.mark.parametrize("seed", range(25))
 def test_segments_are_those_of_a_plain_search(seed):
     """Of blobs, and of the same three times as large, whose staircases have several cells a step: the very same."""
-    cells, _ = noise(seed)
+    cells, _ = ragged(seed)
     for free in (cells, np.kron(cells, np.ones((2, 3), bool))):
         for ring in _rings(*_rings_and_thin_walls(free)[::2]):
             step, fixed = np.tile(ring.step, (2, 1)), np.tile(ring.fixed, 2)

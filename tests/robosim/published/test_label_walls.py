@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.published.label_walls import published_walls
+from tests.plans import plan_from
 
 
 def test_the_slanted_piece_below_a_tip_of_one_cell_is_open_and_no_other():
@@ -16,7 +16,7 @@ def test_the_slanted_piece_below_a_tip_of_one_cell_is_open_and_no_other():
     slant = 0.05 * np.sqrt(2)
 
     def length(free):  # the north first
-        ends = published_walls(plan_of(free[::-1]))
+        ends = published_walls(plan_from(free[::-1], "cell_centre", 0.05))
         pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         assert pieces.min() == pytest.approx(0.05)
         return pieces.sum()
@@ -44,11 +44,3 @@ def tip(reach, width=1):
     free[7 : 7 + width, 5 - reach : 12] = True
     free[7 + width : 11, 5:12] = True
     return free
-
-
-def plan_of(free):
-    """Floor plan with walls through cell centres."""
-    occupancy = np.where(free, FREE, OCCUPIED).astype(np.uint8)
-    return FloorPlan(
-        occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="Tip", wall_line="cell_centre"
-    )

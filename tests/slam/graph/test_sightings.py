@@ -1,6 +1,7 @@
 """Sightings in the graph, and landmarks of a radio, compared with another solver and with ground truth."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,15 @@ def _walk(rng: np.random.Generator, steps: int, noise: float = 1.0) -> tuple[Pos
         graph.add(compose(graph.poses[-1], measured))
         graph.hold(Constraint(first=k, second=k + 1, pose=measured, covariance=STEP))
     return graph, np.array(true)
+
+
+def _along(graph: PoseGraph, true: np.ndarray, estimate: PoseGraph) -> Iterator[tuple[int, np.ndarray]]:
+    """Numbers and true poses of a walk, whose steps are added to an estimate one by one."""
+    for k, pose in enumerate(true):
+        if k:
+            estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
+            estimate.hold(graph.constraints[k - 1])
+        yield k, pose
 
 
 def _bearing(
@@ -201,10 +211,7 @@ def _receive(
     """A walk on which sources are in sight all along."""
     graph, true = _walk(rng, 25)
     landmarks, estimate = Landmarks(), PoseGraph(np.zeros(3))
-    for k, pose in enumerate(true):
-        if k:
-            estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
-            estimate.hold(graph.constraints[k - 1])
+    for _, pose in _along(graph, true, estimate):
         received = [
             _bearing(pose, place, rng, source=name, place_xy=place if known else None)
             for name, place in places.items()
@@ -245,10 +252,7 @@ def test_what_keeps_to_a_place_is_the_source_whatever_its_link_state() -> None:
         rng = np.random.default_rng(5)
         graph, true = _walk(rng, 25, noise=0.1)
         estimate, landmarks = PoseGraph(np.zeros(3)), Landmarks()
-        for k, pose in enumerate(true):
-            if k:
-                estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
-                estimate.hold(graph.constraints[k - 1])
+        for _, pose in _along(graph, true, estimate):
             received = _bearing(pose, place, rng, direct=0.1, spread=0.01)
             received = Bearing(**{**vars(received), "range_m": weaker * received.range_m})
             landmarks.see(estimate, np.zeros(3), SURE, [received])
@@ -267,10 +271,7 @@ def _receive_falsely(place: np.ndarray, longer: float) -> tuple[PoseGraph, np.nd
     rng = np.random.default_rng(11)
     graph, true = _walk(rng, 25)
     estimate, landmarks = PoseGraph(np.zeros(3)), Landmarks()
-    for k, pose in enumerate(true):
-        if k:
-            estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
-            estimate.hold(graph.constraints[k - 1])
+    for _, pose in _along(graph, true, estimate):
         received = _bearing(pose, place, rng, direct=0.95, spread=0.01)
         received = Bearing(**{**vars(received), "range_m": longer * received.range_m})
         landmarks.see(estimate, np.zeros(3), SURE, [received])
@@ -304,10 +305,7 @@ def test_a_source_is_found_after_a_false_line_of_sight() -> None:
     corner, place = np.array([5.0, 3.0]), np.array([14.0, 6.0])
     graph, true = _walk(rng, 25, noise=0.1)
     estimate, landmarks = PoseGraph(np.zeros(3)), Landmarks()
-    for k, pose in enumerate(true):
-        if k:
-            estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
-            estimate.hold(graph.constraints[k - 1])
+    for k, pose in _along(graph, true, estimate):
         received = _bearing(pose, corner if k < 10 else place, rng, direct=0.95, spread=0.01)
         if k < 10:
             received = Bearing(**{**vars(received), "range_m": 4 * received.range_m})
@@ -324,10 +322,7 @@ def test_a_bearing_is_as_uncertain_as_the_pose_it_was_taken_from() -> None:
     graph, true = _walk(rng, 25, noise=0.1)
     spread = np.diag([0.0, 0.0, math.radians(1.0)]) ** 2
     estimate = PoseGraph(np.zeros(3))
-    for k, pose in enumerate(true):
-        if k:
-            estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
-            estimate.hold(graph.constraints[k - 1])
+    for _, pose in _along(graph, true, estimate):
         landmarks.see(estimate, np.zeros(3), spread, [_bearing(pose, np.array([8.0, 6.0]), rng)])
     assert {round(math.degrees(one.sigma_rad), 6) for one in estimate.sightings} == {
         round(math.sqrt(1.16), 6)
@@ -340,10 +335,7 @@ def test_mirror_images_are_followed_next_to_the_source() -> None:
     places = np.array([[8.0, 6.0], [8.0, 14.0], [28.0, 6.0]])
     graph, true = _walk(rng, 25)
     estimate, landmarks = PoseGraph(np.zeros(3)), Landmarks()
-    for k, pose in enumerate(true):
-        if k:
-            estimate.add(compose(estimate.poses[-1], graph.constraints[k - 1].pose))
-            estimate.hold(graph.constraints[k - 1])
+    for _, pose in _along(graph, true, estimate):
         gaps = np.hypot(*(places - pose[:2]).T)
         received = [_bearing(pose, places[0], rng)]
         for place, gap in zip(places[1:], gaps[1:], strict=True):

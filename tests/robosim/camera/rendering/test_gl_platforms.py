@@ -9,32 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from robosim.camera.cameras import make_camera
-from robosim.camera.model import RGBD, CameraConfig, camera_pose
+from robosim.camera.model import RGBD, CameraConfig
 from robosim.camera.rendering.gl_systems import SYSTEM_NAMES, bind_opengl, default_system, missing
-
-
-def room(size: tuple[float, float, float] = (4.0, 3.0, 2.5)) -> trimesh.Trimesh:
-    """An empty room about the origin, floor at z = 0, with normals into it and a colour for each corner."""
-    mesh = trimesh.creation.box(size)
-    mesh.invert()
-    mesh.apply_translation((0.0, 0.0, size[2] / 2))
-    rgb = np.arange(24).reshape(8, 3) * 10
-    mesh.visual.vertex_colors = np.column_stack([rgb, np.full(8, 255)]).astype(np.uint8)
-    return mesh
-
-
-def same(a: RGBD, b: RGBD) -> bool:
-    """Whether two pictures are equal bit for bit."""
-    return np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)
-
-
-@pytest.fixture
-def view() -> np.ndarray:
-    """A pose in the empty room."""
-    return camera_pose(np.array([0.3, -0.4, 0.7]), CameraConfig())
+from tests.robosim.camera.pictures import room, same
 
 
 def test_cameras_of_different_sizes_take_turns(view):
@@ -258,6 +237,7 @@ def test_pyopengl_for_a_display_is_reported():
 import sys, types
 class GLXPlatform: pass
 sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
+from tests.robosim.camera.pictures import room, same
 from robosim.camera.rendering.gl_systems import bind_opengl
 bind_opengl()
 """
