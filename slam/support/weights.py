@@ -38,7 +38,7 @@ def read_weights(path: Path, like: Weights, what: str) -> Weights:
     Raises:
         FileError: If the file is missing, damaged, or of something else.
     """
-    with reading(path, f"weights of {what}", f"Train them anew with `robosim train {what}`.") as file:
+    with reading(path, f"weights of {what}", f"Train them again with `robosim train {what}`.") as file:
         weights: Weights = load(file.read())
         if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
             k: (w.shape, w.dtype) for k, w in like.items()

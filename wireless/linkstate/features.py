@@ -131,15 +131,15 @@ def moments(tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]) -> Floa
 
 
 def place_features(
-    probability: Float[np.ndarray, "ways places 4"],
-    tokens: Float32[np.ndarray, "ways places 5 5"],
-    moved_m: Float[np.ndarray, "ways places"],
+    probability: Float[np.ndarray, "routes places 4"],
+    tokens: Float32[np.ndarray, "routes places 5 5"],
+    moved_m: Float[np.ndarray, "routes places"],
     inputs: Sequence[str],
-) -> Float32[np.ndarray, "ways places f"]:
-    """What the network for ways sees of each place: log probabilities first.
+) -> Float32[np.ndarray, "routes places f"]:
+    """What the network for routes sees of each place: log probabilities first.
 
     Args:
-        probability: What was told of each place alone.
+        probability: Classification of each place alone.
         tokens: What was measured there.
         moved_m: Distance from the place before [m]; 0 where there is none.
         inputs: Columns of tokens to use.

@@ -15,7 +15,7 @@ import slam.support.compiled
 import wireless.linkstate.learning.restoring
 import wireless.support.axes
 import wireless.support.compiled
-from tests.wireless.support.mini_package import edit, forget, run, start, told
+from tests.wireless.support.mini_package import edit, forget, output_of, run, start
 from wireless.support.compiled import MAX_VERSIONS
 
 
@@ -158,10 +158,10 @@ def test_processes_may_start_at_the_same_time(mini):
 
     Numba's index of a function's files would mix up code of different types if two processes wrote it at once.
     """
-    lines = [told(process).split() for process in [start(mini, SHOW) for _ in range(3)]]
+    lines = [output_of(process).split() for process in [start(mini, SHOW) for _ in range(3)]]
     assert [values for *values, _ in lines] == [["1025.0"] * 3] * 3
     assert sum(int(count) for *_, count in lines) == 3
-    assert told(start(mini, SHOW)).split() == ["1025.0"] * 3 + ["0"]
+    assert output_of(start(mini, SHOW)).split() == ["1025.0"] * 3 + ["0"]
 
 
 def test_threads_may_start_at_the_same_time(mini):
@@ -225,7 +225,7 @@ def test_numba_is_imported_at_the_first_call(mini):
         assert "numba" not in sys.modules
         print(outer(1.0), "numba" in sys.modules)
     """
-    assert told(start(mini, program)).split() == ["1025.0", "True"]
+    assert output_of(start(mini, program)).split() == ["1025.0", "True"]
 
 
 def test_loops_can_be_interpreted(mini):
@@ -238,7 +238,7 @@ def test_loops_can_be_interpreted(mini):
 
         print(outer(1.0), outer.dispatcher is outer.py_func)
     """
-    assert told(start(mini, program)).split() == ["1025.0", "True"]
+    assert output_of(start(mini, program)).split() == ["1025.0", "True"]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
-"""Networks that tell the link state from estimated paths, as PyTorch trains them.
+"""Networks that classify the link state from estimated paths, as PyTorch trains them.
 
 Ours, the published one, and hand-made features; `wireless.linkstate.forward` is what is used of them, with weights of
-the same names and shapes, and a test holds their answers against each other.
+the same names and shapes, and a test compares their results.
 
 `RelationNetwork` lets every path look at every other: a message from each pair's geometry, summed over partners,
 twice; then the paths, from the strongest, go through a small dense head. `ReferenceNetwork` is the published
