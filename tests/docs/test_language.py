@@ -68,7 +68,6 @@ _WORD = re.compile(rf"(?:{'|'.join(WORDS)})", re.IGNORECASE)
 
 #: Pages and packages that are not written in these terms yet. Remove an entry once it is clean.
 NOT_YET = (
-    "robosim/__init__.py",
     "robosim/navigation.py",
     "robosim/run.py",
     "tests/benchmarks",
@@ -87,7 +86,6 @@ NOT_YET = (
     "tests/robosim/test_episode_log.py",
     "tests/robosim/test_public_names.py",
     "tests/robosim/test_system_packages.py",
-    "wireless/linkstate/__init__.py",
 )
 _GENERATED = {"_build", "_static", "examples", "commands", "api"}
 

@@ -12,9 +12,11 @@ import pytest
 import slam.learning.restoring
 import slam.support.axes
 import slam.support.compiled
+import slam.support.public_names
 import wireless.linkstate.learning.restoring
 import wireless.support.axes
 import wireless.support.compiled
+import wireless.support.public_names
 from tests.wireless.support.mini_package import edit, forget, output_of, run, start
 from wireless.support.compiled import MAX_VERSIONS
 
@@ -247,8 +249,9 @@ def test_loops_can_be_interpreted(mini):
         (wireless.support.compiled, slam.support.compiled),
         (wireless.linkstate.learning.restoring, slam.learning.restoring),
         (wireless.support.axes, slam.support.axes),
+        (wireless.support.public_names, slam.support.public_names),
     ],
-    ids=["compiled", "restoring", "axes"],
+    ids=["compiled", "restoring", "axes", "public_names"],
 )
 def test_slam_and_wireless_have_one_text(one, other):
     """Neither package imports the other, so that both have these files."""
