@@ -104,14 +104,6 @@ def clean_depth(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float
     return np.where(known, depth, np.float32(np.inf))
 
 
-def back_project(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float32[np.ndarray, "n 3"]:
-    """Points (x forward, y left, z above the floor) [m] of all measured pixels, in the robot's frame."""
-    left, down = camera.slopes(depth.shape)
-    v, u = np.nonzero(np.isfinite(clean_depth(depth, camera)))
-    z = depth[v, u]
-    return np.column_stack([z, z * left[u], camera.height_m - z * down[v]]).astype(np.float32)
-
-
 def _band_limits(
     down: Float32[np.ndarray, " h"], camera: CameraModel, band: Band
 ) -> tuple[Float32[np.ndarray, "h 1"], Float32[np.ndarray, "h 1"]]:

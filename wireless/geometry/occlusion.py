@@ -294,12 +294,3 @@ def walls_between(
             share[place], which[place] = f, t
             count += 1
     return count
-
-
-@compiled
-def hidden_each(tree: Tree, p: Points, q: Points) -> Bool[np.ndarray, " n"]:
-    """Whether any triangle is between each p and its q."""
-    result = np.empty(len(p), np.bool_)
-    for i in range(len(p)):
-        result[i] = is_hidden(tree, p[i], q[i])
-    return result
