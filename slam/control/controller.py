@@ -367,13 +367,7 @@ class Controller:
         return action
 
     def drive(self, pose: Float[np.ndarray, "3"], plan: Plan, look_m: float = 0.35) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] that follow the path continuously, by pure pursuit.
-
-        Args:
-            pose: Estimated x [m], y [m], yaw [rad].
-            plan: What the planner returned for this pose.
-            look_m: Distance along the path to the pursued point [m].
-        """
+        """Speed [m/s] and turn rate [rad/s] that follow the path continuously, by pure pursuit."""
         config = self.config
         x, y = _ahead_on(plan.path, look_m) - pose[:2]
         distance = math.hypot(x, y)

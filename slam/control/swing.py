@@ -19,13 +19,7 @@ _ROOM_M, _LESS_M = 0.005, 0.002
 def swung(
     pose: Float[np.ndarray, "3"], motion: Float[np.ndarray, "3"], turns: int
 ) -> Float[np.ndarray, "n 3"]:
-    """Poses after 0, 1, ... turns: x [m], y [m], yaw [rad].
-
-    Args:
-        pose: Before the first, in `map`.
-        motion: What one turn does in the robot's frame before it: x, y [m], yaw [rad].
-        turns: How many.
-    """
+    """Poses after 0, 1, ... turns: x [m], y [m], yaw [rad]."""
     dx, dy, turn = motion
     yaw = pose[2] + turn * np.arange(turns + 1)
     c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
@@ -35,13 +29,7 @@ def swung(
 
 
 def pushes(poses: Float[np.ndarray, "n 3"], clearance: Clearance, radius_m: float) -> Int[np.ndarray, " n"]:
-    """How many of the turns up to each pose push the hull against an obstacle.
-
-    Args:
-        poses: Poses from turn to turn, as of `swung`.
-        clearance: Distances to obstacles around.
-        radius_m: Radius of the hull [m].
-    """
+    """How many of the turns up to each pose push the hull against an obstacle."""
     room = clearance.at(poses[:, :2]) - radius_m
     pushed = (room[1:] < _ROOM_M) & (room[1:] < room[:-1] - _LESS_M)
     return np.append(0, np.cumsum(pushed))

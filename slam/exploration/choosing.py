@@ -60,13 +60,7 @@ class Offer:
 
 
 def describe(offers: Sequence[Offer], box: Box, view_m: float) -> Float32[np.ndarray, "n k"]:
-    """Features of each offer, in the order of `FEATURES`, of magnitude about 1.
-
-    Args:
-        offers: Frontiers to choose from.
-        box: What is known, and the robot's pose.
-        view_m: Range of the camera [m].
-    """
+    """Features of each offer, in the order of `FEATURES`, of magnitude about 1."""
     places = np.array([offer.frontier.goal_xy for offer in offers])
     area = np.array([offer.area_m2 for offer in offers])
     explored_m2 = np.count_nonzero(box.explored) * box.frame.resolution_m**2
@@ -153,11 +147,7 @@ class Chooser:
         self.weights = weights
 
     def __call__(self, features: Float32[np.ndarray, "n k"]) -> int:
-        """Index of the best offer.
-
-        Args:
-            features: Rows of `describe`.
-        """
+        """Index of the best offer."""
         logits, _ = evaluate(self.weights, features, np.ones((len(features), 1), np.float32))
         return int(np.argmax(logits))
 

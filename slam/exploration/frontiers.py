@@ -91,10 +91,8 @@ def _first_least(
 
 
 def _cheapest_near(travel_time: TravelTime, cell: Int[np.ndarray, "2"]) -> tuple[float, Int[np.ndarray, "2"]]:
-    """Least cost within half a metre of a cell (row, column), and the cell with that cost.
-
-    The hull does not fit at walls, but may fit half a metre away.
-    """
+    """Least cost within half a metre of a cell (row, column), and the cell with that cost."""
+    # The hull does not fit at walls, but may fit half a metre away.
     n = max(1, round(0.5 / travel_time.frame.resolution_m))
     y0, x0 = np.maximum(cell - n, 0)
     part = travel_time.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]

@@ -62,11 +62,6 @@ def train_pose(
 ) -> tuple[PoseModule, list[dict[str, float]]]:
     """Train a network.
 
-    Args:
-        pairs: To learn from.
-        recipe: How.
-        on_step: Called after each step with its number.
-
     Returns:
         The network, ready for use, and the mean loss of every hundred steps.
 

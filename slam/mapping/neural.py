@@ -56,14 +56,7 @@ class NeuralMapper:
         fusion: FusionConfig | None = None,
         patch: GridFrame = AHEAD,
     ) -> None:
-        """Make a mapper.
-
-        Args:
-            network: A trained network.
-            config: The classical part, and the camera.
-            fusion: How answers become a map.
-            patch: The cells that the network is asked about.
-        """
+        """Make a mapper."""
         self.classical = ClassicalMapper(config or MapperConfig())
         self.fusion = fusion or FusionConfig()
         self.patch = patch

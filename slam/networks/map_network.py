@@ -48,10 +48,6 @@ class MapNetwork:
     def __init__(self, weights: Weights, config: NetworkConfig = NetworkConfig()) -> None:
         """Make a network ready.
 
-        Args:
-            weights: By their names in `slam.learning.map_module`.
-            config: Its size.
-
         Raises:
             ValueError: If they do not fit each other, or a weight is no number.
         """

@@ -36,13 +36,7 @@ class OnnxGraph:
         return name
 
     def node(self, operator: str, *inputs: str, **attributes: Attribute) -> str:
-        """Add an operator; the name of what it gives.
-
-        Args:
-            operator: Its name in ONNX.
-            inputs: Names of what it takes, in its order; empty for one that is left out.
-            attributes: By their names in ONNX.
-        """
+        """Add an operator; the name of what it gives."""
         name = f"n{len(self._nodes)}"
         content = b"".join(_text(1, one) for one in inputs) + _text(2, name) + _text(4, operator)
         content += b"".join(_bytes(5, _attribute(key, value)) for key, value in attributes.items())
@@ -50,12 +44,7 @@ class OnnxGraph:
         return name
 
     def model(self, inputs: Mapping[str, Sequence[int | str]], output: str) -> bytes:
-        """The model.
-
-        Args:
-            inputs: Shapes of what it is given, by name: a text for a size that may vary.
-            output: Name of what it gives.
-        """
+        """The model."""
         graph = b"".join(_bytes(1, node) for node in self._nodes) + _text(2, "network")
         graph += b"".join(_bytes(5, weight) for weight in self._weights)
         graph += b"".join(_bytes(11, _array(name, shape)) for name, shape in inputs.items())

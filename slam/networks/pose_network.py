@@ -58,10 +58,6 @@ class PoseNetwork:
     def __init__(self, weights: Weights, config: PoseNetworkConfig = PoseNetworkConfig()) -> None:
         """Make a network ready.
 
-        Args:
-            weights: By their names in `slam.learning.pose_module`.
-            config: Its size.
-
         Raises:
             ValueError: If they do not fit each other, or a weight is no number.
         """

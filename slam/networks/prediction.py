@@ -26,21 +26,11 @@ class MapPredictor:
     """A trained network, ready to be asked."""
 
     def __init__(self, network: MapNetwork, patch: GridFrame = AHEAD) -> None:
-        """Take a network.
-
-        Args:
-            network: A trained network.
-            patch: The cells asked about; those that the network was trained on.
-        """
+        """Take a network."""
         self.features = Features(patch=patch)
         self._network = network
 
     def predict(self, scan: Scan, belief: Float32[np.ndarray, "ny nx"]) -> Prediction:
-        """Logits for one frame.
-
-        Args:
-            scan: The frame's scan (`slam.sensing.projection`).
-            belief: Obstacle probability of the map over the patch, 0.5 where unknown.
-        """
+        """Logits for one frame."""
         logits = self._network(self.features.of_scan(scan, belief)[None])[0]
         return Prediction(obstacle=logits[OBSTACLE], seen=logits[SEEN])

@@ -17,11 +17,7 @@ class OnnxRunner:
     """A model ready to run; a copy, or one sent to another process, creates its own session."""
 
     def __init__(self, model: bytes) -> None:
-        """Make a model ready.
-
-        Args:
-            model: An ONNX model with one output.
-        """
+        """Make a model ready."""
         self._model = model
         self._session: Any = None
 

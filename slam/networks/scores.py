@@ -30,14 +30,7 @@ class PatchScores:
         seen: Bool[np.ndarray, "*batch ny nx"],
         matters: Bool[np.ndarray, "*batch ny nx"],
     ) -> None:
-        """Add patches.
-
-        Args:
-            probability: Predicted for obstacles.
-            obstacle: True obstacles.
-            seen: Cells that the camera sees.
-            matters: Cells that count among those it does not.
-        """
+        """Add patches."""
         predicted = probability > 0.5
         hidden = matters & ~seen
         for part, mask, what, true in (

@@ -72,9 +72,6 @@ class CostMap:
     def nearest(self, goal: Float[np.ndarray, "2"]) -> tuple[tuple[int, int], Float[np.ndarray, "2"], float]:
         """The passable cell nearest to a goal.
 
-        Args:
-            goal: A point (x, y) [m].
-
         Returns:
             Row and column, the point (the goal itself if its cell is passable, else the cell's centre) [m], and
             its distance from the goal [m].
@@ -160,14 +157,7 @@ def cut_box(
     *,
     bumps: bool = True,
 ) -> Box:
-    """A copy of part of a map.
-
-    Args:
-        estimate: Map and pose.
-        low_xy: Lower-left corner of the box [m].
-        high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
-        bumps: Whether blocked cells count as obstacles.
-    """
+    """A copy of part of a map."""
     whole = estimate.frame
     cells = whole.to_cells(np.array([low_xy, high_xy]))
     # A corner on the lattice, up to rounding, does not add a cell.

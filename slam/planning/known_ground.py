@@ -7,13 +7,7 @@ from slam.planning.travel_time import TravelTime, travel_time
 
 
 def travel_time_from_robot(box: Box, config: CostConfig, *, through_unknown: bool = True) -> TravelTime:
-    """Travel time from the robot to all cells of a box, on cells twice as large as those of the box.
-
-    Args:
-        box: Part of the map, and the robot's pose.
-        config: Costs.
-        through_unknown: Whether paths may lead through unknown cells.
-    """
+    """Travel time from the robot to all cells of a box, on cells twice as large as those of the box."""
     costs = cost_map(box, config)
     if not through_unknown:
         costs = replace(costs, passable=costs.passable & (box.probability < 0.5))

@@ -45,15 +45,7 @@ def cut_ahead(
     patch: GridFrame = AHEAD,
     beyond: float = 0.5,
 ) -> Float32[np.ndarray, "my mx"]:
-    """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells.
-
-    Args:
-        values: The map.
-        frame: Where its cells lie.
-        pose: x [m], y [m], yaw [rad] in `map`.
-        patch: Cells of the result, in the robot's frame.
-        beyond: Value outside of the map.
-    """
+    """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     step = patch.resolution_m / frame.resolution_m
     first = np.array(patch.origin_xy) + 0.5 * patch.resolution_m

@@ -47,11 +47,7 @@ class CameraModel:
             )
 
     def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " h"]]:
-        """Leftward offset of each column and fall of each row, per metre of depth.
-
-        Args:
-            shape: Rows and columns of the image.
-        """
+        """Leftward offset of each column and fall of each row, per metre of depth."""
         h, w = shape
         focal = w / 2 / math.tan(math.radians(self.hfov_deg) / 2)
         left = (w / 2 - 0.5 - np.arange(w)) / focal

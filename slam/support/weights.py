@@ -30,11 +30,6 @@ def check_values(weights: Mapping[str, np.ndarray]) -> None:
 def read_weights(path: Path, like: Weights, what: str) -> Weights:
     """Weights from a .safetensors file.
 
-    Args:
-        path: The file.
-        like: Weights of the names, shapes and kinds expected.
-        what: What they are of, as `robosim train` calls it.
-
     Raises:
         FileError: If the file is missing, damaged, or of something else.
     """

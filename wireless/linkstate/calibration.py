@@ -40,13 +40,7 @@ class Reliability:
 def reliability(
     probability: Float[np.ndarray, "n k"], state: Integer[np.ndarray, " n"], *, bins: int = 15
 ) -> Reliability:
-    """Confidence against accuracy in bins of equal width from 0 to 1.
-
-    Args:
-        probability: Of each state.
-        state: True states.
-        bins: Number of bins.
-    """
+    """Confidence against accuracy in bins of equal width from 0 to 1."""
     confidence = probability.max(1)
     right = probability.argmax(1) == state
     place = np.minimum((confidence * bins).astype(int), bins - 1)

@@ -130,13 +130,7 @@ KINDS = {
 def route_step(
     weights: Weights, features: Float32[np.ndarray, " f"], memory: Float32[np.ndarray, " width"] | None
 ) -> tuple[Float32[np.ndarray, "4"], Float32[np.ndarray, " width"]]:
-    """Logits at a place of a route from all places up to it, and what to remember.
-
-    Args:
-        weights: Of a network for routes.
-        features: From `wireless.linkstate.features.place_features`.
-        memory: What the step before gave; None at the first place.
-    """
+    """Logits at a place of a route from all places up to it, and what to remember."""
     seen = _relu(_dense(weights, "embed", features))
     before = np.zeros_like(seen) if memory is None else memory
     given = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]

@@ -24,13 +24,6 @@ def scores(
 ) -> dict[str, Any]:
     """Scores of calibrated probabilities.
 
-    Args:
-        probability: Of each state.
-        state: True states.
-        reached: Which links have a path; the others are right trivially where outage means no path.
-        building: Building of each link.
-        names: Names of the buildings.
-
     Returns:
         Plain numbers: over all links, over those with paths (`*_with_paths`), the calibration error over both,
         and the accuracy in each building.

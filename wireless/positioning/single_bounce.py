@@ -226,10 +226,8 @@ def _judged(
 def _deviations(
     paths: MeasuredPaths, states: Float[np.ndarray, "s 4"], config: PositioningConfig
 ) -> tuple[Float[np.ndarray, "s n 2"], Float[np.ndarray, "s n 2 2"], Bool[np.ndarray, "s n"]]:
-    """How far (1) is off at its best r, the covariance of that, and whether it would be in line of sight.
-
-    Along d + e a bounce says nothing of where z is: there it has a wide covariance.
-    """
+    """How far (1) is off at its best r, the covariance of that, and whether it would be in line of sight."""
+    # Along d + e a bounce says nothing of where z is: there it has a wide covariance.
     d, e = _unit(paths.known_rad)[None], _unit(states[:, 2:3] + paths.own_rad)
     length = paths.length_m - states[:, 3:]
     s = d + e

@@ -21,11 +21,6 @@ def parquet_table(
 ) -> pa.Table:
     """A table from a Parquet file.
 
-    Args:
-        file: The file.
-        names: Columns to read; all if not given.
-        filters: Which rows to read, as PyArrow has them.
-
     Raises:
         ValueError: If a column is missing, or there are more rows than any table has.
         Exception: Whatever damage makes its reader raise.

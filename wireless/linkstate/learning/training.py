@@ -112,14 +112,6 @@ def train(
 ) -> tuple[nn.Module, list[Epoch]]:
     """Train a network; links without paths are left out.
 
-    Args:
-        tokens: Estimated paths of links.
-        state: Their true `LinkState`.
-        recipe: How.
-        watch: Links to score after each epoch; they change nothing.
-        checkpoint: Storage of the state after each epoch, from which training continues.
-        report: Called after each epoch.
-
     Returns:
         The network with averaged weights, in evaluation mode, and all epochs.
 
