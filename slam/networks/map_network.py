@@ -16,8 +16,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from slam.networks.features import N_CHANNELS
-from slam.networks.onnx_graph import OnnxGraph
-from slam.networks.runtime import OnnxRunner
+from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, merged, trained_numbers
 from slam.support.checks import Range, checked
 

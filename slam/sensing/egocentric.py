@@ -19,23 +19,12 @@ AHEAD = GridFrame(origin_xy=(0.0, -1.6), resolution_m=0.05, shape=(64, 64))
 
 
 def belief_ahead(
-    estimate: MapEstimate,
-    pose: Float[np.ndarray, "3"] | None = None,
-    patch: GridFrame = AHEAD,
-    *,
-    anticipated: bool = False,
+    estimate: MapEstimate, patch: GridFrame = AHEAD, *, anticipated: bool = False
 ) -> Float32[np.ndarray, "ny nx"]:
-    """Obstacle probability of a map around a pose, mixed between neighbouring cells; 0.5 beyond the map.
-
-    Args:
-        estimate: The map.
-        pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
-        patch: Cells of the result, in the robot's frame.
-        anticipated: Whether to take the anticipated map, if there is one.
-    """
+    """Obstacle probability, or the anticipated one if there is one, ahead of the robot; 0.5 beyond the map."""
     guess = estimate.anticipated_probability if anticipated else None
     values = estimate.obstacle_probability if guess is None else guess
-    return cut_ahead(values, estimate.frame, estimate.pose if pose is None else pose, patch)
+    return cut_ahead(values, estimate.frame, estimate.pose, patch)
 
 
 def cut_ahead(

@@ -167,7 +167,7 @@ def summarise(rows: Mapping[str, dict[str, Any]]) -> Results:
     for method in first["maps"]:
         score = PatchScores()
         for row in rows.values():
-            score.merge(PatchScores.of_counts(row["maps"][method]))
+            score.add_counts(row["maps"][method])
         for name, value in score.result().items():
             results.add("maps", method, name.replace("_", " "), value, digits=3, cases=len(rows))
     for method in first["poses"]:
