@@ -27,8 +27,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from slam.actions import FORWARD_M, PUBLISHED, STEPS, TURN_RAD, Action
-from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of
-from slam.control.swing import swung, turns_round
+from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap

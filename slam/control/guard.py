@@ -9,7 +9,7 @@ from jaxtyping import Bool
 
 from slam.actions import FORWARD_M, PUBLISHED, Action
 from slam.control.controller import ControlConfig
-from slam.control.swing import pushes, swung
+from slam.control.manoeuvre import pushes, swung
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 

@@ -100,12 +100,6 @@ def describe(offers: Sequence[Offer], box: Box, view_m: float) -> Float32[np.nda
 def evaluate(weights: Mapping[str, Any], features: Any, there: Any, xp: Any = np) -> tuple[Any, Any]:
     """Log-odds of each offer, and the value of the whole situation.
 
-    Args:
-        weights: As `initial_weights` makes them, arrays of `xp`.
-        features: (..., n, k), rows of `describe`; padding may stand among them.
-        there: (..., n, 1), 1 for offers and 0 for padding.
-        xp: numpy or torch.
-
     Returns:
         (..., n), -1e9 at padding, and (...).
     """

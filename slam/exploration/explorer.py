@@ -22,8 +22,7 @@ from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
-from slam.planning.cost_map import Box, CostConfig, cut_box, known_box
-from slam.planning.known_ground import travel_time_from_robot
+from slam.planning.cost_map import Box, CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap

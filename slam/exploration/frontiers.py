@@ -112,14 +112,7 @@ def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny 
 
 
 def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) -> float:
-    """Unseen area in sight from a frontier, if what is unknown were open [m^2].
-
-    Args:
-        box: What is known.
-        frontier: The frontier.
-        range_m: How far the camera sees [m].
-        depth_m: Depth behind the frontier that its length is worth at most [m].
-    """
+    """Unseen area in sight from a frontier, if what is unknown were open [m^2]."""
     step, cell = 2, box.frame.resolution_m
     y, x = (int(v) for v in box.frame.index(frontier.near_xy))
     angle = np.arange(RAYS)[:, None] * (2 * math.pi / RAYS)

@@ -24,8 +24,7 @@ from slam.actions import Action
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
-from slam.networks.map_network import MapNetwork
-from slam.networks.prediction import MapPredictor, Prediction
+from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
 from slam.poses import to_map
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead

@@ -124,11 +124,6 @@ def scan_from_depth(
 ) -> Scan:
     """The nearest surface in each column of a depth image.
 
-    Args:
-        depth: Depth along the camera axis [m].
-        camera: Intrinsics and height of the camera.
-        band: Heights that stop the robot.
-
     Returns:
         The scan, one entry for each column.
     """

@@ -150,15 +150,6 @@ def check_number(
 ) -> None:
     """See that a value is a number between two bounds, which count in.
 
-    Args:
-        name: What the message calls it.
-        value: What was given; NaN and infinities lie within no bounds.
-        least: Lower bound.
-        most: Upper bound.
-        unit: Unit of the number, or what it counts, such as "m" or "steps".
-        hint: Sentence that ends the message.
-        whole: Whether it must be an integer.
-
     Raises:
         ValueError: If it is not.
     """
