@@ -13,7 +13,8 @@ References: Yin et al., arXiv 2110.14789; Huang et al., "Machine-learning-enable
 systems in dynamic environments", IEEE TWC 2020.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 import torch
@@ -121,6 +122,17 @@ def _published_layers(n_inputs: int) -> nn.Sequential:
     return nn.Sequential(
         nn.Linear(n_inputs, 8), nn.ReLU(), nn.Linear(8, 6), nn.ReLU(), nn.Linear(6, N_STATES)
     )
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Train in one thread: sums split over threads add up in another order, and weights would differ."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 #: Networks by name.

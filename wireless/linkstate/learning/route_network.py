@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from wireless.linkstate.features import place_feature_count, place_features
 from wireless.linkstate.forward import N_STATES, Weights
-from wireless.linkstate.learning.threads import one_thread
+from wireless.linkstate.learning.networks import one_thread
 
 #: Longer routes are cut into pieces of so many places for training.
 PIECE = 60

@@ -18,9 +18,8 @@ from torch import Tensor, nn
 
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
-from wireless.linkstate.learning.networks import NETWORKS
+from wireless.linkstate.learning.networks import NETWORKS, one_thread
 from wireless.linkstate.learning.restoring import restore_network, restore_optimiser
-from wireless.linkstate.learning.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 from wireless.support.ranges import Range, checked
 
