@@ -11,10 +11,13 @@ Data sheets give bounds: they are treated as two standard deviations, and the er
 all beams of a surface, as its spread. That one beam in a hundred returns nothing is an assumption.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
+import trimesh
+
 from robosim.lidar.embree_lidar import EmbreeLidar
-from robosim.lidar.lidar import LidarModel
+from robosim.lidar.lidar import LidarConfig, LidarModel
 
 RPLIDAR_A1 = LidarModel()
 LDS_01 = LidarModel(
@@ -36,6 +39,10 @@ UST_10LX = LidarModel(
     missing=0.01,
 )
 RING_64 = LidarModel(beams=64)
+
+
+def no_lidar(meshes: Sequence[trimesh.Trimesh], config: LidarConfig) -> None:
+    """The robot has none."""
 
 
 rplidar_a1 = partial(EmbreeLidar, model=RPLIDAR_A1)
