@@ -15,7 +15,7 @@ def main() -> None:
     try:
         import robosim
 
-        if not hasattr(robosim, "_MODULES"):  # another project's files have replaced this one's
+        if not hasattr(robosim, "__getattr__"):  # another project's files have replaced this one's
             from robosim.support.installation import namesake
 
             sys.exit(

@@ -277,7 +277,7 @@ def _video() -> str:
 def _mapper() -> str:
     from robosim.support.assets import shipped_network
     from slam.networks.files import load_mapper
-    from slam.networks.prediction import MapPredictor
+    from slam.networks.map_network import MapPredictor
     from slam.sensing.egocentric import AHEAD
     from slam.sensing.projection import CameraModel, scan_from_depth
 

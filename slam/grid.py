@@ -76,10 +76,6 @@ class GridFrame:
     ) -> tuple[slice, slice, "GridFrame"]:
         """The part of the grid that covers a box of `map`.
 
-        Args:
-            low_xy: Lower-left corner of the box (x, y) [m].
-            high_xy: Upper-right corner of the box (x, y) [m].
-
         Returns:
             Rows, columns and frame of the part. At least one cell, even if the box lies outside.
         """

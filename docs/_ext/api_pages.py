@@ -73,7 +73,7 @@ def _members(path: Path) -> list[str]:
 def _package_page(root: Path, package: str, rooms: dict[str, list[str]]) -> str:
     title = f"``{package}``"
     out = [title, "=" * len(title), "", _PACKAGES[package], ""]
-    exported = _exported(root / package / "__init__.py")
+    exported = _exported(root / package / "__init__.pyi")
     if exported:
         out += [
             f"Names that ``{package}`` itself offers",
@@ -97,14 +97,9 @@ def _package_page(root: Path, package: str, rooms: dict[str, list[str]]) -> str:
 
 
 def _exported(path: Path) -> list[tuple[str, str, str]]:
-    """Names that a package offers, the module of each, and its name there, in the package's own order."""
-    package = path.parent.name
-    for node in ast.parse(path.read_text("utf-8")).body:
-        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
-        if isinstance(target, ast.Name) and target.id == "_MODULES":
-            places = ast.literal_eval(node.value)
-            return [(name, f"{package}.{module}", name) for name, module in places.items()]
-    return []
+    """Public names of a package, the module of each, and its name there, in the order of the stub."""
+    imports = [node for node in ast.parse(path.read_text("utf-8")).body if isinstance(node, ast.ImportFrom)]
+    return [(alias.name, node.module or "", alias.name) for node in imports for alias in node.names]
 
 
 def _first_line(root: Path, module: str, name: str | None = None) -> str:

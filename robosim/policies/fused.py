@@ -27,8 +27,7 @@ from robosim.support.checks import Range, checked
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
-from slam.planning.cost_map import CostConfig, cut_box, known_box
-from slam.planning.known_ground import travel_time_from_robot
+from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.poses import to_map
 from wireless.paths import LinkState
 

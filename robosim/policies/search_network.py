@@ -29,8 +29,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD
-from slam.networks.onnx_graph import OnnxGraph
-from slam.networks.runtime import OnnxRunner
+from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.support.weights import Weights, read_weights
 
 COLUMNS, PATHS, STATES = 64, 5, 4

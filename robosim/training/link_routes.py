@@ -18,16 +18,16 @@ from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links
 from wireless.linkstate.follower import fused_probability
 from wireless.linkstate.learning.networks import weights_of
-from wireless.linkstate.learning.way_network import (
-    WayBatch,
-    WayNetwork,
-    pack_ways,
-    train_way_network,
-    way_network_of,
+from wireless.linkstate.learning.route_network import (
+    RouteBatch,
+    RouteNetwork,
+    pack_routes,
+    route_network_of,
+    train_route_network,
 )
+from wireless.linkstate.routes import make_routes, step_lengths
 from wireless.linkstate.scores import scores
 from wireless.linkstate.tokens import reached
-from wireless.linkstate.ways import make_ways, moved
 
 #: Number of routes of each transmitter.
 ROUTES = 16
@@ -57,10 +57,10 @@ def routes_of(links: Links, *, to_transmitter: bool = False) -> Routes:
         own = np.flatnonzero(links.transmitter == number)
         position = links.position[own].astype(float)
         goal = links.tx_position[own[0]].astype(float) if to_transmitter else None
-        found = make_ways(position, _grid_step_m(position), ROUTES, rng, goal=goal)
+        found = make_routes(position, _grid_step_m(position), ROUTES, rng, goal=goal)
         rows += [own[route] for route in found]
         building += [int(links.building[own[0]])] * len(found)
-    steps_m = [moved(links.position.astype(float), row) for row in rows]
+    steps_m = [step_lengths(links.position.astype(float), row) for row in rows]
     return Routes(rows, steps_m, np.array(building))
 
 
@@ -86,8 +86,8 @@ def add_route_network(
     """
     routes, inputs = routes_of(links), classifier.inputs
 
-    def train(buildings: Sequence[int]) -> WayNetwork:
-        return train_way_network(
+    def train(buildings: Sequence[int]) -> RouteNetwork:
+        return train_route_network(
             _batch(routes.within(buildings), links, probability, inputs), inputs, seed=seed
         )
 
@@ -106,7 +106,7 @@ def add_route_network(
         "fused": _scores(np.concatenate(fused), links, row),
     }
     if result["fused"]["accuracy"] > result["alone"]["accuracy"]:
-        classifier.way = dict(weights_of(train([building for part in parts for building in part])))
+        classifier.route = dict(weights_of(train([building for part in parts for building in part])))
     return result
 
 
@@ -118,8 +118,8 @@ def score_routes(classifier: LinkStateClassifier, links: Links) -> dict[str, dic
         routes = routes_of(links, to_transmitter=to_transmitter)
         row = np.concatenate(routes.rows)
         result[name] = {"places": len(row), "alone": _scores(probability[row], links, row)}
-        if classifier.way is not None:
-            network = way_network_of(classifier.way, classifier.inputs)
+        if classifier.route is not None:
+            network = route_network_of(classifier.route, classifier.inputs)
             batch = _batch(routes, links, probability, classifier.inputs)
             fused = _fuse(network, batch, reached(links.tokens[row]), classifier.states)
             result[name]["fused"] = _scores(fused, links, row)
@@ -133,7 +133,7 @@ def _scores(
 
 
 def _fuse(
-    network: WayNetwork, batch: WayBatch, has_paths: Bool[np.ndarray, " n"], states: tuple[int, ...]
+    network: RouteNetwork, batch: RouteBatch, has_paths: Bool[np.ndarray, " n"], states: tuple[int, ...]
 ) -> Float[np.ndarray, "n 4"]:
     """Probabilities at all places of routes."""
     with torch.inference_mode():
@@ -141,6 +141,6 @@ def _fuse(
     return fused_probability(logits, has_paths, states)
 
 
-def _batch(routes: Routes, links: Links, probability: np.ndarray, inputs: Sequence[str]) -> WayBatch:
+def _batch(routes: Routes, links: Links, probability: np.ndarray, inputs: Sequence[str]) -> RouteBatch:
     state = links.state.astype(int)
-    return pack_ways(routes.rows, routes.steps_m, probability, links.tokens, state, inputs)
+    return pack_routes(routes.rows, routes.steps_m, probability, links.tokens, state, inputs)

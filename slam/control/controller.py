@@ -27,8 +27,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from slam.actions import FORWARD_M, PUBLISHED, STEPS, TURN_RAD, Action
-from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of
-from slam.control.swing import swung, turns_round
+from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
@@ -367,13 +366,7 @@ class Controller:
         return action
 
     def drive(self, pose: Float[np.ndarray, "3"], plan: Plan, look_m: float = 0.35) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] that follow the path continuously, by pure pursuit.
-
-        Args:
-            pose: Estimated x [m], y [m], yaw [rad].
-            plan: What the planner returned for this pose.
-            look_m: Distance along the path to the pursued point [m].
-        """
+        """Speed [m/s] and turn rate [rad/s] that follow the path continuously, by pure pursuit."""
         config = self.config
         x, y = _ahead_on(plan.path, look_m) - pose[:2]
         distance = math.hypot(x, y)

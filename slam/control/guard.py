@@ -9,7 +9,7 @@ from jaxtyping import Bool
 
 from slam.actions import FORWARD_M, PUBLISHED, Action
 from slam.control.controller import ControlConfig
-from slam.control.swing import pushes, swung
+from slam.control.manoeuvre import pushes, swung
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 
@@ -30,11 +30,7 @@ class Guard:
         }
 
     def bumps(self, estimate: MapEstimate) -> Bool[np.ndarray, "3"]:
-        """Whether each of the published actions would end at something.
-
-        Args:
-            estimate: Map and pose.
-        """
+        """Whether each of the published actions would end at something."""
         near = Clearance.around(estimate, FORWARD_M + 2 * self._radius_m)
         ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], self._radius_m - _ERROR_M)
         found = np.zeros(len(PUBLISHED), bool)

@@ -52,12 +52,7 @@ class LearnedController(Controller):
         return Action(int(np.argmax(self.scores(self.senses(pose, plan)))))
 
     def senses(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Float32[np.ndarray, " n"]:
-        """Inputs of the network, of magnitude about 1.
-
-        Args:
-            pose: Estimated x [m], y [m], yaw [rad].
-            plan: The plan for this pose.
-        """
+        """Inputs of the network, of magnitude about 1."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         turned = np.array([[c, s], [-s, c]])
         room = plan.clearance.at(np.vstack([pose[:2], pose[:2] + _AROUND @ turned])) / LIMIT_M

@@ -1,11 +1,13 @@
 """Manoeuvre before turns that would push the hull against something: leave the niche or the wall, and turn there.
 
-A base that swings as it turns (`slam.control.swing`) leans with each turn against the walls of a gap hardly wider than
-itself. A few turns, and steps back or forward in the heading reached, may lead to a place with room. The cost of each
-such manoeuvre is counted in decisions, with a penalty for turns that push, and the cheapest is chosen; none, if turning
-here is cheapest.
+A base that does not turn about its middle moves on a circle as it turns on the spot: a LoCoBot by 2 cm to its left
+with each turn of 11 degrees to the left, once round a circle of 20 cm. A turn pushes if it brings the hull nearer to
+an obstacle than the room that it needs, as in a gap hardly wider than the hull. A few turns, and steps back or forward
+in the heading reached, may lead to a place with room. The cost of each such manoeuvre is counted in decisions, with a
+penalty for turns that push, and the cheapest is chosen; none, if turning here is cheapest.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,7 +15,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from slam.actions import STEPS, Action
-from slam.control.swing import pushes, swung
 from slam.planning.clearance import Clearance
 from slam.poses import to_map
 
@@ -25,6 +26,8 @@ _MOST_ASIDE, _MOST_STEPS = 4, 4
 _CLEAR_M, _ERROR_M = 0.02, 0.01
 #: A turn that moves the hull by less than this does not swing it [m].
 SWING_M = 0.008
+#: A turn pushes if it leaves less space around the hull than this [m], and reduces it by more than this [m].
+_ROOM_M, _LESS_M = 0.005, 0.002
 
 
 class Manoeuvre(NamedTuple):
@@ -34,6 +37,30 @@ class Manoeuvre(NamedTuple):
     """What to do first; nothing if the robot may as well turn where it is."""
     rest: int
     """Turns left then; positive to the left."""
+
+
+def swung(
+    pose: Float[np.ndarray, "3"], motion: Float[np.ndarray, "3"], turns: int
+) -> Float[np.ndarray, "n 3"]:
+    """Poses after 0, 1, ... turns: x [m], y [m], yaw [rad]."""
+    dx, dy, turn = motion
+    yaw = pose[2] + turn * np.arange(turns + 1)
+    c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+    x = pose[0] + np.append(0, np.cumsum(c * dx - s * dy))
+    y = pose[1] + np.append(0, np.cumsum(s * dx + c * dy))
+    return np.column_stack([x, y, yaw])
+
+
+def pushes(poses: Float[np.ndarray, "n 3"], clearance: Clearance, radius_m: float) -> Int[np.ndarray, " n"]:
+    """How many of the turns up to each pose push the hull against an obstacle."""
+    room = clearance.at(poses[:, :2]) - radius_m
+    pushed = (room[1:] < _ROOM_M) & (room[1:] < room[:-1] - _LESS_M)
+    return np.append(0, np.cumsum(pushed))
+
+
+def turns_round(turn_rad: float) -> int:
+    """Turns once round."""
+    return round(2 * math.pi / abs(turn_rad))
 
 
 def easier(

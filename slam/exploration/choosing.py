@@ -60,13 +60,7 @@ class Offer:
 
 
 def describe(offers: Sequence[Offer], box: Box, view_m: float) -> Float32[np.ndarray, "n k"]:
-    """Features of each offer, in the order of `FEATURES`, of magnitude about 1.
-
-    Args:
-        offers: Frontiers to choose from.
-        box: What is known, and the robot's pose.
-        view_m: Range of the camera [m].
-    """
+    """Features of each offer, in the order of `FEATURES`, of magnitude about 1."""
     places = np.array([offer.frontier.goal_xy for offer in offers])
     area = np.array([offer.area_m2 for offer in offers])
     explored_m2 = np.count_nonzero(box.explored) * box.frame.resolution_m**2
@@ -105,12 +99,6 @@ def describe(offers: Sequence[Offer], box: Box, view_m: float) -> Float32[np.nda
 
 def evaluate(weights: Mapping[str, Any], features: Any, there: Any, xp: Any = np) -> tuple[Any, Any]:
     """Log-odds of each offer, and the value of the whole situation.
-
-    Args:
-        weights: As `initial_weights` makes them, arrays of `xp`.
-        features: (..., n, k), rows of `describe`; padding may stand among them.
-        there: (..., n, 1), 1 for offers and 0 for padding.
-        xp: numpy or torch.
 
     Returns:
         (..., n), -1e9 at padding, and (...).
@@ -153,11 +141,7 @@ class Chooser:
         self.weights = weights
 
     def __call__(self, features: Float32[np.ndarray, "n k"]) -> int:
-        """Index of the best offer.
-
-        Args:
-            features: Rows of `describe`.
-        """
+        """Index of the best offer."""
         logits, _ = evaluate(self.weights, features, np.ones((len(features), 1), np.float32))
         return int(np.argmax(logits))
 

@@ -22,8 +22,7 @@ from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
-from slam.planning.cost_map import Box, CostConfig, cut_box, known_box
-from slam.planning.known_ground import travel_time_from_robot
+from slam.planning.cost_map import Box, CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap
@@ -116,11 +115,7 @@ class FrontierExplorer:
         self._forgiven_at_m2 = 0.0
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """The spot to go to, in `map` [m]; None when nothing is left to see.
-
-        Args:
-            estimate: Map and pose.
-        """
+        """The spot to go to, in `map` [m]; None when nothing is left to see."""
         if self._spin:
             self._spin -= 1
             return estimate.pose[:2]
@@ -134,11 +129,9 @@ class FrontierExplorer:
         return self._goal
 
     def _look_around(self, estimate: MapEstimate) -> bool:
-        """Turn once round before exploration ends, if not done here before.
-
-        A robot that begins in a niche has all that is left to see behind its back. Frontiers that were given up
-        get another chance if more has been seen since the last one.
-        """
+        """Turn once round before exploration ends, if not done here before."""
+        # A robot that begins in a niche has all that is left to see behind its back. Frontiers that were given up get
+        # another chance if more has been seen since the last one.
         here = estimate.pose[:2]
         if any(math.hypot(*(here - place)) < 0.5 for place in self._looked_around):
             return False
@@ -223,10 +216,8 @@ class FrontierExplorer:
         return self.config.rating in ("gain", "learned")
 
     def _turn_to(self, goal: Float[np.ndarray, "2"], budget: float) -> None:
-        """Begin with a goal; a goal that was left before continues with the rest of its budget [decisions].
-
-        Otherwise two unreachable goals that alternate would renew each other's budget forever.
-        """
+        """Begin with a goal; a goal that was left before continues with the rest of its budget [decisions]."""
+        # Otherwise two unreachable goals that alternate would renew each other's budget forever.
         if self._goal is not None:
             self._budgets.append((self._goal, self._budget))
         near = [left for place, left in self._budgets if math.hypot(*(place - goal)) < 0.5]

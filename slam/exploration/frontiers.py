@@ -91,10 +91,8 @@ def _first_least(
 
 
 def _cheapest_near(travel_time: TravelTime, cell: Int[np.ndarray, "2"]) -> tuple[float, Int[np.ndarray, "2"]]:
-    """Least cost within half a metre of a cell (row, column), and the cell with that cost.
-
-    The hull does not fit at walls, but may fit half a metre away.
-    """
+    """Least cost within half a metre of a cell (row, column), and the cell with that cost."""
+    # The hull does not fit at walls, but may fit half a metre away.
     n = max(1, round(0.5 / travel_time.frame.resolution_m))
     y0, x0 = np.maximum(cell - n, 0)
     part = travel_time.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
@@ -114,14 +112,7 @@ def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny 
 
 
 def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) -> float:
-    """Unseen area in sight from a frontier, if what is unknown were open [m^2].
-
-    Args:
-        box: What is known.
-        frontier: The frontier.
-        range_m: How far the camera sees [m].
-        depth_m: Depth behind the frontier that its length is worth at most [m].
-    """
+    """Unseen area in sight from a frontier, if what is unknown were open [m^2]."""
     step, cell = 2, box.frame.resolution_m
     y, x = (int(v) for v in box.frame.index(frontier.near_xy))
     angle = np.arange(RAYS)[:, None] * (2 * math.pi / RAYS)

@@ -27,14 +27,7 @@ def mirror_image_angle_rad(
     points: Float[np.ndarray, "n 2"],
     normals: Float[np.ndarray, "n 2"],
 ) -> float:
-    """Angle to mirror images that a receiver cannot separate from a path [rad]; 0 without such images.
-
-    Args:
-        bearing: Of the path.
-        pose: Of the receiver: x [m], y [m], yaw [rad].
-        points: Known surfaces (x, y) [m], in the frame of the pose.
-        normals: Their unit normals.
-    """
+    """Angle to mirror images that a receiver cannot separate from a path [rad]; 0 without such images."""
     azimuth, range_m = pose[2] + bearing.bearing_rad, bearing.range_m
     along = np.array([math.cos(azimuth), math.sin(azimuth)])
     away = points - pose[:2]

@@ -113,14 +113,7 @@ class Landmarks:
         spread: Float[np.ndarray, "3 3"],
         bearings: Sequence[Bearing],
     ) -> None:
-        """Add the bearings from a pose.
-
-        Args:
-            graph: Pose graph; `here` is in the frame of its last pose.
-            here: Pose of the robot: x [m], y [m], yaw [rad].
-            spread: Covariance of that [m^2, m rad, rad^2].
-            bearings: Of each source the first path, and then others.
-        """
+        """Add the bearings from a pose."""
         pose, node = compose(graph.poses[-1], here), len(graph.poses) - 1
         if self._last is not None:
             gap_m = math.hypot(*(pose - self._last)[:2])
@@ -229,10 +222,8 @@ def _from_uncertain(
 
 
 def _one_place(graph: PoseGraph, seen: Sequence[_Seen]) -> Float[np.ndarray, "2"] | None:
-    """The position from directions alone [m]; None if they do not determine one.
-
-    Least squares of the distances of a point from lines of sight, each over the distance along it (Stansfield).
-    """
+    """The position from directions alone [m]; None if they do not determine one."""
+    # Least squares of the distances of a point from lines of sight, each over the distance along it (Stansfield).
     if len(seen) < _ENOUGH:
         return None
     seen_from = np.array([compose(graph.poses[one.node], one.at) for one in seen])
@@ -267,10 +258,8 @@ def _rms(values: Float[np.ndarray, " n"]) -> float:
 def _unlike_place(
     graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing
 ) -> float:
-    """Deviation of a first path from a landmark's position, relative to the tolerance; 1 is too far.
-
-    A landmark without a position is placed by the direction and strength of its last sighting.
-    """
+    """Deviation of a first path from a landmark's position, relative to the tolerance; 1 is too far."""
+    # A landmark without a position is placed by the direction and strength of its last sighting.
     if landmark.place is None:
         last = landmark.seen[-1]
         there, open_m = _appears(graph, last), _WEAK * last.bearing.range_m

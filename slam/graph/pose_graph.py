@@ -359,10 +359,8 @@ class _System:
         return csc_matrix((entries, self._at_free), shape=(size, size)), gradient
 
     def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 9"]]:
-        """Errors of bearings and distances, in standard deviations, and their derivatives.
-
-        By pose, place, other place, and what the stretch and the place have in common.
-        """
+        """Errors of bearings and distances, in standard deviations, and their derivatives."""
+        # By pose, place, other place, and what the stretch and the place have in common.
         yaw, arm = state.poses[self._from, 2], np.column_stack(self._arm(state))
         seen_from = state.poses[self._from, :2] + arm
         away, square, gap = _gaps(state.places[self._place] - seen_from)

@@ -134,13 +134,6 @@ def fit(
 ) -> Fit | None:
     """Fit one submap to another.
 
-    Args:
-        one: The submap that is moved.
-        other: The submap it is fitted to.
-        predicted: Pose of the one in the frame of the other.
-        covariance: Of that prediction, in the frame of the other.
-        matching: How points are trusted.
-
     Returns:
         The pose that contradicts least; None if nothing is near.
     """

@@ -141,10 +141,6 @@ class Tracker:
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
         """Move by the displacement of odometry.
 
-        Args:
-            displacement: x, y [m], yaw [rad] in the robot's frame before it.
-            covariance: Of that, in the same frame.
-
         Returns:
             The pose, and its covariance relative to recent surfaces, axes of `map`.
         """
@@ -159,12 +155,7 @@ class Tracker:
         return self._in_map(self._spread)
 
     def match(self, scan: ScanPoints, view: View) -> Match:
-        """Fit a scan, taken at the predicted pose, to the surfaces around.
-
-        Args:
-            scan: Its points, robot's frame.
-            view: How far it saw.
-        """
+        """Fit a scan, taken at the predicted pose, to the surfaces around."""
         prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
         # Wide enough for the scan: `accept` weighs it against the prediction.
         judge = self._judge(view, prior)

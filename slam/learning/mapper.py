@@ -90,13 +90,6 @@ def train(
 ) -> tuple[MapNetwork, list[dict[str, float]]]:
     """Train a network, or go on training it.
 
-    Args:
-        frames: To learn from.
-        held_out: To choose the best weights by, from other buildings.
-        recipe: How.
-        checkpoint: Store of the state, written at each validation.
-        on_step: Called after each step with its number; if it raises, the state is stored too.
-
     Returns:
         The network of least validation loss, ready for use, and the curve: one row a validation.
 

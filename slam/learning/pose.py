@@ -1,9 +1,12 @@
-"""Training the learned pose on pairs of a map and the frame after it.
+"""The network of the learned pose in PyTorch, and its training on pairs of a map and the frame after it.
 
 The pose at which the frame was taken is known in the map's patch. A predicted pose is drawn around it, normally
 distributed, and the patch is cut there: the network estimates the offset. The spread of the draw is the network's
 prior, which `slam.mapping.learned_matching` removes. Half of all pairs are mirrored. A run takes minutes, so it has no
 checkpoints.
+
+`slam.networks.pose_network` runs the trained network, with weights of the same names and shapes; a test compares both.
+Reference: Russell and Reale, Multivariate uncertainty in deep learning, 2021 (the loss).
 """
 
 import math
@@ -14,13 +17,68 @@ from typing import Annotated
 import numpy as np
 import torch
 from jaxtyping import Float, Int8
-from torch import Tensor
+from torch import Tensor, nn
 
-from slam.learning.pose_module import PoseModule, surprise
-from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetworkConfig
+from slam.learning.map_module import arrays_of
+from slam.networks.pose_network import (
+    INPUTS,
+    LIMIT,
+    N_OUTPUTS,
+    SPREAD,
+    UNIT,
+    PoseNetwork,
+    PoseNetworkConfig,
+)
 from slam.poses import compose
 from slam.sensing.egocentric import AHEAD, cut_ahead
 from slam.support.checks import Range, checked
+
+
+class PoseModule(nn.Module):
+    """Offset of the true pose from the predicted one, and the root of its information matrix."""
+
+    def __init__(self, config: PoseNetworkConfig = PoseNetworkConfig()) -> None:
+        super().__init__()
+        self.config = config
+        layers: list[nn.Module] = []
+        before = INPUTS
+        for width in config.widths:
+            layers += [nn.Conv2d(before, width, 3, stride=2, padding=1), nn.ReLU(inplace=True)]
+            before = width
+        self.look = nn.Sequential(*layers, nn.Flatten())
+        self.head = nn.Sequential(
+            nn.Linear(config.flat, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, N_OUTPUTS)
+        )
+
+    @classmethod
+    def of(cls, network: PoseNetwork) -> "PoseModule":
+        """A network in use, to be looked at or trained on."""
+        module = cls(network.config)
+        module.load_state_dict({name: torch.tensor(array) for name, array in network.weights.items()})
+        return module.eval()
+
+    def network(self) -> PoseNetwork:
+        """The network with the weights as they are, for use."""
+        return PoseNetwork(arrays_of(self), self.config)
+
+    def forward(
+        self, patches: Float[Tensor, "b 5 64 64"]
+    ) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b 3 3"]]:
+        """Offset x, y, yaw in `UNIT`s, axes of the robot at the predicted pose; and L, with information L L^T."""
+        output = self.head(self.look(patches))
+        rows, columns = torch.tril_indices(3, 3, offset=-1)
+        root = torch.diag_embed(torch.exp(output[:, 3:6].clamp(-LIMIT, LIMIT)))
+        root[:, rows, columns] = output[:, 6:]
+        return output[:, :3], root
+
+
+def surprise(
+    offset: Float[Tensor, "b 3"], root: Float[Tensor, "b 3 3"], true: Float[Tensor, "b 3"]
+) -> Float[Tensor, ""]:
+    """Mean negative log-likelihood of true offsets, less its constant: least for the true mean and covariance."""
+    whitened = torch.einsum("bji,bj->bi", root, true - offset)
+    log_det = torch.log(torch.diagonal(root, dim1=1, dim2=2)).sum(dim=1)
+    return (0.5 * (whitened**2).sum(dim=1) - log_det).mean()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,11 +119,6 @@ def train_pose(
     pairs: Pairs, recipe: PoseRecipe, on_step: Callable[[int], None] = lambda step: None
 ) -> tuple[PoseModule, list[dict[str, float]]]:
     """Train a network.
-
-    Args:
-        pairs: To learn from.
-        recipe: How.
-        on_step: Called after each step with its number.
 
     Returns:
         The network, ready for use, and the mean loss of every hundred steps.

@@ -98,13 +98,6 @@ def improve(
 ) -> dict[str, float]:
     """Climb the surrogate; weights change in place.
 
-    Args:
-        weights: Of `slam.exploration.choosing`, that the optimiser optimises.
-        optimiser: Over the weights.
-        walks: Walks made with these weights.
-        config: How.
-        rng: Shuffles.
-
     Returns:
         Means over the last pass: entropy, share of clipped ratios, error of the value.
     """

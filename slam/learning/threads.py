@@ -12,11 +12,7 @@ import torch
 
 @contextmanager
 def torch_threads(count: int = 1) -> Iterator[None]:
-    """Compute with so many threads inside the block, and as before after it; half a microsecond.
-
-    Args:
-        count: Threads of an operation.
-    """
+    """Compute with so many threads inside the block, and as before after it; half a microsecond."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

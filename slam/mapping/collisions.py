@@ -75,13 +75,6 @@ class CollisionMarks:
     ) -> bool:
         """Detect a collision by the measured displacement, mark it, and remove old marks.
 
-        Args:
-            step: Number of the decision.
-            action: What was carried out.
-            displacement: Displacement measured, its bias taken off: x, y [m], yaw [rad].
-            pose: Where the robot is now.
-            probability: The map's belief in obstacles.
-
         Returns:
             Whether the robot was stopped.
         """

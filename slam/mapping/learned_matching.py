@@ -53,14 +53,7 @@ class LearnedMatcher:
         predicted: Float[np.ndarray, "3"],
         covariance: Float[np.ndarray, "3 3"],
     ) -> Match:
-        """The pose between what odometry predicts and what frame and map say.
-
-        Args:
-            scan: The frame's scan.
-            occupancy: The map.
-            predicted: Pose from odometry: x [m], y [m], yaw [rad].
-            covariance: Its covariance, axes of `map` [m^2, m rad, rad^2].
-        """
+        """The pose between what odometry predicts and what frame and map say."""
         unmatched = Match(pose=predicted.copy(), information=np.zeros((3, 3)), paired=np.zeros(0, bool))
         belief = cut_ahead(occupancy.probability, occupancy.frame, predicted)
         if np.mean(belief != 0.5) < self.config.known:

@@ -24,8 +24,7 @@ from slam.actions import Action
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
-from slam.networks.map_network import MapNetwork
-from slam.networks.prediction import MapPredictor, Prediction
+from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
 from slam.poses import to_map
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
@@ -56,14 +55,7 @@ class NeuralMapper:
         fusion: FusionConfig | None = None,
         patch: GridFrame = AHEAD,
     ) -> None:
-        """Make a mapper.
-
-        Args:
-            network: A trained network.
-            config: The classical part, and the camera.
-            fusion: How answers become a map.
-            patch: The cells that the network is asked about.
-        """
+        """Make a mapper."""
         self.classical = ClassicalMapper(config or MapperConfig())
         self.fusion = fusion or FusionConfig()
         self.patch = patch

@@ -84,12 +84,6 @@ class OccupancyGrid:
     ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
         """Enter a scan.
 
-        Args:
-            scan: The scan.
-            pose: Of the robot: x [m], y [m], yaw [rad].
-            camera_height_m: Height of the camera [m].
-            down: Fall of the lowest image row per metre of depth.
-
         Returns:
             Rows and columns of the window that changed, and the cells in it that stopped being obstacles.
         """
@@ -219,11 +213,9 @@ def _mark(
     hit: np.ndarray,
     top_m: np.ndarray,
 ) -> None:
-    """Mark the cells in which a scan sees a surface, and raise their tops to the height seen.
-
-    Between neighbours on one surface there are points in between, so that far walls have no holes: the inverse depth
-    of a plane is linear in the column, so they lie exactly on it.
-    """
+    """Mark the cells in which a scan sees a surface, and raise their tops to the height seen."""
+    # Between neighbours on one surface there are points in between, so that far walls have no holes: the inverse depth
+    # of a plane is linear in the column, so they lie exactly on it.
     ny, nx = hit.shape
     c, s = np.cos(place.yaw), np.sin(place.yaw)
     for k in range(len(left) - 1):

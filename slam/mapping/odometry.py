@@ -159,14 +159,7 @@ class OdometryCorrector:
         matched: Float[np.ndarray, "3"],
         matched_covariance: Float[np.ndarray, "3 3"],
     ) -> None:
-        """Move the constant error of an action towards what a matched displacement says of it.
-
-        Args:
-            action: The action carried out.
-            measured: Displacement that odometry measured.
-            matched: Displacement between the poses found by matching.
-            matched_covariance: Its covariance; large where the scan said nothing.
-        """
+        """Move the constant error of an action towards what a matched displacement says of it."""
         before = self.bias_covariance[action] + _DRIFT * self._noise[action]
         innovation = measured - matched - self.bias[action]
         spread = before + self._noise[action] + matched_covariance

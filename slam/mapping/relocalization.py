@@ -106,13 +106,7 @@ class Surroundings:
     def contradiction(
         self, pose: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 2"], near_m: float
     ) -> float:
-        """Share of surface points, seen from a pose, that contradict this map.
-
-        Args:
-            pose: x [m], y [m], yaw [rad].
-            points: Points in the robot's frame [m].
-            near_m: Tolerance of points [m].
-        """
+        """Share of surface points, seen from a pose, that contradict this map."""
         world = to_map(pose, points)
         iy, ix, inside = _cells(self.frame, world)
         misplaced = inside & self._firm[iy, ix] & (self.gap_m[iy, ix] > near_m)

@@ -131,11 +131,6 @@ def points_of_scan(scan: Scan, config: MatchConfig, cell_m: float) -> ScanPoints
     nothing else to hold its heading.
     Reference: Nguyen, Izadi and Lovell, 3DIMPVT 2012, eq. (3), for how the error grows.
 
-    Args:
-        scan: The scan.
-        config: How far points are seen and trusted.
-        cell_m: Side of a map cell [m].
-
     Returns:
         The points that have a normal.
     """

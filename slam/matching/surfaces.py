@@ -116,10 +116,6 @@ class SurfaceGrid:
     ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Bool[np.ndarray, " n"]]:
         """For each point, the nearest surface of the same orientation, among 3 x 3 cells.
 
-        Args:
-            points: Points (x, y) [m].
-            normals: Their unit normals.
-
         Returns:
             Mean point [m] and unit normal of the surface found, and whether one was found.
         """

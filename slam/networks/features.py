@@ -49,12 +49,7 @@ class Features:
     def of(
         self, depth: Float32[np.ndarray, "h w"], belief: Float32[np.ndarray, "ny nx"]
     ) -> Float32[np.ndarray, "7 ny nx"]:
-        """Channels of one depth image.
-
-        Args:
-            depth: Depth along the camera axis [m]; 0 where nothing was measured.
-            belief: What the map says of the patch: obstacle probability.
-        """
+        """Channels of one depth image."""
         return self.of_scan(scan_from_depth(depth, self.camera, self.band), belief)
 
     def of_scan(self, scan: Scan, belief: Float32[np.ndarray, "ny nx"]) -> Float32[np.ndarray, "7 ny nx"]:

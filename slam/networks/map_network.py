@@ -15,10 +15,12 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float32
 
-from slam.networks.features import N_CHANNELS
-from slam.networks.onnx_graph import OnnxGraph
-from slam.networks.runtime import OnnxRunner
+from slam.grid import GridFrame
+from slam.networks.features import N_CHANNELS, Features
+from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, merged, trained_numbers
+from slam.sensing.egocentric import AHEAD
+from slam.sensing.projection import Scan
 from slam.support.checks import Range, checked
 
 #: Index of each logit.
@@ -47,10 +49,6 @@ class MapNetwork:
 
     def __init__(self, weights: Weights, config: NetworkConfig = NetworkConfig()) -> None:
         """Make a network ready.
-
-        Args:
-            weights: By their names in `slam.learning.map_module`.
-            config: Its size.
 
         Raises:
             ValueError: If they do not fit each other, or a weight is no number.
@@ -108,3 +106,27 @@ def _model(weights: Weights, config: NetworkConfig) -> bytes:
         )  # fmt: skip
         x = layer(f"up.{i}", graph.node("Add", x, scales.pop()))
     return graph.model({"features": ("b", config.inputs, "h", "w")}, mix("last", x))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """Logits for the patch ahead: their logistic function is the probability."""
+
+    obstacle: Float32[np.ndarray, "ny nx"]
+    """An obstacle stands in the cell, seen or not."""
+    seen: Float32[np.ndarray, "ny nx"]
+    """The camera sees the cell."""
+
+
+class MapPredictor:
+    """A trained network, ready to be asked."""
+
+    def __init__(self, network: MapNetwork, patch: GridFrame = AHEAD) -> None:
+        """Take a network."""
+        self.features = Features(patch=patch)
+        self._network = network
+
+    def predict(self, scan: Scan, belief: Float32[np.ndarray, "ny nx"]) -> Prediction:
+        """Logits for one frame."""
+        logits = self._network(self.features.of_scan(scan, belief)[None])[0]
+        return Prediction(obstacle=logits[OBSTACLE], seen=logits[SEEN])

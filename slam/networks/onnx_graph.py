@@ -1,13 +1,18 @@
-"""Networks as ONNX models, written without the packages that export models.
+"""Networks as ONNX models, written without the packages that export models, and run on one thread.
 
 An ONNX model is a protocol buffer: fields as (number, wire type, content), integers in base 128, with length prefixes.
 This module writes the few messages that a convolutional network needs, so that weights are used directly from their
 file. Left out: other operators, and types other than float32.
 Reference: ONNX 1.14, `onnx/onnx.proto` (IR version 8, operator set 13).
+
+A convolution that is split over threads sums in another order, and the last bits of its result differ. Over a thousand
+decisions this changes the trajectory. The networks here are too small to gain from a second thread.
 """
 
+import os
 import struct
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
@@ -16,6 +21,8 @@ from jaxtyping import Float32
 IR_VERSION, OPERATOR_SET = 8, 13
 #: `TensorProto.FLOAT`, and `AttributeProto.AttributeType` of what attributes hold.
 _FLOAT, _FLOAT_ATTRIBUTE, _INT_ATTRIBUTE, _TEXT_ATTRIBUTE, _INTS_ATTRIBUTE = 1, 1, 2, 3, 7
+#: Disables telemetry of ONNX Runtime, which would also store an identifier of the machine; read at its import.
+SILENT = "ORT_DISABLE_TELEMETRY"
 
 Attribute = int | float | str | Sequence[int]
 
@@ -36,13 +43,7 @@ class OnnxGraph:
         return name
 
     def node(self, operator: str, *inputs: str, **attributes: Attribute) -> str:
-        """Add an operator; the name of what it gives.
-
-        Args:
-            operator: Its name in ONNX.
-            inputs: Names of what it takes, in its order; empty for one that is left out.
-            attributes: By their names in ONNX.
-        """
+        """Add an operator; the name of what it gives."""
         name = f"n{len(self._nodes)}"
         content = b"".join(_text(1, one) for one in inputs) + _text(2, name) + _text(4, operator)
         content += b"".join(_bytes(5, _attribute(key, value)) for key, value in attributes.items())
@@ -50,12 +51,7 @@ class OnnxGraph:
         return name
 
     def model(self, inputs: Mapping[str, Sequence[int | str]], output: str) -> bytes:
-        """The model.
-
-        Args:
-            inputs: Shapes of what it is given, by name: a text for a size that may vary.
-            output: Name of what it gives.
-        """
+        """The model."""
         graph = b"".join(_bytes(1, node) for node in self._nodes) + _text(2, "network")
         graph += b"".join(_bytes(5, weight) for weight in self._weights)
         graph += b"".join(_bytes(11, _array(name, shape)) for name, shape in inputs.items())
@@ -106,3 +102,32 @@ def _varint(value: int) -> bytes:
         digits.append(value & 0x7F | 0x80)
         value >>= 7
     return bytes([*digits, value])
+
+
+class OnnxRunner:
+    """A model ready to run; a copy, or one sent to another process, creates its own session."""
+
+    def __init__(self, model: bytes) -> None:
+        """Make a model ready."""
+        self._model = model
+        self._session: Any = None
+
+    def __call__(self, **inputs: Float32[np.ndarray, "..."]) -> Float32[np.ndarray, "..."]:
+        """The model's output for its inputs, by name."""
+        if self._session is None:
+            self._session = _session(self._model)
+        found: np.ndarray = self._session.run(None, inputs)[0]
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_model": self._model, "_session": None}
+
+
+def _session(model: bytes) -> Any:
+    os.environ.setdefault(SILENT, "1")
+    import onnxruntime  # takes a tenth of a second
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 3  # errors: warnings concern devices that are not used
+    return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])

@@ -3,7 +3,7 @@
 Its inputs are the patch of the map ahead of the predicted pose and, on the same cells, the frame's scan
 (`slam.networks.features`). Its outputs are the offset that aligns both, and the information matrix of the offset: small
 along a bare corridor, large across it. The matrix is the square of a triangular one, so that it is always positive.
-This module runs the network; `slam.learning.pose_module` trains it.
+This module runs the network; `slam.learning.pose` trains it.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020 (from patch to patch).
 """
 
@@ -13,8 +13,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Float32
 
-from slam.networks.onnx_graph import OnnxGraph
-from slam.networks.runtime import OnnxRunner
+from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, trained_numbers
 from slam.support.checks import Range, checked
 
@@ -57,10 +56,6 @@ class PoseNetwork:
 
     def __init__(self, weights: Weights, config: PoseNetworkConfig = PoseNetworkConfig()) -> None:
         """Make a network ready.
-
-        Args:
-            weights: By their names in `slam.learning.pose_module`.
-            config: Its size.
 
         Raises:
             ValueError: If they do not fit each other, or a weight is no number.

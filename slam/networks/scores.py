@@ -30,14 +30,7 @@ class PatchScores:
         seen: Bool[np.ndarray, "*batch ny nx"],
         matters: Bool[np.ndarray, "*batch ny nx"],
     ) -> None:
-        """Add patches.
-
-        Args:
-            probability: Predicted for obstacles.
-            obstacle: True obstacles.
-            seen: Cells that the camera sees.
-            matters: Cells that count among those it does not.
-        """
+        """Add patches."""
         predicted = probability > 0.5
         hidden = matters & ~seen
         for part, mask, what, true in (
@@ -54,13 +47,13 @@ class PatchScores:
                 self._bins[part][row] += np.bincount(index, weights, minlength=BINS)
             self._squares[part] += float(((p - came) ** 2).sum())
 
-    def merge(self, other: "PatchScores") -> None:
-        """Add what another one has added up."""
-        for part, counts in other._overlap.items():
-            self._overlap[part] += counts
-        for part, bins in other._bins.items():
+    def add_counts(self, counts: dict[str, Any]) -> None:
+        """Add stored sums, as of `counts`."""
+        for part, overlap in counts["overlap"].items():
+            self._overlap[part] += overlap
+        for part, bins in counts["bins"].items():
             self._bins[part] += bins
-            self._squares[part] += other._squares[part]
+            self._squares[part] += counts["squares"][part]
 
     def counts(self) -> dict[str, Any]:
         """All sums, for storage in a file."""
@@ -69,15 +62,6 @@ class PatchScores:
             "bins": {part: bins.tolist() for part, bins in self._bins.items()},
             "squares": dict(self._squares),
         }
-
-    @classmethod
-    def of_counts(cls, counts: dict[str, Any]) -> "PatchScores":
-        """Scores from stored counts."""
-        scores = cls()
-        scores._overlap = {part: np.array(value, np.int64) for part, value in counts["overlap"].items()}
-        scores._bins = {part: np.array(value, float) for part, value in counts["bins"].items()}
-        scores._squares = dict(counts["squares"])
-        return scores
 
     def result(self) -> dict[str, float]:
         """IoU of each part, and calibration error and Brier score of the seen and of the other cells."""
@@ -91,14 +75,6 @@ class PatchScores:
             )
             out[f"brier_{part}"] = _ratio(self._squares[part], float(count.sum()))
         return out
-
-    def reliability(self, part: str) -> Float[np.ndarray, "n 3"]:
-        """Mean predicted probability, observed share, and count of each bin that is not empty."""
-        count, predicted, came = self._bins[part]
-        filled = count > 0
-        return np.column_stack(
-            [predicted[filled] / count[filled], came[filled] / count[filled], count[filled]]
-        )
 
 
 def _ratio(a: float, b: float) -> float:

@@ -15,10 +15,6 @@ _EPSILON = 1e-5
 def check_weights(weights: Weights, shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Check that weights fit a network.
 
-    Args:
-        weights: By name, float32; counts of batches are whole numbers.
-        shapes: What shape each must have.
-
     Raises:
         ValueError: If names, shapes or types differ, a value is NaN, infinite or too large, or a variance is negative.
     """

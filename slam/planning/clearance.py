@@ -47,13 +47,7 @@ class Clearance:
 
     @classmethod
     def around(cls, estimate: MapEstimate, half_side_m: float, bumps: bool = True) -> "Clearance":
-        """Clearance in a square window of a map estimate around the robot.
-
-        Args:
-            estimate: Map and pose.
-            half_side_m: Half the side of the window [m].
-            bumps: Whether blocked cells count as obstacles.
-        """
+        """Clearance in a square window of a map estimate around the robot."""
         x, y, _ = estimate.pose
         r = half_side_m
         rows, columns, frame = estimate.frame.window((x - r, y - r), (x + r, y + r))
@@ -78,11 +72,6 @@ class Clearance:
         """Distance that a disk moves from a point in each direction before it meets an obstacle [m], at most 1.5 m.
 
         A disk that is nearer to an obstacle than its radius may still move away from it.
-
-        Args:
-            start: Centre of the disk (x, y) [m].
-            headings: Directions in the frame of the map [rad].
-            radius_m: Radius of the disk [m].
         """
         distance = np.arange(1, 31) * 0.05
         directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)

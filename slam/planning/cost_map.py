@@ -8,7 +8,7 @@ Reference: the inflation of obstacles of Lu, Hershberger and Smart, Layered cost
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import cv2
@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Float32
 
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.clearance import Clearance
+from slam.planning.travel_time import TravelTime, travel_time
 from slam.support.checks import Range, checked
 
 #: Cost per metre of impassable halved cells; more than any other.
@@ -71,9 +72,6 @@ class CostMap:
 
     def nearest(self, goal: Float[np.ndarray, "2"]) -> tuple[tuple[int, int], Float[np.ndarray, "2"], float]:
         """The passable cell nearest to a goal.
-
-        Args:
-            goal: A point (x, y) [m].
 
         Returns:
             Row and column, the point (the goal itself if its cell is passable, else the cell's centre) [m], and
@@ -160,14 +158,7 @@ def cut_box(
     *,
     bumps: bool = True,
 ) -> Box:
-    """A copy of part of a map.
-
-    Args:
-        estimate: Map and pose.
-        low_xy: Lower-left corner of the box [m].
-        high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
-        bumps: Whether blocked cells count as obstacles.
-    """
+    """A copy of part of a map."""
     whole = estimate.frame
     cells = whole.to_cells(np.array([low_xy, high_xy]))
     # A corner on the lattice, up to rounding, does not add a cell.
@@ -243,3 +234,17 @@ def _let_out(
     rows, columns = slice(max(iy - n, 0), iy + n + 1), slice(max(ix - n, 0), ix + n + 1)
     passable[rows, columns] |= space[rows, columns] > min(float(space[iy, ix]), -0.02) - 1e-4
     passable[iy, ix] = True
+
+
+def travel_time_from_robot(box: Box, config: CostConfig, *, through_unknown: bool = True) -> TravelTime:
+    """Travel time from the robot to all cells of a box, on cells twice as large as those of the box."""
+    costs = cost_map(box, config)
+    if not through_unknown:
+        costs = replace(costs, passable=costs.passable & (box.probability < 0.5))
+    costs = costs.reachable_from(box.pose[:2]).halved()
+    return travel_time_to(costs, costs.cell(box.pose[:2]))
+
+
+def travel_time_to(costs: CostMap, cell: tuple[int, int]) -> TravelTime:
+    """Travel time from all cells to a cell (row, column)."""
+    return travel_time(costs.frame, costs.cost.astype(float), costs.passable, cell)

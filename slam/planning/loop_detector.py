@@ -60,13 +60,7 @@ class LoopDetector:
         return self._held_goal
 
     def watch(self, pose: Float[np.ndarray, "3"], goal: Float[np.ndarray, "2"], plan: Plan) -> Remedy | None:
-        """Record a decision; return the remedy if the robot is in a loop, and log the cause.
-
-        Args:
-            pose: Of the robot: x [m], y [m], yaw [rad].
-            goal: Of the decision (x, y) [m].
-            plan: To that goal.
-        """
+        """Record a decision; return the remedy if the robot is in a loop, and log the cause."""
         self._last.append(_Decision(np.array(pose[:2]), np.array(goal), plan.length_m))
         remedy = self._remedy()
         if remedy is None:

@@ -55,10 +55,6 @@ def taut(points: Float[np.ndarray, "n 2"], field: TravelTime) -> Float[np.ndarra
 
     Each leg ends at the farthest point to which it costs no more than the field says. The field is discrete, so half a
     cell and some per cent more are allowed.
-
-    Args:
-        points: The downhill path (x, y) [m].
-        field: Its travel-time field.
     """
     cost = field.at(points)
     corners, last = [0], len(points) - 1

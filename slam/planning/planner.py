@@ -22,8 +22,7 @@ from jaxtyping import Float
 
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
-from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box
-from slam.planning.known_ground import travel_time_to
+from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box, travel_time_to
 from slam.planning.paths import along, arc_length, downhill, length, onward, taut
 from slam.planning.travel_time import TravelTime
 from slam.support.checks import Range, checked

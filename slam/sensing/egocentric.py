@@ -1,12 +1,8 @@
 """What lies ahead of the robot, as a square patch of cells in its own frame, cut from a map.
 
-64 x 64 cells of 0.05 m with the robot at the middle of the near edge, and two channels, obstacle and explored: the
-patch that a mapper is trained to predict from an image, and that policies look at. As everywhere, `patch[c, iy, ix]`
-has x to the right and y up, here of the robot's frame: ahead is +ix, left is +iy, and the robot is at the middle of the
-left edge, between rows 31 and 32. `patch[:, ::-1, ::-1].swapaxes(1, 2)` is the picture in which it looks up
-from the middle of the lower edge.
-
-Cells of the patch are looked up in the map by their centres, without mixing neighbours: 0 and 1 stay 0 and 1.
+64 x 64 cells of 0.05 m with the robot at the middle of the near edge. As everywhere, `patch[iy, ix]` has x to the right
+and y up, here of the robot's frame: ahead is +ix, left is +iy, and the robot is at the middle of the left edge, between
+rows 31 and 32.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.
 """
 
@@ -14,59 +10,21 @@ import math
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Float, Float32
 
 from slam.grid import GridFrame, MapEstimate
-from slam.poses import to_map
 
-#: Index of each channel.
-OBSTACLE, EXPLORED = 0, 1
 #: The published patch: 3.2 m ahead, 1.6 m to each side.
 AHEAD = GridFrame(origin_xy=(0.0, -1.6), resolution_m=0.05, shape=(64, 64))
 
 
-def egocentric_map(
-    estimate: MapEstimate, pose: Float[np.ndarray, "3"] | None = None, patch: GridFrame = AHEAD
-) -> Bool[np.ndarray, "2 ny nx"]:
-    """What a map says about the cells around a pose.
-
-    Args:
-        estimate: The map.
-        pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
-        patch: Cells of the result, in the robot's frame.
-
-    Returns:
-        Channels obstacle and explored. Cells beyond the map are neither.
-    """
-    pose = estimate.pose if pose is None else pose
-    centres = patch.centres(np.ones(patch.shape, bool)).reshape(*patch.shape, 2)
-    # A centre that falls on the border of two cells, up to rounding, always counts for the upper one: otherwise a robot
-    # at the centre of a cell would see some rows twice and others not at all.
-    ix, iy = np.moveaxis(np.floor(estimate.frame.to_cells(to_map(pose, centres)) + 1e-6).astype(int), -1, 0)
-    inside = estimate.frame.inside(iy, ix)
-    iy, ix = np.where(inside, iy, 0), np.where(inside, ix, 0)
-    obstacle = estimate.obstacle_probability[iy, ix] > 0.5
-    return np.stack([obstacle, estimate.explored[iy, ix]]) & inside
-
-
 def belief_ahead(
-    estimate: MapEstimate,
-    pose: Float[np.ndarray, "3"] | None = None,
-    patch: GridFrame = AHEAD,
-    *,
-    anticipated: bool = False,
+    estimate: MapEstimate, patch: GridFrame = AHEAD, *, anticipated: bool = False
 ) -> Float32[np.ndarray, "ny nx"]:
-    """Obstacle probability of a map around a pose, mixed between neighbouring cells; 0.5 beyond the map.
-
-    Args:
-        estimate: The map.
-        pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
-        patch: Cells of the result, in the robot's frame.
-        anticipated: Whether to take the anticipated map, if there is one.
-    """
+    """Obstacle probability, or the anticipated one if there is one, ahead of the robot; 0.5 beyond the map."""
     guess = estimate.anticipated_probability if anticipated else None
     values = estimate.obstacle_probability if guess is None else guess
-    return cut_ahead(values, estimate.frame, estimate.pose if pose is None else pose, patch)
+    return cut_ahead(values, estimate.frame, estimate.pose, patch)
 
 
 def cut_ahead(
@@ -76,15 +34,7 @@ def cut_ahead(
     patch: GridFrame = AHEAD,
     beyond: float = 0.5,
 ) -> Float32[np.ndarray, "my mx"]:
-    """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells.
-
-    Args:
-        values: The map.
-        frame: Where its cells lie.
-        pose: x [m], y [m], yaw [rad] in `map`.
-        patch: Cells of the result, in the robot's frame.
-        beyond: Value outside of the map.
-    """
+    """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     step = patch.resolution_m / frame.resolution_m
     first = np.array(patch.origin_xy) + 0.5 * patch.resolution_m

@@ -12,6 +12,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from slam.sensing.projection import BETWEEN, ONE_SURFACE_M
+
 #: So many beams in a row have to miss before they count as clear.
 _MISSING = 5
 
@@ -69,7 +71,7 @@ class LaserScan:
         nearer_m = np.minimum(self.range_m[before], self.range_m[after])
         return np.where(self.hit, self.range_m, np.where(missing, nearer_m, 0.0))
 
-    def dense(self, range_m: float, between: int = 4) -> Float[np.ndarray, "m 2"]:
+    def dense(self, range_m: float) -> Float[np.ndarray, "m 2"]:
         """Points (x forward, y left) [m] within a range, with others in between where neighbours are near."""
         points = np.where(self.hit, self.range_m, 0.0)[:, None] * np.column_stack(
             [np.cos(self.bearing_rad), np.sin(self.bearing_rad)]
@@ -77,9 +79,9 @@ class LaserScan:
         after = np.roll(np.arange(len(points)), -1)
         used = self.hit & (self.range_m <= range_m)
         apart_m = np.hypot(*(points[after] - points).T)
-        joined = used & used[after] & (apart_m < 0.2)
+        joined = used & used[after] & (apart_m < ONE_SURFACE_M)
         if not self.all_around:
             joined[-1] = False
-        share = np.arange(between) / between
+        share = np.arange(BETWEEN) / BETWEEN
         lines = points[:, None] * (1 - share)[:, None] + points[after][:, None] * share[:, None]
         return lines[(share == 0) & used[:, None] | joined[:, None]]

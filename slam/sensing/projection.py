@@ -5,7 +5,7 @@ it. All pixels of one column share their bearing, so what a robot on a flat floo
 each column, the nearest depth at which something stands between floor and robot height: a 2-D scan. The floor
 between robot and that surface is free.
 
-A surface must fill `support` neighbouring rows of a column, which single wild pixels do not; its depth is then the
+A surface must fill two neighbouring rows of a column, which single wild pixels do not; its depth is then the
 mean over the rows that see it, which averages sensor noise. Depth that is 0, not finite, or outside of
 the limits means: nothing measured there.
 Left out: tilted cameras, lens distortion, pixels that straddle an edge.
@@ -47,11 +47,7 @@ class CameraModel:
             )
 
     def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " h"]]:
-        """Leftward offset of each column and fall of each row, per metre of depth.
-
-        Args:
-            shape: Rows and columns of the image.
-        """
+        """Leftward offset of each column and fall of each row, per metre of depth."""
         h, w = shape
         focal = w / 2 / math.tan(math.radians(self.hfov_deg) / 2)
         left = (w / 2 - 0.5 - np.arange(w)) / focal
@@ -104,14 +100,6 @@ def clean_depth(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float
     return np.where(known, depth, np.float32(np.inf))
 
 
-def back_project(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float32[np.ndarray, "n 3"]:
-    """Points (x forward, y left, z above the floor) [m] of all measured pixels, in the robot's frame."""
-    left, down = camera.slopes(depth.shape)
-    v, u = np.nonzero(np.isfinite(clean_depth(depth, camera)))
-    z = depth[v, u]
-    return np.column_stack([z, z * left[u], camera.height_m - z * down[v]]).astype(np.float32)
-
-
 def _band_limits(
     down: Float32[np.ndarray, " h"], camera: CameraModel, band: Band
 ) -> tuple[Float32[np.ndarray, "h 1"], Float32[np.ndarray, "h 1"]]:
@@ -133,15 +121,8 @@ def scan_from_depth(
     depth: Float32[np.ndarray, "h w"],
     camera: CameraModel,
     band: Band = Band(),
-    support: int = 2,
 ) -> Scan:
     """The nearest surface in each column of a depth image.
-
-    Args:
-        depth: Depth along the camera axis [m].
-        camera: Intrinsics and height of the camera.
-        band: Heights that stop the robot.
-        support: Rows in succession that must agree that something stands there.
 
     Returns:
         The scan, one entry for each column.
@@ -150,10 +131,7 @@ def scan_from_depth(
     known = clean_depth(depth, camera)
     first, last = _band_limits(down, camera, band)
     standing = np.where((known >= first) & (known <= last), known, np.float32(np.inf))
-    supported = standing
-    for k in range(1, support):
-        supported = np.maximum(supported[:-1], standing[k:])
-    nearest = supported.min(axis=0)
+    nearest = np.maximum(standing[:-1], standing[1:]).min(axis=0)
     hit = np.isfinite(nearest)
     reach = np.where(np.isfinite(known), known, 0.0).max(axis=0)
     depth_m, top_m = _surface(standing, np.where(hit, nearest, 0.0), down, camera)

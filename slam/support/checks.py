@@ -150,15 +150,6 @@ def check_number(
 ) -> None:
     """See that a value is a number between two bounds, which count in.
 
-    Args:
-        name: What the message calls it.
-        value: What was given; NaN and infinities lie within no bounds.
-        least: Lower bound.
-        most: Upper bound.
-        unit: Unit of the number, or what it counts, such as "m" or "steps".
-        hint: Sentence that ends the message.
-        whole: Whether it must be an integer.
-
     Raises:
         ValueError: If it is not.
     """
@@ -169,14 +160,8 @@ def check_number(
     raise ValueError(f"{name} is {shown(value)}, expected {bounds}.{' ' if hint else ''}{hint}")
 
 
-def check_choice(name: str, value: Any, known: Iterable[str], also: str = "") -> None:
+def check_choice(name: str, value: Any, known: Iterable[str]) -> None:
     """See that a value is one of some names.
-
-    Args:
-        name: What the message calls it.
-        value: What was given.
-        known: The names.
-        also: What else would do, such as "a .safetensors file".
 
     Raises:
         ValueError: If it is none of them; the message says which was perhaps meant.
@@ -186,8 +171,7 @@ def check_choice(name: str, value: Any, known: Iterable[str], also: str = "") ->
         return
     near = get_close_matches(value, known, n=1) if isinstance(value, str) else []
     hint = f"Did you mean {near[0]!r}? " if near else ""
-    others = f", or {also}" if also else ""
-    raise ValueError(f"{name} is {shown(value)}. {hint}Known: {', '.join(known)}{others}.")
+    raise ValueError(f"{name} is {shown(value)}. {hint}Known: {', '.join(known)}.")
 
 
 def shown(value: Any) -> str:

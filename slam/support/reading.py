@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-#: Larger files are taken for a mistake unless their reader says otherwise [bytes].
+#: Larger files are treated as mistakes unless their reader sets another limit [bytes].
 MOST_BYTES = 200_000_000
 
 
@@ -23,7 +23,7 @@ def reading(path: Path, what: str, remedy: str, *, most_bytes: int = MOST_BYTES)
         path: The file.
         what: What it should hold, with its article: "weights of a mapper".
         remedy: What to do about a damaged one: a sentence.
-        most_bytes: Size above which it is refused.
+        most_bytes: Size above which it is rejected.
 
     Raises:
         FileError: For whatever goes wrong, in one line; a ValueError raised inside becomes its reason.

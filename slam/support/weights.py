@@ -30,15 +30,10 @@ def check_values(weights: Mapping[str, np.ndarray]) -> None:
 def read_weights(path: Path, like: Weights, what: str) -> Weights:
     """Weights from a .safetensors file.
 
-    Args:
-        path: The file.
-        like: Weights of the names, shapes and kinds expected.
-        what: What they are of, as `robosim train` calls it.
-
     Raises:
         FileError: If the file is missing, damaged, or of something else.
     """
-    with reading(path, f"weights of {what}", f"Train them anew with `robosim train {what}`.") as file:
+    with reading(path, f"weights of {what}", f"Train them again with `robosim train {what}`.") as file:
         weights: Weights = load(file.read())
         if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
             k: (w.shape, w.dtype) for k, w in like.items()

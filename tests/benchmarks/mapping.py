@@ -40,7 +40,7 @@ from slam.mapping.occupancy import OccupancyGrid
 from slam.mapping.odometry import OdometryConfig
 from slam.mapping.relocalization import RelocalizationConfig
 from slam.networks.scores import PatchScores
-from slam.sensing.egocentric import AHEAD, belief_ahead, egocentric_map
+from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.projection import scan_from_depth
 from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.pose_tracks import (
@@ -52,6 +52,7 @@ from tests.benchmarks.pose_tracks import (
 )
 from tests.benchmarks.results import Results
 from tests.benchmarks.trial_floors import TRIAL_FLOORS, turned
+from tests.slam.sensing.nearest_cells import egocentric_map
 
 #: One frame in so many is scored: neighbours show the same.
 EVERY = 4
@@ -166,7 +167,7 @@ def summarise(rows: Mapping[str, dict[str, Any]]) -> Results:
     for method in first["maps"]:
         score = PatchScores()
         for row in rows.values():
-            score.merge(PatchScores.of_counts(row["maps"][method]))
+            score.add_counts(row["maps"][method])
         for name, value in score.result().items():
             results.add("maps", method, name.replace("_", " "), value, digits=3, cases=len(rows))
     for method in first["poses"]:

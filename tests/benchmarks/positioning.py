@@ -4,7 +4,7 @@ The receiver is located from the paths of one place alone, with its clock unknow
 with one unknown clock; and the transmitter from all places.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +17,12 @@ from robosim.support.progress import tracked
 from slam.poses import wrap
 from tests.benchmarks.harness import DEFAULT, Options, console
 from tests.benchmarks.results import Results
-from wireless.positioning.single_bounce import (
-    Located,
-    MeasuredPaths,
-    PositioningConfig,
-    locate,
-    locate_together,
-)
+from wireless.positioning.single_bounce import Located, MeasuredPaths, PositioningConfig, locate
 
 #: Errors of Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), on the same paths.
 PUBLISHED = {"RMSE": (0.36, "m", 2), "RMSE of the heading": (2.0, "°", 1)}
+#: Search for a common offset around the median of single places, then around the best [m].
+AROUND_M = (1.0, 0.3)
 
 
 def main(
@@ -93,3 +89,29 @@ def add_errors(results: Results, row: str, found: Sequence[Located], truth: Floa
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def locate_together(places: Sequence[MeasuredPaths], config: PositioningConfig) -> list[Located]:
+    """Find a radio at several places with one offset of its clock that is not known.
+
+    Raises:
+        ValueError: If the paths of a place are too few.
+    """
+    alone = [locate(paths, config) for paths in places]
+    offset = float(np.median([found.offset_m for found in alone]))
+    for half_m in AROUND_M:
+        offset = least_between(
+            lambda value: sum(locate(paths, config, offset_m=value).cost for paths in places), offset, half_m
+        )
+    return [locate(paths, config, offset_m=offset) for paths in places]
+
+
+def least_between(cost: Callable[[float], float], middle: float, half: float) -> float:
+    """The vertex of a parabola through the least of five costs around a value and its neighbours."""
+    values = middle + np.linspace(-half, half, 5)
+    costs = np.array([cost(float(value)) for value in values])
+    k = int(np.clip(np.argmin(costs), 1, len(values) - 2))
+    a, b, c = costs[k - 1 : k + 2]
+    bend = a - 2 * b + c
+    shift = 0.5 * (a - c) / bend if bend > 0 else 0.0
+    return float(values[k] + np.clip(shift, -1, 1) * (values[1] - values[0]))

@@ -104,12 +104,9 @@ def _is_cavity(wall: Complex[np.ndarray, " l"]) -> bool:
 def _stack(
     cos_i: float, wall: Complex[np.ndarray, " l"], wavenumber: float
 ) -> tuple[complex, complex, complex, complex]:
-    """`fresnel` of any layers, from the last to the first (Parratt, Physical Review 95, 359, 1954).
-
-    With s and 1 + s of each boundary, what lies behind it with R and T, R' = (s + R) / (1 + s R) and
-    T' = (1 + s) T / (1 + s R); each layer then turns R by twice its phase and T by once. Of TM this is the
-    magnetic field.
-    """
+    """`fresnel` of any layers, from the last to the first (Parratt, Physical Review 95, 359, 1954)."""
+    # With s and 1 + s of each boundary, what lies behind it with R and T, R' = (s + R) / (1 + s R) and T' = (1 + s) T /
+    # (1 + s R); each layer then turns R by twice its phase and T by once. Of TM this is the magnetic field.
     count = len(wall) // 2
     while wall[2 * count - 2] == 0:
         count -= 1
@@ -219,18 +216,12 @@ def _face_ratios(
     wavenumber: float,
     bisector: bool,
 ) -> tuple[complex, complex, complex]:
-    """Reflection of a face in the coordinates of its edge, angles counted from that face.
-
-    With r_te and r_tm at the face's angle of incidence and (a, b) the direction of TE in (b0, phi), the dyad
-    is (b0 from b0) = b^2 r_tm - a^2 r_te, (phi from phi) = b^2 r_te - a^2 r_tm and (b0 from phi) = -(phi
-    from b0) = a b (r_te + r_tm). Away from the reflection boundary a b is the mean of source and observer.
-
-    The angle of incidence is that of the nearer of source and observer, or (`bisector`) that at which a plane mirror
-    would turn the incoming ray into the outgoing one. On the reflection boundary these are the same.
-
-    Returns:
-        (b0 from b0), (phi from phi), (b0 from phi).
-    """
+    """Reflection of a face in the coordinates of its edge, angles counted from that face."""
+    # With r_te and r_tm at the face's angle of incidence and (a, b) the direction of TE in (b0, phi), the dyad is (b0
+    # from b0) = b^2 r_tm - a^2 r_te, (phi from phi) = b^2 r_te - a^2 r_tm and (b0 from phi) = -(phi from b0) = a b
+    # (r_te + r_tm). Away from the reflection boundary a b is the mean of source and observer.
+    # The angle of incidence is that of the nearer of source and observer, or (`bisector`) that at which a plane mirror
+    # would turn the incoming ray into the outgoing one. On the reflection boundary these are the same.
     sine = abs(np.cos((phi - phi_source) / 2)) if bisector else np.sin(min(phi, phi_source))
     cos_i = min(abs(sin_b0 * sine), 1.0)
     te, tm, _, _ = fresnel(cos_i, wall, wavenumber)
@@ -307,10 +298,8 @@ def _spherical(
 
 @compiled
 def _lengths(path: Path, count: int) -> tuple[float, float]:
-    """Length of a path of `count` interactions, and of its part before the edge (-1 without one) [m].
-
-    The length is -1 for a path that starts, ends or diffracts at no distance.
-    """
+    """Length of a path of `count` interactions, and of its part before the edge (-1 without one) [m]."""
+    # The length is -1 for a path that starts, ends or diffracts at no distance.
     total, before = 0.0, -1.0
     for j in range(count + 1):
         step = 0.0

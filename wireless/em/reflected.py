@@ -42,12 +42,7 @@ class Reflected(NamedTuple):
 
 
 def most_reflected(walls: Complex[np.ndarray, "f l"], wavenumber: float) -> Reflected:
-    """Tables of walls by facet.
-
-    Args:
-        walls: Layers of each facet's wall, see `wireless.em.fields.fresnel`.
-        wavenumber: 2 pi over the wavelength [1/m].
-    """
+    """Tables of walls by facet."""
     rows = np.ascontiguousarray(walls)
     rows = rows.view(np.dtype((np.void, rows.strides[0]))).ravel()
     _, first, row = np.unique(rows, return_index=True, return_inverse=True)

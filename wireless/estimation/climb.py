@@ -80,17 +80,7 @@ def gain(
     point: Complex[np.ndarray, " dims"],
     slope: Complex[np.ndarray, " dims"],
 ) -> tuple[float, float]:
-    """S at x, and the slope of its logarithm.
-
-    Args:
-        table: Nodes of the curve (`place`).
-        round_trip: Whether the curve is closed.
-        parts: Number of parts of the curve, one after the other, each with an oscillator of its own.
-        v: The tensor contracted with the other coordinates.
-        x: Coordinate, in intervals.
-        point: Room for the curve's point, which is left there.
-        slope: Room for its slope.
-    """
+    """S at x, and the slope of its logarithm."""
     place(table, round_trip, x, point, slope)
     norm, norm_slope, total, total_slope = 0.0, 0.0, 0.0, 0.0
     ports = len(point) // parts

@@ -157,11 +157,9 @@ def _refine(
     size: Complex[np.ndarray, " pairs"],
     inside: bool,
 ) -> float:
-    """Climb along delay, arrival and departure in turn; `look` steps around at first.
-
-    Complex sizes of the path in each pair of arrays, of one absolute value, go to `size`; its energy is returned. A
-    path that is `inside` is off the tensor, and counts as in it.
-    """
+    """Climb along delay, arrival and departure in turn; `look` steps around at first."""
+    # Complex sizes of the path in each pair of arrays, of one absolute value, go to `size`; its energy is returned. A
+    # path that is `inside` is off the tensor, and counts as in it.
     v = along_late(x, s.pattern, s.late, inside, len(size))
     for k in range(len(s.late)):
         s.old_late[k] = s.late[k]

@@ -47,10 +47,6 @@ class PublicReceiver:
         """Azimuths of arrival and departure [rad], SNRs [dB] and heights of peaks, strongest term first.
 
         A link without rays gets SNRs of -inf.
-
-        Args:
-            rays: True paths of links.
-            rng: Source of noise, phases and offsets.
         """
         columns = tuple(np.zeros((len(rays), N_PATHS)) for _ in range(4))
         for start in range(0, len(rays), BLOCK_LINKS):

@@ -74,15 +74,7 @@ def along_late(
     inside: bool,
     pairs: int,
 ) -> Complex[np.ndarray, "window pairs"]:
-    """The tensor contracted with a pattern: one column for each pair of arrays.
-
-    Args:
-        x: The tensor.
-        pattern: Of a path.
-        late: Its pulse.
-        inside: Whether the tensor lacks the path, which is then thought of as in it.
-        pairs: Number of pairs of arrays.
-    """
+    """The tensor contracted with a pattern: one column for each pair of arrays."""
     square = _square(pattern)
     scale = 1 / np.sqrt(square) if square > 0 else 0.0
     v = np.empty((len(x), pairs), np.complex128)
@@ -120,15 +112,7 @@ def without_late(
     own: Complex[np.ndarray, " window"],
     inside: bool,
 ) -> Float32[np.ndarray, "2 pattern"]:
-    """The tensor contracted with a pulse of unit norm.
-
-    Args:
-        x: The tensor.
-        late: The pulse.
-        pattern: Of a path.
-        own: Its pulse.
-        inside: Whether the tensor lacks the path, which is then thought of as in it.
-    """
+    """The tensor contracted with a pulse of unit norm."""
     z = np.zeros((2, x.shape[2]), np.float32)
     total, common = 0.0, 0j
     for w in range(len(x)):

@@ -145,11 +145,9 @@ class SageEstimator:
 
 
 def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "n_basis beams"]:
-    """Orthonormal rows, as many for each array, that level waves excite among its beams; filled up with zeros.
-
-    Eigenvectors of a small matrix rather than singular vectors of a tall one, and a plain sum rather than a product of
-    matrices: libraries split both over threads, and the last bits would depend on the number of cores.
-    """
+    """Orthonormal rows, as many for each array, that level waves excite among its beams; filled up with zeros."""
+    # Eigenvectors of a small matrix rather than singular vectors of a tall one, and a plain sum rather than a product
+    # of matrices: libraries split both over threads, and the last bits would depend on the number of cores.
     ring = np.linspace(-np.pi, np.pi, 720, endpoint=False)
     response = sounder.tx_response(ring)
     rows = []

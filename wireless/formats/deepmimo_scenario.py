@@ -83,18 +83,7 @@ def scene_files(
     n_rx: int,
     n_rx_active: int,
 ) -> dict[str, bytes]:
-    """The building and the parameters of a scenario, as files by their names in its folder.
-
-    Args:
-        mesh: The building.
-        materials: Its radio materials, by the names of `wireless.em.materials`.
-        face_material: Material of each face, index into materials.
-        frequency_hz: Carrier frequency.
-        config: Which paths were traced.
-        n_tx: Number of transmitters.
-        n_rx: Number of receivers.
-        n_rx_active: Number of receivers that are reached by a transmitter.
-    """
+    """The building and the parameters of a scenario, as files by their names in its folder."""
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, np.float32)
     used = np.unique(face_material)
     objects = [

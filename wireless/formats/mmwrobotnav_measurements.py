@@ -143,9 +143,6 @@ def link_states(paths: Paths) -> UInt8[np.ndarray, "n_tx n_rx"]:
 
     A direct path is line of sight, also if it passes a wall. First order needs a path with a single reflection or
     diffraction that passes no wall. Links with other paths only are of higher order.
-
-    Args:
-        paths: Paths, of which some may pass walls.
     """
     passed = (paths.interaction == Interaction.TRANSMISSION).sum(axis=1)
     direct = paths.order == passed

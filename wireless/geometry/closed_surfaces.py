@@ -136,10 +136,8 @@ def _sums(
     only: Int[np.ndarray, " n"],
     step: Point,
 ) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Sums modulo two of the bits of triangles that steps from points meet; whether a point is on a triangle.
-
-    Only triangles of one surface count (`only`), or all where that is -1.
-    """
+    """Sums modulo two of the bits of triangles that steps from points meet; whether a point is on a triangle."""
+    # Only triangles of one surface count (`only`), or all where that is -1.
     sums, stack, on = (
         np.zeros(len(points), np.uint64),
         np.empty(64, np.int64),

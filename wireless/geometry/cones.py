@@ -258,17 +258,7 @@ def may_see(
     n: int,
     piece: Float[np.ndarray, "s m 3"],
 ) -> bool:
-    """Whether an image may see some of a polygon (or of a segment); if unclear, True.
-
-    Args:
-        tree: What hides.
-        walls: Convex walls.
-        apex: The image.
-        behind: Normal and level of the plane that rays start behind; zeros for the image itself.
-        polygon: What is looked at.
-        n: Its number of corners.
-        piece: Room for pieces.
-    """
+    """Whether an image may see some of a polygon (or of a segment); if unclear, True."""
     corners, plane = np.empty(len(piece), np.int64), np.empty((MAX_CORNERS, 4))
     spare, near, middle = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3)), np.empty(3)
     start = apex.copy()

@@ -102,13 +102,6 @@ def walls_of(
 ) -> tuple[Float[np.ndarray, "k 2 2"], Int[np.ndarray, " k"]] | None:
     """Segments of upright triangles, one for all side by side or on each other; None if one has gaps.
 
-    Args:
-        triangles: Corners [m], all between the two heights.
-        material: A number for the material of each.
-        low: Where walls begin.
-        high: Where they end.
-        snap_m: Ends of walls closer than this are one.
-
     Returns:
         Ends (x, y) of each segment, and one of its triangles.
     """
@@ -165,10 +158,8 @@ def _lines(
     triangles: Float[np.ndarray, "n 3 3"],
     snap_m: float,
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]] | None:
-    """A point and the direction of the line fitted to each of some segments and those in line with it.
-
-    None if they are in line exactly.
-    """
+    """A point and the direction of the line fitted to each of some segments and those in line with it."""
+    # None if they are in line exactly.
     ends = _in_space(np.stack([start, start + step], axis=1))
     fits = fit_lines(ends, tolerance_of(ends.reshape(-1, 3), snap_m))
     if fits.off_m.max() <= exact_m(triangles):
@@ -180,10 +171,8 @@ def _lines(
 def _joined(
     walls: Float[np.ndarray, "n 2 2"], tolerance_m: float, least_m: float
 ) -> Float[np.ndarray, "n 2 2"]:
-    """Walls whose ends are where others end, or on others, if they were within the tolerance of that.
-
-    Nothing is moved by less than some least distance.
-    """
+    """Walls whose ends are where others end, or on others, if they were within the tolerance of that."""
+    # Nothing is moved by less than some least distance.
     places, place = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
     i, j = cKDTree(places).query_pairs(tolerance_m, output_type="ndarray").T
     far = np.linalg.norm(places[i] - places[j], axis=1) > least_m
@@ -206,16 +195,8 @@ def _joined(
 
 
 def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height: float, snap: float) -> bool:
-    """Whether triangles are halves of rectangles from floor to ceiling, two and two: then none leaves a gap.
-
-    This holds for almost all walls; others may have no gaps either.
-
-    Args:
-        s: Where each corner stands along the wall [m].
-        z: Its height above the floor [m].
-        height: Of the ceiling [m].
-        snap: What lies closer is one [m].
-    """
+    """Whether triangles are halves of rectangles from floor to ceiling, two and two: then none leaves a gap."""
+    # This holds for almost all walls; others may have no gaps either.
     if len(s) % 2:
         return False
     left, right = s.min(axis=1), s.max(axis=1)

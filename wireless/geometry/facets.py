@@ -17,7 +17,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.array_types import Points, Triangles
-from wireless.geometry.occlusion import Tree, is_in_box, make_tree
+from wireless.geometry.occlusion import Tree, leaf_around, make_tree
 from wireless.geometry.overlapping_faces import without_overlaps
 from wireless.geometry.tolerance import NEAR_M, fit_lines, fit_planes, tolerance_of
 from wireless.support.compiled import compiled
@@ -195,10 +195,8 @@ def _pieces_of_lines(
     facet_normal: Float[np.ndarray, "f 3"],
     tolerance_m: float,
 ) -> tuple[_Pieces, float]:
-    """Pieces of triangle sides, from end to end along each line; and how far sides are off their lines [m].
-
-    Slivers have no inside to speak of: the sides of their neighbours are on the same lines.
-    """
+    """Pieces of triangle sides, from end to end along each line; and how far sides are off their lines [m]."""
+    # Slivers have no inside to speak of: the sides of their neighbours are on the same lines.
     wide = is_wide(triangle, tolerance_m)
     triangle, facet = triangle[wide], facet[wide]
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
@@ -297,19 +295,10 @@ def _holding(
     start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
     stack = np.empty(64, np.int64)
     for n in range(len(points)):
-        p = points[n]
-        stack[0], depth = 0, 1
-        while depth > 0:
-            depth -= 1
-            box = stack[depth]
-            if not is_in_box(tree, box, p, near_m):
-                continue
-            one, other = tree.child[box]
-            if one >= 0:
-                stack[depth], stack[depth + 1] = one, other
-                depth += 2
-                continue
-            for t in range(-1 - one, -1 - one + other):
+        p, stack[0] = points[n], 0
+        first, last, depth = leaf_around(tree, p, near_m, stack, 1)
+        while depth >= 0:
+            for t in range(first, last):
                 off, least = -tree.level[t], np.inf
                 for i in range(3):
                     off += tree.normal[t, i] * p[i]
@@ -327,5 +316,6 @@ def _holding(
                     found = np.concatenate((found, found))
                 found[count] = tree.number[t]
                 count += 1
+            first, last, depth = leaf_around(tree, p, near_m, stack, depth)
         start[n + 1] = count
     return start, found[:count]

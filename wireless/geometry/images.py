@@ -130,18 +130,7 @@ def add_next_views(
     found: Int[np.ndarray, " p"],
     piece: Float[np.ndarray, "s k 3"],
 ) -> tuple[Views, int]:
-    """Append the views of the next order that a view opens; all views and their number.
-
-    Args:
-        space: Surfaces.
-        views: Views so far.
-        v: The one to go on from.
-        count: How many there are.
-        occluding: Whether patches that are hidden are left out.
-        plane: Room for planes.
-        found: Room for patches.
-        piece: Room for polygons.
-    """
+    """Append the views of the next order that a view opens; all views and their number."""
     order, windows = views.order[v], space.windows
     n_planes = cone_of(windows, views, v, plane)
     apex, behind = views.image[v, order].copy(), np.zeros(4)

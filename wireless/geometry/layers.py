@@ -139,13 +139,7 @@ class Stacked(NamedTuple):
 
 
 def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | None:
-    """Prepare what does not depend on antennas; None if the rooms are not closed.
-
-    Args:
-        stack: Walls and level faces.
-        surfaces: Facets and edges of the same mesh, edges that do not diffract left out.
-        snap_m: Ends of walls closer than this are one.
-    """
+    """Prepare what does not depend on antennas; None if the rooms are not closed."""
     rims = _rims(stack, surfaces, snap_m)
     made: dict[int, Plan] = {}
     # Slabs first: storeys are triangulated alike where these are open, so that openings fall into few pieces.

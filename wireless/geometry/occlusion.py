@@ -90,12 +90,23 @@ def make_tree(
 
 
 @compiled
-def is_in_box(tree: Tree, box: int, p: Point, slack_m: float) -> bool:
-    """Whether a point lies in a box of the tree, or outside of it by at most so much."""
-    inside = True
-    for i in range(3):
-        inside = inside and tree.low[box, i] - slack_m <= p[i] <= tree.high[box, i] + slack_m
-    return inside
+def leaf_around(
+    tree: Tree, p: Point, slack_m: float, stack: Int[np.ndarray, " k"], depth: int
+) -> tuple[int, int, int]:
+    """Next leaf that holds a point: first triangle, end, and depth of the remaining stack, -1 without a leaf."""
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        inside = True
+        for i in range(3):
+            inside = inside and tree.low[box, i] - slack_m <= p[i] <= tree.high[box, i] + slack_m
+        if inside:
+            one, other = tree.child[box, 0], tree.child[box, 1]
+            if one < 0:
+                return -1 - one, -1 - one + other, depth
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+    return 0, 0, -1
 
 
 @compiled
@@ -197,18 +208,10 @@ def sight(tree: Tree, p: Point, q: Point) -> int:
 @compiled
 def crosses(tree: Tree, p: Point, at: Point, q: Point) -> bool:
     """Whether a path from p to q changes sides of a triangle that it turns on."""
-    normal, near_m, stack = tree.normal, tree.near_m, np.empty(64, np.int64)
-    stack[0], depth = 0, 1
-    while depth > 0:
-        depth -= 1
-        if not is_in_box(tree, stack[depth], at, near_m):
-            continue
-        one, other = tree.child[stack[depth], 0], tree.child[stack[depth], 1]
-        if one >= 0:
-            stack[depth], stack[depth + 1] = one, other
-            depth += 2
-            continue
-        for t in range(-1 - one, -1 - one + other):
+    normal, near_m, stack = tree.normal, tree.near_m, np.zeros(64, np.int64)
+    first, last, depth = leaf_around(tree, at, near_m, stack, 1)
+    while depth >= 0:
+        for t in range(first, last):
             off, dp, dq = -tree.level[t], -tree.level[t], -tree.level[t]
             for i in range(3):
                 off += normal[t, i] * at[i]
@@ -218,6 +221,7 @@ def crosses(tree: Tree, p: Point, at: Point, q: Point) -> bool:
                 continue
             if depth_in(tree.triangle, tree.inward, t, at[0], at[1], at[2]) >= -near_m:
                 return True
+        first, last, depth = leaf_around(tree, at, near_m, stack, depth)
     return False
 
 
@@ -240,15 +244,6 @@ def walls_between(
     """Walls between p and q in order: shares of the segment and triangles.
 
     Triangles that are met in one point, at a side that they share or doubled, are one wall.
-
-    Args:
-        tree: What there is between.
-        p: Start of the segment [m].
-        q: Its end.
-        passes: Triangles that let paths through, in the tree's order.
-        most: Most walls that are passed.
-        share: Room for the shares.
-        which: Room for the triangles, in the tree's order.
 
     Returns:
         Number of walls; -1 if they are too many, or one lets nothing through.
@@ -294,12 +289,3 @@ def walls_between(
             share[place], which[place] = f, t
             count += 1
     return count
-
-
-@compiled
-def hidden_each(tree: Tree, p: Points, q: Points) -> Bool[np.ndarray, " n"]:
-    """Whether any triangle is between each p and its q."""
-    result = np.empty(len(p), np.bool_)
-    for i in range(len(p)):
-        result[i] = is_hidden(tree, p[i], q[i])
-    return result

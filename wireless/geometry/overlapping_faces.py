@@ -26,15 +26,7 @@ def without_overlaps(
     normal: Float[np.ndarray, "g 3"],
     tolerance_m: float,
 ) -> tuple[Float[np.ndarray, "n 3 3"], Int[np.ndarray, " n"]]:
-    """Triangles, cut to what no sheet of a lower material covers; and which triangle each was part of.
-
-    Args:
-        triangle: Corners [m].
-        plane: The plane that each lies in.
-        material: A number for the material of each.
-        normal: Unit normals of planes.
-        tolerance_m: What overlaps by less lies side by side.
-    """
+    """Triangles, cut to what no sheet of a lower material covers; and which triangle each was part of."""
     low, high = np.full(len(normal), np.inf), np.full(len(normal), -np.inf)
     np.minimum.at(low, plane, material)
     np.maximum.at(high, plane, material)

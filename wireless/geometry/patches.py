@@ -108,14 +108,7 @@ def _wider(
 def _parts(
     triangle: Float[np.ndarray, "n 3 3"], base: Point, normal: Point, crack_m: float
 ) -> list[tuple[Polygon, Int[np.ndarray, " m"], bool]]:
-    """Window and triangles of each part of triangles in one plane, and whether they fill the window.
-
-    Args:
-        triangle: Corners [m].
-        base: A point of the plane.
-        normal: Its unit normal.
-        crack_m: Cracks up to this are shut.
-    """
+    """Window and triangles of each part of triangles in one plane, and whether they fill the window."""
     axes = axes_in(normal)
     flat = shapely.polygons((triangle - base) @ axes.T)
     if crack_m:

@@ -226,10 +226,6 @@ class Locator:
 
     Triangles are as exact as the lattice, walls more so: a point next to a wall lies on its own side only, one on
     the wall (within `NEAR_M`) on both.
-
-    Args:
-        plan: Where to look.
-        near_m: Points this close to a triangle lie in it.
     """
 
     def __init__(self, plan: Plan, near_m: float):
@@ -248,9 +244,6 @@ class Locator:
         self, points: Float[np.ndarray, "n 2"]
     ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " m"]]:
         """Where each point's triangles begin (and an end), and these triangles.
-
-        Args:
-            points: Positions around the plan's origin [m].
 
         Raises:
             ValueError: If a point is too far away, or not finite.

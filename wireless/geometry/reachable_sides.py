@@ -19,11 +19,7 @@ _OFF_M = 1e-7
 
 
 class Backs:
-    """Sides of the patches of a space.
-
-    Args:
-        space: Surfaces.
-    """
+    """Sides of the patches of a space."""
 
     def __init__(self, space: Space):
         ground = space.ground

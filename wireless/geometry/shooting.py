@@ -96,14 +96,7 @@ class Shooter:
         self._edge_start, self._edge = edges_of_patches(space)
 
     def shoot(self, point: Point, rays: int, reflections: int, edge_reflections: int) -> Sightings:
-        """Chains that rays from a point find.
-
-        Args:
-            point: Where rays start, around the space's origin [m].
-            rays: How many.
-            reflections: Most patches of a chain.
-            edge_reflections: Most patches that edges are looked for over.
-        """
+        """Chains that rays from a point find."""
         most = max(reflections, edge_reflections)
         met: list[list[np.ndarray]] = [[] for _ in range(most + 1)]
         every = directions(rays)
@@ -191,10 +184,8 @@ class Shooter:
     def _followed(
         self, start: Points, direction: Points, owner: Int[np.ndarray, " n"], reflections: int
     ) -> list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, "c m"]]]:
-        """Owners and chains of what rays meet, of one patch, of two, up to one more than they are mirrored.
-
-        None comes twice.
-        """
+        """Owners and chains of what rays meet, of one patch, of two, up to one more than they are mirrored."""
+        # None comes twice.
         n_patches = len(self._space.patch_facet)
         chain = np.empty((int(owner.max(initial=-1)) + 1, 0), np.int64)
         node, of_node = owner, np.arange(len(chain))

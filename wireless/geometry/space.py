@@ -9,7 +9,7 @@ from wireless.geometry.array_types import Point
 from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.geometry.cones import SLACK_M, Walls
 from wireless.geometry.facets import Surfaces
-from wireless.geometry.occlusion import Tree, depth_in, inward_of, is_in_box, make_tree
+from wireless.geometry.occlusion import Tree, depth_in, inward_of, leaf_around, make_tree
 from wireless.geometry.patches import find_patches
 from wireless.support.compiled import compiled
 
@@ -102,13 +102,7 @@ class Space(NamedTuple):
 
 
 def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool[np.ndarray, " f"]) -> Space:
-    """Prepare what does not depend on antennas.
-
-    Args:
-        surfaces: Facets and edges.
-        mirrors: Facets that reflect.
-        passes: Facets that let paths through.
-    """
+    """Prepare what does not depend on antennas."""
     patches = find_patches(surfaces)
     tree = make_tree(surfaces.triangle, surfaces.plane[surfaces.triangle_facet], surfaces.near_m)
     patch = np.empty(len(surfaces.triangle), np.int64)
@@ -151,20 +145,12 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool
 @compiled
 def in_large_patch(tree: Tree, tree_patch: Int[np.ndarray, " t"], patch: int, p: Point) -> bool:
     """Whether a point of a patch's plane lies in one of its triangles, found in the tree; sides count."""
-    stack = np.empty(64, np.int64)
-    stack[0], depth = 0, 1
-    while depth > 0:
-        depth -= 1
-        box = stack[depth]
-        if not is_in_box(tree, box, p, SLACK_M):
-            continue
-        one, other = tree.child[box]
-        if one >= 0:
-            stack[depth], stack[depth + 1] = one, other
-            depth += 2
-            continue
-        for t in range(-1 - one, -1 - one + other):
+    stack = np.zeros(64, np.int64)
+    first, last, depth = leaf_around(tree, p, SLACK_M, stack, 1)
+    while depth >= 0:
+        for t in range(first, last):
             mine = tree_patch[t] == patch
             if mine and depth_in(tree.triangle, tree.inward, t, p[0], p[1], p[2]) >= -tree.near_m:
                 return True
+        first, last, depth = leaf_around(tree, p, SLACK_M, stack, depth)
     return False

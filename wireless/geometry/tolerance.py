@@ -55,10 +55,6 @@ def tolerance_of(vertex: Float[np.ndarray, "v 3"], snap_m: float) -> float:
     That is four steps of 32-bit numbers as large as the coordinates; at least `snap_m`; and more if all coordinates
     lie on a coarser lattice, as those of a mesh do that was rounded far from zero and then moved back (up to 2 mm,
     32-bit numbers at 32 km). Only a mesh that was rounded far away, moved and then turned needs a larger `snap_m`.
-
-    Args:
-        vertex: Corners [m].
-        snap_m: What is closer is one in any case.
     """
     span, reach = float(np.ptp(vertex, axis=0).max()), float(np.abs(vertex).max())
     step = float(np.spacing(np.float32(reach if reach <= _FAR * span else span)))
@@ -76,10 +72,6 @@ def check_rounding(vertex: Float[np.ndarray, "*n 3"], unit_m: float = 1.0) -> No
 
     An axis was rounded if all its coordinates are 32-bit numbers, and some of them odd multiples of the spacing of
     these numbers there: 3 cm or 6 cm at an easting of UTM, 50 cm at a northing. Whole metres are even multiples.
-
-    Args:
-        vertex: Corners [`unit_m`], as stored.
-        unit_m: Unit of length [m].
     """
     farthest = np.abs(vertex.reshape(-1, 3)).max(axis=0)
     for axis in np.argsort(-farthest):
@@ -144,11 +136,9 @@ def _fit(
     members: Int[np.ndarray, " m"],
     axis: Point,
 ) -> tuple[Point, Point]:
-    """Point and axis of the plane or line fitted to members, close to an axis that is close already.
-
-    Least squares over areas or lengths: the product of two linear functions integrates over a simplex of k corners to
-    (sum of f g + sum of f times sum of g) / (k (k + 1)). What the axis is off by is small, so it is found exactly.
-    """
+    """Point and axis of the plane or line fitted to members, close to an axis that is close already."""
+    # Least squares over areas or lengths: the product of two linear functions integrates over a simplex of k corners to
+    # (sum of f g + sum of f times sum of g) / (k (k + 1)). What the axis is off by is small, so it is found exactly.
     k, total = corner.shape[1], 0.0
     centre, first = np.zeros(3), corner[members[0], 0]
     for m in members:
@@ -256,10 +246,8 @@ def _settle(
     off: float,
     near_m: float,
 ) -> tuple[int, Point, Point, float]:
-    """Fit a group with its new members, without those that then are off: how many it has, and its fit.
-
-    What is left out comes last. If a member from before would be off, all new ones are left out.
-    """
+    """Fit a group with its new members, without those that then are off: how many it has, and its fit."""
+    # What is left out comes last. If a member from before would be off, all new ones are left out.
     while count > before:
         at, to = _fit(corner, size, members[:count], axis)
         most, near, good = 0.0, before, True

@@ -16,12 +16,7 @@ from jaxtyping import Int
 
 
 class Triangulation:
-    """Triangles that fill a square around all points.
-
-    Args:
-        points: Integer coordinates, no two the same.
-        margin: How far the square reaches beyond the points.
-    """
+    """Triangles that fill a square around all points."""
 
     def __init__(self, points: Int[np.ndarray, "n 2"], margin: int):
         self.points = [(int(x), int(y)) for x, y in points]

@@ -404,16 +404,6 @@ def add_views(
 ) -> tuple[int, int]:
     """Add the views that one view begins at walls: passing and mirrored.
 
-    Args:
-        walls: Walls, and triangles next to them.
-        trail: What the view passes and meets.
-        hits: The first of the walls that count, and the one after the last.
-        eye: The view.
-        views: Takes new views.
-        window: Takes their windows.
-        count: Numbers of views and of windows' corners.
-        limits: How far to follow.
-
     Returns:
         The new numbers of views and of windows' corners.
     """

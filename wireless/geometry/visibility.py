@@ -82,15 +82,7 @@ def find_visibility(
     has_target: Bool[np.ndarray, " t"],
     limits: Limits,
 ) -> Visibility:
-    """All views of one source.
-
-    Args:
-        layers: Walls, corners, triangles and openings.
-        around: Triangles around the source, all of one layer.
-        source: Position of the source [m].
-        has_target: Which triangles have targets.
-        limits: How far to follow it.
-    """
+    """All views of one source."""
     plan, level_m, openings, layered = layers.plan, layers.level_m, layers.openings, len(layers.level_m) > 2
     sides = TriangleSides(plan.vertex, plan.tri_vertex, plan.tri_next, plan.tri_wall)
     walls = MirrorWalls(plan.wall_point, plan.wall_along, plan.tri_wall, plan.tri_open, plan.tri_next)
@@ -164,12 +156,6 @@ def views_onto(
     start_list: Int[np.ndarray, " s"],
 ) -> tuple[Int[np.ndarray, " r1"], Int[np.ndarray, " h"]]:
     """Views that targets are in.
-
-    Args:
-        seen: What the source sees.
-        target: Positions of targets [m].
-        start: Where each target's triangles begin in start_list, and an end.
-        start_list: Triangles around targets.
 
     Returns:
         Where each target's views begin, and an end; views by rising number.

@@ -1,6 +1,6 @@
 """Whether probabilities mean what they say: temperature scaling, expected calibration error, reliability.
 
-A network's confidence is its largest probability. Of links told with confidence c, a calibrated network has a
+A network's confidence is its largest probability. Of links classified with confidence c, a calibrated network has a
 share c right. The expected calibration error is the mean gap over bins of confidence, weighted by how many links
 fall into each; a perfect network still shows about sqrt(2 c (1 - c) / (pi n)) in a bin of n. A temperature T,
 p -> p^(1/T) normalised, is fitted by likelihood on links that were not trained on; it changes no decision.
@@ -26,7 +26,7 @@ class Reliability:
     confidence: Float[np.ndarray, " bins"]
     """Mean confidence of the links in each bin; NaN in empty ones."""
     accuracy: Float[np.ndarray, " bins"]
-    """Share of them told rightly; NaN in empty ones."""
+    """Share of them classified correctly; NaN in empty ones."""
     count: Int[np.ndarray, " bins"]
     """How many they are."""
 
@@ -40,13 +40,7 @@ class Reliability:
 def reliability(
     probability: Float[np.ndarray, "n k"], state: Integer[np.ndarray, " n"], *, bins: int = 15
 ) -> Reliability:
-    """Confidence against accuracy in bins of equal width from 0 to 1.
-
-    Args:
-        probability: Of each state.
-        state: True states.
-        bins: Number of bins.
-    """
+    """Confidence against accuracy in bins of equal width from 0 to 1."""
     confidence = probability.max(1)
     right = probability.argmax(1) == state
     place = np.minimum((confidence * bins).astype(int), bins - 1)

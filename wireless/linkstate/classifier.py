@@ -2,8 +2,8 @@
 
 A classifier is one or a few networks whose probabilities are averaged, a temperature, and the states that its
 training data had among links with paths. A link without any estimated path is an outage for sure: networks are
-neither trained on such links nor asked. On disk it is `NAME.safetensors` with the weights and `NAME.json` with
-the card: data, seeds, recipe, scores.
+neither trained on such links nor evaluated for them. On disk it is `NAME.safetensors` with the weights and
+`NAME.json` with the card: data, seeds, recipe, scores.
 """
 
 import json
@@ -16,7 +16,7 @@ from jaxtyping import Float, Float32
 from safetensors.numpy import load, save
 
 from wireless.linkstate.calibration import scaled
-from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, softmax, way_shapes
+from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, route_shapes, softmax
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens
 from wireless.paths import LinkState
 from wireless.support.reading import reading
@@ -25,6 +25,9 @@ from wireless.support.reading import reading
 _BLOCK = 4096
 #: A card is a few pages of text [bytes]; temperatures are about 1.
 _MOST_CARD, _HOTTEST = 5_000_000, 1e6
+#: Name of the network for routes in weight files, and of its width in cards.
+_ROUTE = "way"  # stored name
+_ROUTE_WIDTH = "way_width"  # stored name
 
 
 class LinkStateClassifier:
@@ -39,7 +42,7 @@ class LinkStateClassifier:
         options: dict[str, Any] | None = None,
         states: Sequence[int] = (1, 2, 3),
         temperature: float = 1.0,
-        way: Weights | None = None,
+        route: Weights | None = None,
         card: dict[str, Any] | None = None,
     ) -> None:
         """Make a classifier.
@@ -51,7 +54,7 @@ class LinkStateClassifier:
             options: What they were made with besides the inputs.
             states: States possible of links with paths.
             temperature: See `wireless.linkstate.calibration`.
-            way: Weights of what fuses measurements along ways, see `wireless.linkstate.follower`.
+            route: Weights of the network that fuses measurements along routes, see `wireless.linkstate.follower`.
             card: What is known about the training and the scores.
 
         Raises:
@@ -59,14 +62,16 @@ class LinkStateClassifier:
         """
         self.networks = [dict(weights) for weights in networks]
         self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
-        self.way = None if way is None else dict(way)
+        self.route = None if route is None else dict(route)
         self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
         shapes = KINDS[model].shapes(self.inputs, **self.options)
         for i, weights in enumerate(self.networks):
             check_weights(weights, shapes, f"network {i}")
-        if self.way is not None:
+        if self.route is not None:
             check_weights(
-                self.way, way_shapes(self.inputs, len(self.way.get("embed.bias", ()))), "network way"
+                self.route,
+                route_shapes(self.inputs, len(self.route.get("embed.bias", ()))),
+                "network for routes",
             )
 
     @property
@@ -138,18 +143,18 @@ class LinkStateClassifier:
         return total / np.float32(len(self.networks))
 
     def files(self, name: str) -> dict[str, bytes]:
-        """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+        """The contents of NAME.safetensors and of its card, NAME.json."""
         weights = {
             f"{i}.{key}": array for i, network in enumerate(self.networks) for key, array in network.items()
         }
-        if self.way is not None:
-            weights |= {f"way.{key}": array for key, array in self.way.items()}
+        if self.route is not None:
+            weights |= {f"{_ROUTE}.{key}": array for key, array in self.route.items()}
         head = {
             "model": self.model,
             "inputs": list(self.inputs),
             "options": self.options,
             "networks": len(self.networks),
-            "way_width": None if self.way is None else len(self.way["embed.bias"]),
+            _ROUTE_WIDTH: None if self.route is None else len(self.route["embed.bias"]),
             "states": list(self.states),
             "temperature": self.temperature,
         }
@@ -158,7 +163,7 @@ class LinkStateClassifier:
 
 
 def load_classifier(path: Path) -> LinkStateClassifier:
-    """A classifier from its weights; the card lies beside them.
+    """A classifier from its weights; the card has the same name and ends in .json.
 
     Raises:
         DataError: If a file is missing or damaged, or they do not fit each other.
@@ -172,10 +177,10 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             card = _checked(json.loads(card_file.read()))
         weights = load(file.read())
         networks = [_part(weights, str(i)) for i in range(card["networks"])]
-        width, way = card["way_width"], None
+        width, route = card[_ROUTE_WIDTH], None
         if width is not None:
-            way = _part(weights, "way")
-            check_weights(way, way_shapes(card["inputs"], width), "network way")
+            route = _part(weights, _ROUTE)
+            check_weights(route, route_shapes(card["inputs"], width), "network for routes")
         return LinkStateClassifier(
             networks,
             model=card["model"],
@@ -183,20 +188,20 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             options=card["options"],
             states=card["states"],
             temperature=card["temperature"],
-            way=way,
+            route=route,
             card=card,
         )
 
 
 def _checked(card: dict[str, Any]) -> dict[str, Any]:
     """A card, if networks can be made by it, of a size that is worth the memory."""
-    options, width, states = card["options"], card["way_width"], card["states"]
+    options, width, states = card["options"], card[_ROUTE_WIDTH], card["states"]
     limits = {"width": (2, WIDEST), "rounds": (1, 16)}
     good = {
         "model": card["model"] in KINDS,
         "inputs": "aoa" in card["inputs"] and "snr" in card["inputs"] and set(card["inputs"]) <= set(COLUMNS),
         "networks": _is_whole(card["networks"], 1, 100),
-        "way_width": width is None or _is_whole(width, 1, WIDEST),
+        _ROUTE_WIDTH: width is None or _is_whole(width, 1, WIDEST),
         "options": set(options) <= {*limits, "dropout"}
         and all(_is_whole(options[name], *limits[name]) for name in limits if name in options),
         "states": 0 < len(states) == len(set(states)) and set(states) <= set(LinkState),

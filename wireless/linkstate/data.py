@@ -108,7 +108,7 @@ def _public(data: Path) -> list[_Unit]:
 def _data_set(data: Path) -> list[_Unit]:
     path = data / "manifest.json"
     with reading(
-        path, "the manifest of a data set of links", "Make it anew.", most_bytes=_MOST_MANIFEST
+        path, "the manifest of a data set of links", "Make it again.", most_bytes=_MOST_MANIFEST
     ) as file:
         files = [data / unit["file"] for unit in json.loads(file.read())["units"]]
         if not files:

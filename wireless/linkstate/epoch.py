@@ -1,4 +1,4 @@
-"""What is kept of an epoch of training."""
+"""Record of an epoch of training."""
 
 from dataclasses import dataclass
 
@@ -12,6 +12,6 @@ class Epoch:
     loss: float
     """Mean loss of the steps, with dropout and smoothed labels [nat]."""
     accuracy: float | None
-    """Share of the watched links told rightly by the averaged weights, if any are watched."""
+    """Share of the watched links classified correctly by the averaged weights, if any are watched."""
     watched_loss: float | None
     """Their cross entropy [nat]."""

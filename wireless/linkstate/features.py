@@ -34,10 +34,6 @@ def path_and_pair_features(
 ) -> tuple[Float32[np.ndarray, "n 5 f"], Float32[np.ndarray, "n 5 5 g"], Bool[np.ndarray, "n 5"]]:
     """Features of each path and of each ordered pair of paths; zero where one is missing.
 
-    Args:
-        tokens: Paths from `wireless.linkstate.tokens.make_tokens`.
-        inputs: Columns to use, of `wireless.linkstate.tokens.COLUMNS`; "aoa" and "snr" always.
-
     Returns:
         Features of paths, features of pairs, and which paths are there.
     """
@@ -131,19 +127,12 @@ def moments(tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]) -> Floa
 
 
 def place_features(
-    probability: Float[np.ndarray, "ways places 4"],
-    tokens: Float32[np.ndarray, "ways places 5 5"],
-    moved_m: Float[np.ndarray, "ways places"],
+    probability: Float[np.ndarray, "routes places 4"],
+    tokens: Float32[np.ndarray, "routes places 5 5"],
+    moved_m: Float[np.ndarray, "routes places"],
     inputs: Sequence[str],
-) -> Float32[np.ndarray, "ways places f"]:
-    """What the network for ways sees of each place: log probabilities first.
-
-    Args:
-        probability: What was told of each place alone.
-        tokens: What was measured there.
-        moved_m: Distance from the place before [m]; 0 where there is none.
-        inputs: Columns of tokens to use.
-    """
+) -> Float32[np.ndarray, "routes places f"]:
+    """What the network for routes sees of each place: log probabilities first."""
     x = np.nan_to_num(tokens, nan=0.0)
     snr = np.nan_to_num(tokens[..., SNR], nan=SNR_LIMITS_DB[0]).clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
     arrival = x[..., AOA]

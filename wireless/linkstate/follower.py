@@ -1,4 +1,4 @@
-"""Link states of one robot on its way: a classifier with a memory of the last places.
+"""Link states of one robot along its route: a classifier with a memory of the last places.
 
 follower = Follower(classifier)
 while driving:
@@ -10,26 +10,26 @@ from jaxtyping import Bool, Float, Float32
 
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.features import place_features
-from wireless.linkstate.forward import N_STATES, way_step
+from wireless.linkstate.forward import N_STATES, route_step
 from wireless.linkstate.tokens import reached
 from wireless.paths import LinkState
 
 
 class Follower:
-    """Remembers the way so far; make a new one for a new way."""
+    """Remembers the route so far; make a new one for a new route."""
 
     def __init__(self, classifier: LinkStateClassifier) -> None:
-        """Start a way.
+        """Start a route.
 
         Raises:
-            ValueError: If the classifier has no network for ways.
+            ValueError: If the classifier has no network for routes.
         """
-        if classifier.way is None:
+        if classifier.route is None:
             raise ValueError(
-                "this classifier has no network for ways; train one with at least two folds, or ask it for "
+                "this classifier has no network for routes; train one with at least two folds, or classify "
                 "each place alone."
             )
-        self.classifier, self._weights = classifier, classifier.way
+        self.classifier, self._weights = classifier, classifier.route
         self._memory: np.ndarray | None = None
         self._before: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -76,7 +76,7 @@ class Follower:
             both = np.concatenate([self._before[1], tokens[None]])
             moves = np.array([0, moved_m], np.float32)
         features = place_features(probability[None], both[None], moves[None], self.classifier.inputs)[0, -1]
-        logits, self._memory = way_step(self._weights, features, self._memory)
+        logits, self._memory = route_step(self._weights, features, self._memory)
         self._before = alone, tokens[None]
         return fused_probability(logits[None].astype(float), reached(tokens[None]), self.classifier.states)[0]
 

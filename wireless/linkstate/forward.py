@@ -1,8 +1,8 @@
 """Networks of link states in use: from tokens and trained weights to logits, in NumPy.
 
-They are small, and one link at a time is asked about, so that matrix products are all that it takes; what trains them
-is `wireless.linkstate.learning.networks`, with weights of the same names and shapes. Each link is computed by itself,
-so that no answer depends on which others are asked about with it.
+They are small and used for one link at a time, so that matrix products suffice. `wireless.linkstate.learning.networks`
+trains them, with weights of the same names and shapes. Each link is computed separately: its result does not depend on
+the other links of a call.
 
 References: Ba et al., "Layer normalization", arXiv 1607.06450; Ioffe and Szegedy, "Batch normalization", ICML 2015;
 Cho et al., "Learning phrase representations using RNN encoder-decoder", EMNLP 2014 (the gated recurrent unit).
@@ -127,29 +127,23 @@ KINDS = {
 }
 
 
-def way_step(
+def route_step(
     weights: Weights, features: Float32[np.ndarray, " f"], memory: Float32[np.ndarray, " width"] | None
 ) -> tuple[Float32[np.ndarray, "4"], Float32[np.ndarray, " width"]]:
-    """Logits at a place of a way from all places up to it, and what to remember.
-
-    Args:
-        weights: Of a network for ways.
-        features: From `wireless.linkstate.features.place_features`.
-        memory: What the step before gave; None at the first place.
-    """
+    """Logits at a place of a route from all places up to it, and what to remember."""
     seen = _relu(_dense(weights, "embed", features))
     before = np.zeros_like(seen) if memory is None else memory
     given = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]
-    kept = weights["memory.weight_hh_l0"] @ before + weights["memory.bias_hh_l0"]
-    (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(given, 3), np.split(kept, 3)
+    recurrent = weights["memory.weight_hh_l0"] @ before + weights["memory.bias_hh_l0"]
+    (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(given, 3), np.split(recurrent, 3)
     update = _logistic(update_x + update_h)
     new = np.tanh(new_x + _logistic(reset_x + reset_h) * new_h)
     memory = (1 - update) * new + update * before
     return features[:N_STATES] + _dense(weights, "out", np.concatenate([seen, memory])), memory
 
 
-def way_shapes(inputs: Sequence[str], width: int) -> Shapes:
-    """Shapes of the weights of a network for ways."""
+def route_shapes(inputs: Sequence[str], width: int) -> Shapes:
+    """Shapes of the weights of a network for routes."""
     gates = {f"memory.weight_{one}_l0": (3 * width, width) for one in ("ih", "hh")}
     biases = {f"memory.bias_{one}_l0": (3 * width,) for one in ("ih", "hh")}
     ends = _dense_shapes("embed", place_feature_count(inputs), width)

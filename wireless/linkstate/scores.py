@@ -1,4 +1,4 @@
-"""How well link states are told: accuracy, confusion, calibration, per building."""
+"""Scores of link-state classification: accuracy, confusion, calibration, per building."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from wireless.linkstate.calibration import cross_entropy, fit_temperature, relia
 def confusion(
     probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray, " n"]
 ) -> Int[np.ndarray, "4 4"]:
-    """Number of links by true state (rows) and told state (columns)."""
+    """Number of links by true state (rows) and predicted state (columns)."""
     return np.bincount(4 * state.astype(int) + probability.argmax(1), minlength=16).reshape(4, 4)
 
 
@@ -23,13 +23,6 @@ def scores(
     names: tuple[str, ...],
 ) -> dict[str, Any]:
     """Scores of calibrated probabilities.
-
-    Args:
-        probability: Of each state.
-        state: True states.
-        reached: Which links have a path; the others are right trivially where outage means no path.
-        building: Building of each link.
-        names: Names of the buildings.
 
     Returns:
         Plain numbers: over all links, over those with paths (`*_with_paths`), the calibration error over both,

@@ -16,7 +16,7 @@ Reference: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.102
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -38,8 +38,6 @@ _MORE_ROUNDS = 6
 _MOST_CONDITION = 1e10
 #: Solutions of sets whose paths say nearly the same are not looked at.
 _LEAST_DETERMINANT = 1e-3
-#: So far around the median of those of single places a common offset is looked for, and then around the best [m].
-_AROUND_M = (1.0, 0.3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,34 +152,6 @@ def _hypotheses(
     return np.array([state for _, state in best[:_REFINED]]).reshape(-1, 4)
 
 
-def locate_together(
-    places: Sequence[MeasuredPaths], config: PositioningConfig = PositioningConfig()
-) -> list[Located]:
-    """Find a radio at several places with one offset of its clock that is not known.
-
-    Raises:
-        ValueError: If the paths of a place are too few.
-    """
-    alone = [locate(paths, config) for paths in places]
-    offset = float(np.median([found.offset_m for found in alone]))
-    for half_m in _AROUND_M:
-        offset = _best_of(
-            lambda value: sum(locate(paths, config, offset_m=value).cost for paths in places), offset, half_m
-        )
-    return [locate(paths, config, offset_m=offset) for paths in places]
-
-
-def _best_of(cost: Callable[[float], float], middle: float, half: float) -> float:
-    """The vertex of a parabola through the least of five costs around a value and its neighbours."""
-    values = middle + np.linspace(-half, half, 5)
-    costs = np.array([cost(float(value)) for value in values])
-    k = int(np.clip(np.argmin(costs), 1, len(values) - 2))
-    a, b, c = costs[k - 1 : k + 2]
-    bend = a - 2 * b + c
-    shift = 0.5 * (a - c) / bend if bend > 0 else 0.0
-    return float(values[k] + np.clip(shift, -1, 1) * (values[1] - values[0]))
-
-
 def _sets(count: int, size: int, rng: np.random.Generator) -> Int[np.ndarray, "m k"]:
     """Sets of few paths: all, or as many as are looked at."""
     if math.comb(count, size) <= _MOST_SETS:
@@ -256,10 +226,8 @@ def _judged(
 def _deviations(
     paths: MeasuredPaths, states: Float[np.ndarray, "s 4"], config: PositioningConfig
 ) -> tuple[Float[np.ndarray, "s n 2"], Float[np.ndarray, "s n 2 2"], Bool[np.ndarray, "s n"]]:
-    """How far (1) is off at its best r, the covariance of that, and whether it would be in line of sight.
-
-    Along d + e a bounce says nothing of where z is: there it has a wide covariance.
-    """
+    """How far (1) is off at its best r, the covariance of that, and whether it would be in line of sight."""
+    # Along d + e a bounce says nothing of where z is: there it has a wide covariance.
     d, e = _unit(paths.known_rad)[None], _unit(states[:, 2:3] + paths.own_rad)
     length = paths.length_m - states[:, 3:]
     s = d + e

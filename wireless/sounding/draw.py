@@ -127,17 +127,7 @@ def find_candidates(
     noise_reach: float,
     n: int,
 ) -> Candidates:
-    """Which delays paths may win at, be seen at, or leave to noise.
-
-    Args:
-        tau: Delays of paths [samples].
-        reach: Amplitude of each path's strongest cell.
-        a: Amplitudes of paths at the receiver.
-        b: Responses of the beams.
-        ports: Dimensions of one receive array.
-        noise_reach: Amplitude that the noise of no cell exceeds.
-        n: Samples of the waveform.
-    """
+    """Which delays paths may win at, be seen at, or leave to noise."""
     is_above = reach > NOTHING
     low = np.min(tau, axis=1, where=is_above, initial=np.inf)
     high = np.max(tau, axis=1, where=is_above, initial=-np.inf)

@@ -29,14 +29,7 @@ MAX_FILES = 16
 def cached_array(
     name: str, made_of: Iterable[bytes], code: Iterable[Path], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
-    """An array from disk, or computed and stored there.
-
-    Args:
-        name: Beginning of the file's name.
-        made_of: All values that the array depends on.
-        code: Files of Python whose text it depends on.
-        make: Computes it.
-    """
+    """An array from disk, or computed and stored there."""
     looks = hashlib.sha256()
     machine = (np.__version__, numba.__version__, llvmlite.binding.get_host_cpu_name())
     for part in (*made_of, *(file.read_bytes() for file in code), repr(machine).encode()):

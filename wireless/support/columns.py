@@ -21,19 +21,14 @@ def parquet_table(
 ) -> pa.Table:
     """A table from a Parquet file.
 
-    Args:
-        file: The file.
-        names: Columns to read; all if not given.
-        filters: Which rows to read, as PyArrow has them.
-
     Raises:
         ValueError: If a column is missing, or there are more rows than any table has.
         Exception: Whatever damage makes its reader raise.
     """
-    told = pq.read_metadata(file)
-    if told.num_rows > _MOST_ROWS or told.num_columns > _MOST_COLUMNS:
-        raise ValueError(f"it declares {told.num_rows} rows and {told.num_columns} columns")
-    there = told.schema.to_arrow_schema().names
+    metadata = pq.read_metadata(file)
+    if metadata.num_rows > _MOST_ROWS or metadata.num_columns > _MOST_COLUMNS:
+        raise ValueError(f"it declares {metadata.num_rows} rows and {metadata.num_columns} columns")
+    there = metadata.schema.to_arrow_schema().names
     if missing := [name for name in names or () if name not in there]:
         raise ValueError(f"column {missing[0]} is missing; there are {', '.join(there[:20])}")
     file.seek(0)
@@ -64,7 +59,7 @@ def lists(table: pa.Table, name: str, kind: pa.DataType) -> tuple[np.ndarray, np
     Raises:
         ValueError: As `values` does.
     """
-    import pyarrow.compute as pc  # a tenth of a second, for which who reads no lists has no use
+    import pyarrow.compute as pc  # takes 0.1 s, required for lists only
 
     column = _plain(table, name, kind).combine_chunks()
     column = pa.concat_arrays(column.chunks) if isinstance(column, pa.ChunkedArray) else column
@@ -75,7 +70,7 @@ def lists(table: pa.Table, name: str, kind: pa.DataType) -> tuple[np.ndarray, np
 
 
 def check_within(found: np.ndarray, name: str, low: float, high: float) -> None:
-    """Refuse numbers beyond bounds, and what is no number.
+    """Reject numbers outside bounds, NaN and infinities.
 
     Raises:
         ValueError: Of the first.

@@ -2,11 +2,5 @@
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """A number with its noun: "1 task", "2 tasks".
-
-    Args:
-        number: How many.
-        noun: One of them.
-        plural: Several of them; the noun with an s if not given.
-    """
+    """A number with its noun: "1 task", "2 tasks"."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"

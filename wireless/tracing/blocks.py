@@ -31,14 +31,7 @@ def available_cores() -> int:
 def trace_blocks(
     n_tx: int, n_rx: int, trace: Callable[[slice, slice], Iterable[Table]], workers: int | None = None
 ) -> Rows:
-    """Trace all links.
-
-    Args:
-        n_tx: Number of transmitters.
-        n_rx: Number of receivers.
-        trace: Traces a block of transmitters and receivers: a table for each of these transmitters, one by one.
-        workers: Threads; None for one on each available core.
-    """
+    """Trace all links."""
     blocks = [
         (slice(i, min(i + BLOCK_TX, n_tx)), slice(j, min(j + BLOCK_RX, n_rx)))
         for i, j in itertools.product(range(0, n_tx, BLOCK_TX), range(0, n_rx, BLOCK_RX))

@@ -64,13 +64,7 @@ class Reach(NamedTuple):
 
 
 class Candidates:
-    """Finds what may be reached from points of a space, and traces links over that.
-
-    Args:
-        space: Surfaces.
-        setting: Limits of paths.
-        rays: Rays from each transmitter.
-    """
+    """Finds what may be reached from points of a space, and traces links over that."""
 
     def __init__(self, space: Space, setting: Setting, rays: int):
         self._space, self._setting, self._rays = space, setting, rays

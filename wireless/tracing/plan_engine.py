@@ -90,15 +90,7 @@ def views_of(
     start_list: Int[np.ndarray, " s"],
     limits: Limits,
 ) -> Views:
-    """Views of many points onto edges.
-
-    Args:
-        layers: Walls, corners, triangles and openings.
-        points: Positions [m] around the layers' origin.
-        start: Where each point's triangles begin in start_list, and an end.
-        start_list: Triangles around points.
-        limits: How far to follow each.
-    """
+    """Views of many points onto edges."""
     n, outline = len(points), layers.outline
     view_start, edge_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
     image, chain = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
@@ -273,18 +265,7 @@ def trace_links(
     start_list: Int[np.ndarray, " s"],
     far: Views,
 ) -> Table:
-    """Strongest paths from one transmitter to many receivers.
-
-    Args:
-        layers: Walls, corners, triangles and openings.
-        setting: Physics and limits.
-        tx: Position of the transmitter, around the layers' origin [m].
-        seen: What it sees.
-        rx: Positions of receivers.
-        start: Where each receiver's triangles begin in start_list, and an end.
-        start_list: Triangles around receivers.
-        far: Views of the receivers onto edges.
-    """
+    """Strongest paths from one transmitter to many receivers."""
     table, keep, row = make_table(setting, len(rx), len(rx)), setting.keep, 0
     hit_start, hit_view = views_onto(seen, rx, start, start_list)
     near, scratch, best = _near_edges(layers.outline, seen), make_scratch(setting), new_best(setting, 4)

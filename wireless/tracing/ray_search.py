@@ -92,16 +92,7 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
 def reflect(
     space: Space, setting: Setting, links: Links, chains: OpenChains, most: Reflected, work: Workspace
 ) -> None:
-    """Enter the paths over patches into the lists of all links.
-
-    Args:
-        space: Surfaces.
-        setting: Physics and limits; permittivities are those of facets.
-        links: Links of the transmitter.
-        chains: What the transmitter reaches.
-        most: What facets reflect at most.
-        work: Arrays to work in.
-    """
+    """Enter the paths over patches into the lists of all links."""
     hits = chains_at(chains, links.rx)
     for r in range(len(links.rx)):
         mine = hits.row[hits.start[r] : hits.start[r + 1]]
@@ -133,10 +124,8 @@ def _rough_bounds(
     least: float,
     sight: Points,
 ) -> Float[np.ndarray, " n"]:
-    """What the power over edges cannot exceed if their faces were mirrors; -1 if it is none or below the least.
-
-    Puts where the receiver's image is, as seen from the edge, into `sight` (see `edge_sight`).
-    """
+    """What the power over edges cannot exceed if their faces were mirrors; -1 if it is none or below the least."""
+    # Puts where the receiver's image is, as seen from the edge, into `sight` (see `edge_sight`).
     rough, far, image = np.empty(len(mine)), edges.far, np.empty((edges.far.shape[1] + 1, 3))
     for h in range(len(mine)):
         q = mine[h]
@@ -168,10 +157,8 @@ def _bounds(
     ends: Float[np.ndarray, "2 3"],
     sight: Float[np.ndarray, "m 3"],
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """What the power over some edges cannot exceed, and what if patches reflected everything.
-
-    For many at once, as handing these tables on takes longer than finding one. Sights are those of `_rough_bounds`.
-    """
+    """What the power over some edges cannot exceed, and what if patches reflected everything."""
+    # For many at once, as handing these tables on takes longer than finding one. Sights are those of `_rough_bounds`.
     edge, edge_wedge, gaps = ground.edge, ground.edge_wedge, ground.edge_gap_rad
     edge_facets, plane, patch_facet = ground.edge_facets, ground.plane, ground.patch_facet
     image, bound, bare = np.empty((edges.near.shape[1] + 1, 3)), np.empty(len(some)), np.empty(len(some))
@@ -215,16 +202,7 @@ def _bounds(
 def bend(
     space: Space, setting: Setting, links: Links, edges: EdgeChains, most: Reflected, work: Workspace
 ) -> None:
-    """Enter the paths over edges into the lists of all links.
-
-    Args:
-        space: Surfaces.
-        setting: Physics and limits; permittivities are those of facets.
-        links: Links of the transmitter.
-        edges: What the transmitter reaches.
-        most: What facets reflect at most.
-        work: Arrays to work in.
-    """
+    """Enter the paths over edges into the lists of all links."""
     ground, keep, hits = space.ground, setting.keep, edges_at(space.panes, edges, links.rx)
     for r in range(len(links.rx)):
         mine, link = hits.row[hits.start[r] : hits.start[r + 1]], link_of(links, r)

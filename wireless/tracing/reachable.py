@@ -70,13 +70,7 @@ class EdgeChains(NamedTuple):
 
 @compiled
 def open_chains(space: Space, tx: Point, chain: Int[np.ndarray, "c m"]) -> OpenChains:
-    """Chains of patches whose windows do not close.
-
-    Args:
-        space: Surfaces.
-        tx: The transmitter, around the space's origin [m].
-        chain: Patches, by length and in rising order; -1 beyond the last.
-    """
+    """Chains of patches whose windows do not close."""
     most, count, windows = chain.shape[1], 0, space.windows
     # View k looks over the first k patches of a chain: of the next one only the views that differ are new.
     views, same = new_views(most + 1, most), 0
@@ -240,13 +234,7 @@ def can_bend(
 
 
 def make_edge_chains(space: Space, sights: SeenEdges, behind: list[Bent]) -> EdgeChains:
-    """Edges of all sights, without patches behind them, and with some.
-
-    Args:
-        space: Surfaces.
-        sights: What the transmitter sees.
-        behind: Patches behind edges, numbers are those of sights.
-    """
+    """Edges of all sights, without patches behind them, and with some."""
     sight = np.concatenate([np.arange(len(sights.edge)), *(bent.sight for bent in behind)])
     far = np.full((len(sight), max([1, *(bent.chain.shape[1] for bent in behind)])), -1, np.int64)
     row = len(sights.edge)

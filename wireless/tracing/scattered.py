@@ -52,14 +52,7 @@ class Tiles:
 
 
 class Scattering:
-    """Scattered paths in a floor plan.
-
-    Args:
-        scene: The plan.
-        share: Scattering coefficient S of each of its walls.
-        alpha: Exponent of each wall's lobe; -1 for Lambert's law.
-        tile_m: Largest side of a tile.
-    """
+    """Scattered paths in a floor plan."""
 
     def __init__(
         self, scene: PlanScene, share: Float[np.ndarray, " n"], alpha: Int[np.ndarray, " n"], tile_m: float
@@ -72,14 +65,7 @@ class Scattering:
     def added(
         self, rows: Rows, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], keep: int
     ) -> Rows:
-        """The paths of each link with those scattered, the strongest of both.
-
-        Args:
-            rows: What the plan's engine found.
-            tx: Transmitters, around the plan's origin [m].
-            rx: Receivers.
-            keep: Most paths of a link.
-        """
+        """The paths of each link with those scattered, the strongest of both."""
         of_rx = [self._seen(one) for one in rx]
         found: Rows = []
         for one, tables in zip(tx, rows, strict=True):

@@ -117,11 +117,9 @@ class PlanScene:
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
 
     def _only_region(self, around: Int[np.ndarray, " s"]) -> int:
-        """The region that some triangles lie in, if paths must not leave it; -1 otherwise.
-
-        A path that passes only one wall, from a region to itself, must find that region on both sides of the wall: a
-        wall between rooms is passed by its two sides.
-        """
+        """The region that some triangles lie in, if paths must not leave it; -1 otherwise."""
+        # A path that passes only one wall, from a region to itself, must find that region on both sides of the wall: a
+        # wall between rooms is passed by its two sides.
         if self.setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
             return int(found[0])
         return -1
@@ -243,17 +241,7 @@ def trace_plans(
     visible: Callable[[np.ndarray, np.ndarray, np.ndarray], Visibility],
     workers: int | None,
 ) -> Rows:
-    """Paths of each transmitter, to receivers in blocks.
-
-    Args:
-        layers: A floor plan, or several over each other.
-        setting: Physics and limits.
-        limits: How far transmitters are followed.
-        tx: Transmitters, and the triangles around each.
-        rx: Receivers likewise.
-        visible: What a transmitter sees, from its position, the triangles around it, and those with receivers.
-        workers: Threads; None for one on each available core.
-    """
+    """Paths of each transmitter, to receivers in blocks."""
 
     def trace(txs: slice, rxs: slice) -> Iterator[Table]:
         some, (start, triangle) = np.ascontiguousarray(rx[0][rxs]), part_of(*rx[1], rxs)

@@ -203,15 +203,7 @@ def _may_join(
 def trace_space(
     space: Space, setting: Setting, tx: Point, rx: Float[np.ndarray, "r 3"], rx_boxes: Boxes
 ) -> Table:
-    """Strongest paths from one transmitter to many receivers.
-
-    Args:
-        space: Surfaces.
-        setting: Physics and limits; permittivities are those of facets.
-        tx: Position of the transmitter, around the space's origin [m].
-        rx: Positions of receivers.
-        rx_boxes: Receivers, sorted into boxes.
-    """
+    """Strongest paths from one transmitter to many receivers."""
     links, work = make_links(setting, tx, rx), make_workspace(setting)
     _reflect(space, setting, links, rx_boxes, work)
     if setting.edge_reflections >= 0 and len(space.ground.edge):

@@ -27,15 +27,6 @@ class NoStackError(Exception):
 class StackScene:
     """Storeys over each other, and how links in and between them are traced.
 
-    Args:
-        stack: The storeys.
-        mesh: All triangles.
-        face_material: A number for the material of each face.
-        face_wall: Its layers.
-        setting: Physics and limits for some walls.
-        snap_m: Ends of walls closer than this are one.
-        floor_ceiling: Whether floors and ceilings reflect.
-
     Raises:
         NoStackError: If rooms are not closed, or paths may reflect at or pass slabs.
     """

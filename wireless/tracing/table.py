@@ -273,18 +273,7 @@ def list_path(
     number: int,
     p: Float[np.ndarray, "m2 3"],
 ) -> int:
-    """Enter a path of m interactions into a list, unless it is weaker than all or there already; its new length.
-
-    Args:
-        best: The list.
-        count: Its length.
-        parts: What the path is made of.
-        length: Unfolded length of the path [m].
-        power: Its power gain.
-        m: Number of interactions.
-        number: Identifies the sequence of interactions.
-        p: Transmitter, interaction points, receiver [m].
-    """
+    """Enter a path of m interactions into a list, unless it is weaker than all or there already; its new length."""
     rank, new, place = best.rank, np.empty(5), count
     new[0], new[1], new[4] = power, length, number
     new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length

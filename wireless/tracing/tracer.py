@@ -156,11 +156,7 @@ def _whole(value: object) -> bool:
 def _checked_faces(
     face_material: Integer[np.ndarray, " n"] | None, n_faces: int, n_materials: int
 ) -> Int[np.ndarray, " n_faces"]:
-    """Material of each face, the first where none is given.
-
-    Raises:
-        ValueError: If these are not whole numbers of materials, one for each face.
-    """
+    """Material of each face, the first where none is given."""
     of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
     if of_face.shape != (n_faces,) or of_face.dtype.kind not in "iu":
         raise ValueError(

@@ -131,17 +131,8 @@ def _take_wall(
 def _raise_flat(
     outline: Outline, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, scratch: Scratch
 ) -> int:
-    """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
-
-    Args:
-        outline: Walls and corners.
-        setting: Heights and materials.
-        tx_z: Height of the transmitter.
-        rx_z: Height of the receiver.
-        n: Number of interactions seen from above.
-        bounce: Reflections at floor and ceiling; positive if the ceiling comes first, negative for the floor.
-        scratch: Has the flat path, gets the path.
-    """
+    """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number."""
+    # Positive `bounce`: the ceiling comes first; negative: the floor.
     flat, point = scratch.flat, scratch.point
     height = setting.high_m - setting.low_m
     z = tx_z - setting.low_m

@@ -9,7 +9,7 @@ from robosim.building.building import make_building
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.camera.target import DICTIONARY, TargetConfig, marker_corners, target_mesh
+from robosim.camera.target import DICTIONARY, TargetConfig, target_mesh
 from robosim.plans.floorplan import FloorPlan
 
 PLACE = np.array([3.2, 2.9])
@@ -33,6 +33,15 @@ def detect(rgb: np.ndarray) -> dict[int, np.ndarray]:
     detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(DICTIONARY))
     corners, ids, _ = detector.detectMarkers(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
     return {} if ids is None else {int(i): c[0] for i, c in zip(ids.ravel(), corners, strict=True)}
+
+
+def marker_corners(position_xy, *, config, yaw):
+    """Outer corners of the four markers, clockwise from the upper left one as of OpenCV, x, y, z [m] in `map`."""
+    across_up = config.marker_m / 2 * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
+    side = np.column_stack([np.full(4, config.box_m / 2), across_up])
+    angles = yaw + np.arange(4) * np.pi / 2
+    turns = [np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]]) for a in angles]
+    return np.stack([side @ turn for turn in turns]) + np.array([*position_xy, config.marker_height_m])
 
 
 @pytest.mark.parametrize("backend", ["pyrender", "embree"])

@@ -17,8 +17,7 @@ from robosim.task.tasks import make_task
 from robosim.training.mapper import read_frames, read_pairs, train_mapper
 from slam.learning.map_module import MapModule
 from slam.learning.mapper import Recipe, classical_scores, validate
-from slam.learning.pose import pose_scores
-from slam.learning.pose_module import PoseModule
+from slam.learning.pose import PoseModule, pose_scores
 from slam.networks.files import load_mapper, load_pose
 
 QUIET = Console(quiet=True)

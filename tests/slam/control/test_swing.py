@@ -7,7 +7,7 @@ import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.control.controller import ControlConfig, Controller
-from slam.control.swing import pushes, swung, turns_round
+from slam.control.manoeuvre import pushes, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Planner
 from tests.slam.floors import floor

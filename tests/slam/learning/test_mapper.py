@@ -20,8 +20,7 @@ from slam.networks.features import (
     Features,
 )
 from slam.networks.files import load_mapper, mapper_files
-from slam.networks.map_network import OBSTACLE, NetworkConfig
-from slam.networks.prediction import MapPredictor
+from slam.networks.map_network import OBSTACLE, MapPredictor, NetworkConfig
 from slam.networks.scores import PatchScores
 from slam.sensing.projection import CameraModel, scan_from_depth
 from tests.slam.rooms import Room

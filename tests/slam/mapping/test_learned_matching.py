@@ -7,8 +7,7 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from slam.learning.pose import Pairs, PoseRecipe, batch_of, pose_scores, train_pose
-from slam.learning.pose_module import surprise
+from slam.learning.pose import Pairs, PoseRecipe, batch_of, pose_scores, surprise, train_pose
 from slam.mapping.learned_matching import LearnedMatchConfig, LearnedMatcher
 from slam.mapping.occupancy import OccupancyGrid
 from slam.networks.pose_network import SPREAD, UNIT, PoseNetwork, PoseNetworkConfig

@@ -6,7 +6,7 @@ import torch
 
 from robosim.support.assets import shipped_network
 from slam.learning.map_module import MapModule, arrays_of
-from slam.learning.pose_module import PoseModule
+from slam.learning.pose import PoseModule
 from slam.networks.features import N_CHANNELS
 from slam.networks.files import load_mapper, load_pose
 from slam.networks.map_network import MapNetwork, NetworkConfig, map_shapes

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from slam.grid import GridFrame
-from slam.planning.cost_map import Box, CostConfig
-from slam.planning.known_ground import travel_time_from_robot
+from slam.planning.cost_map import Box, CostConfig, travel_time_from_robot
 
 CELL_M = 0.05
 

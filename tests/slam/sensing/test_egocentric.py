@@ -9,7 +9,8 @@ from scipy import ndimage
 
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import to_map
-from slam.sensing.egocentric import AHEAD, EXPLORED, OBSTACLE, egocentric_map
+from slam.sensing.egocentric import AHEAD
+from tests.slam.sensing.nearest_cells import EXPLORED, OBSTACLE, egocentric_map
 
 CELL = 0.05
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.poses import to_map
-from slam.sensing.projection import Band, CameraModel, back_project, clean_depth, scan_from_depth
+from slam.sensing.projection import Band, CameraModel, clean_depth, scan_from_depth
 from tests.slam.rooms import Room
 
 CAMERA = CameraModel(max_depth_m=50.0)
@@ -41,6 +41,14 @@ def test_columns_run_from_left_to_right():
     points = _scan_points(scan_from_depth(room.depth(np.zeros(3)), CAMERA))
     assert points[0, 1] == pytest.approx(1.0, abs=1e-3)
     assert points[-1, 1] == pytest.approx(-2.0, abs=1e-3)
+
+
+def back_project(depth, camera):
+    """Points (x forward, y left, z above the floor) [m] of all measured pixels, in the robot's frame."""
+    left, down = camera.slopes(depth.shape)
+    v, u = np.nonzero(np.isfinite(clean_depth(depth, camera)))
+    z = depth[v, u]
+    return np.column_stack([z, z * left[u], camera.height_m - z * down[v]]).astype(np.float32)
 
 
 def test_every_back_projected_pixel_lies_on_the_box():

@@ -6,7 +6,7 @@ import trimesh
 
 from tests.wireless.tracing.rounded import Placed, box, in_32_bits, subdivided
 from wireless.geometry.facets import find_surfaces
-from wireless.geometry.occlusion import hidden_each
+from wireless.geometry.occlusion import is_hidden
 from wireless.geometry.space import make_space
 from wireless.geometry.tolerance import NEAR_M, check_rounding, fit_planes, tolerance_of
 
@@ -19,7 +19,8 @@ def surfaces_of(mesh, snap_m=1e-6):
 
 def hides(surfaces, p, q):
     every = np.ones(len(surfaces.facet_face), bool)
-    return hidden_each(make_space(surfaces, every, ~every).tree, p, q)
+    tree = make_space(surfaces, every, ~every).tree
+    return np.array([is_hidden(tree, a, b) for a, b in zip(p, q, strict=True)])
 
 
 def bent_wall(rise_m, times=3):

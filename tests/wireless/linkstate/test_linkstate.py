@@ -62,7 +62,7 @@ def test_mirroring_a_building_changes_nothing():
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_without_departures_a_third_of_a_turn_changes_nothing(sign):
-    """Three arrays 120 degrees apart see the same in turn; and departures are not asked for."""
+    """Three arrays 120 degrees apart see the same in turn; and departures are not required."""
     given, model = links(), classifier(inputs=("aoa", "snr", "peak"))
     given.pop("aod_rad")
     same = model.predict(**turned(given, sign, 2 * np.pi / 3))
@@ -128,11 +128,11 @@ def write(made, folder):
 def test_files_keep_a_classifier(model, tmp_path):
     """Read back it answers the same, bit for bit."""
     made = classifier(model)
-    made.card["note"] = "kept"
+    made.card["note"] = "stored"
     write(made, tmp_path)
     read = load_classifier(tmp_path / "some.safetensors")
     assert np.array_equal(read.predict(**links()), made.predict(**links()))
-    assert read.card["note"] == "kept"
+    assert read.card["note"] == "stored"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["some.json", "some.safetensors"]
 
 

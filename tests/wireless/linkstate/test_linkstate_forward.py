@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from wireless.linkstate.features import place_features
-from wireless.linkstate.forward import KINDS, way_shapes, way_step
+from wireless.linkstate.forward import KINDS, route_shapes, route_step
 from wireless.linkstate.learning.networks import NETWORKS, weights_of
-from wireless.linkstate.learning.way_network import WayNetwork
+from wireless.linkstate.learning.route_network import RouteNetwork
 from wireless.linkstate.tokens import make_tokens
 
 SOME, ALL = ("aoa", "snr"), ("aoa", "aod", "snr", "peak", "delay")
@@ -47,20 +47,20 @@ def test_a_link_does_not_depend_on_those_asked_about_with_it(model):
 
 
 @pytest.mark.parametrize("inputs", [SOME, ALL])
-def test_steps_along_a_way_are_those_of_pytorch(inputs):
+def test_steps_along_a_route_are_those_of_pytorch(inputs):
     """Forty places, each remembered: to 1e-5."""
     torch.manual_seed(0)
-    network = WayNetwork(inputs, width=6)
+    network = RouteNetwork(inputs, width=6)
     torch.nn.init.normal_(network.out.weight)
     weights = weights_of(network)
-    assert {name: value.shape for name, value in weights.items()} == way_shapes(inputs, 6)
+    assert {name: value.shape for name, value in weights.items()} == route_shapes(inputs, 6)
     rng = np.random.default_rng(1)
-    told = rng.dirichlet(np.ones(4), (1, 40)).astype(np.float32)
-    moved = rng.uniform(0, 0.5, (1, 40)).astype(np.float32)
-    features = place_features(told, tokens(40)[None], moved, inputs)
+    classified = rng.dirichlet(np.ones(4), (1, 40)).astype(np.float32)
+    steps = rng.uniform(0, 0.5, (1, 40)).astype(np.float32)
+    features = place_features(classified, tokens(40)[None], steps, inputs)
     with torch.inference_mode():
         expected = network(torch.from_numpy(features))[0][0].numpy()
     memory = None
     for place, wanted in zip(features[0], expected, strict=True):
-        logits, memory = way_step(weights, place, memory)
+        logits, memory = route_step(weights, place, memory)
         np.testing.assert_allclose(logits, wanted, atol=1e-5)

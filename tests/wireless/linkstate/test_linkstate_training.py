@@ -18,7 +18,7 @@ class Stopped(Exception):
 
 
 def made_up(n, seed):
-    """Links told apart by geometry alone: state 1 has its strongest path straight, state 2 off a wall, 3 neither.
+    """Links that differ in geometry alone: state 1 has its strongest path straight, state 2 off a wall, 3 neither.
 
     A straight path has aoa = aod + 180 degrees, a mirrored one aoa = 180 - aod, one of state 3 aoa = 135 - aod.
     """
@@ -86,7 +86,7 @@ def test_a_resumed_training_equals_one_never_stopped(model, tmp_path):
         assert rest == epochs
 
 
-def test_a_checkpoint_of_something_else_is_refused(tmp_path):
+def test_a_checkpoint_of_something_else_is_rejected(tmp_path):
     tokens, state = made_up(200, 0)
     file = Checkpoint(tmp_path / "run.pt")
     train(tokens, state, replace(SHORT, epochs=1), checkpoint=file)
@@ -114,7 +114,7 @@ def test_links_without_paths_teach_nothing():
     "wrong",
     [{"epochs": 0}, {"dropout": 1.0}, {"inputs": ("aoa", "sne")}, {"inputs": ("aoa",)}],
 )
-def test_a_recipe_that_cannot_be_is_refused(wrong):
+def test_a_recipe_that_cannot_be_is_rejected(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Recipe(**wrong)
 
@@ -128,13 +128,13 @@ def sure_links(n, seed, temperature=1.0):
 
 
 def test_a_perfectly_calibrated_predictor_has_no_calibration_error():
-    """States drawn from the told probabilities: by chance alone below 0.004 at 200,000 links."""
+    """States drawn from the predicted probabilities: by chance alone below 0.004 at 200,000 links."""
     assert reliability(*sure_links(200_000, 0)).expected_calibration_error < 0.004
     assert reliability(*sure_links(200_000, 0, temperature=2.0)).expected_calibration_error > 0.05
 
 
 def test_calibration_error_by_hand():
-    """Two links told with 0.9, one of them right; one told with 0.6, right: (2 x 0.4 + 0.4) / 3."""
+    """Two links classified with 0.9, one of them right; one with 0.6, right: (2 x 0.4 + 0.4) / 3."""
     bins = reliability(np.array([[0.9, 0.1], [0.9, 0.1], [0.4, 0.6]]), np.array([0, 1, 1]), bins=10)
     assert bins.expected_calibration_error == pytest.approx(0.4)
     assert bins.count.tolist() == [0, 0, 0, 0, 0, 0, 1, 0, 0, 2]

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from robosim.published.measured_paths import read_measured_paths
-from tests.benchmarks.positioning import seen_from_receiver, seen_from_transmitter
+from tests.benchmarks.positioning import locate_together, seen_from_receiver, seen_from_transmitter
 from wireless.positioning.single_bounce import (
     MeasuredPaths,
     PositioningConfig,
     locate,
-    locate_together,
 )
 
 #: Walls of a room of 9 m by 6 m: axis, and where on it.

@@ -1,4 +1,4 @@
-"""A package of a few files with compiled functions, as large as it takes to see how they are compiled and kept."""
+"""A package of a few files with compiled functions, as large as it takes to see how they are compiled and cached."""
 
 import importlib
 import logging
@@ -86,8 +86,8 @@ def start(mini, program):
     )
 
 
-def told(process):
-    """What a process wrote; it ended well."""
+def output_of(process):
+    """Output of a process that ends without error."""
     out, error = process.communicate(timeout=600)
     assert process.returncode == 0, f"status {process.returncode}\n{error}"
     return out

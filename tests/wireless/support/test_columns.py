@@ -25,10 +25,10 @@ def test_a_declared_size_is_bounded_before_anything_is_read(tmp_path, monkeypatc
     )
     monkeypatch.setattr(pq, "read_metadata", lambda file: footer)
     monkeypatch.setattr(pq, "read_table", lambda *given, **named: pytest.fail("read"))
-    with pytest.raises(DataError) as refused:
+    with pytest.raises(DataError) as rejected:
         read(path)
-    assert str(path) in str(refused.value)
-    assert f"it declares {rows} rows and {columns} columns" in str(refused.value)
+    assert str(path) in str(rejected.value)
+    assert f"it declares {rows} rows and {columns} columns" in str(rejected.value)
 
 
 def test_a_missing_column_is_named_with_those_that_are_there(tmp_path):

@@ -7,7 +7,7 @@ import textwrap
 from pathlib import Path
 
 import wireless.support.compiled
-from tests.wireless.support.mini_package import start, told
+from tests.wireless.support.mini_package import output_of, start
 
 #: A loop of a second whose result numba makes by calling Python, and Ctrl-C in it or in its compiling.
 INTERRUPTED = """
@@ -87,8 +87,11 @@ INTERRUPTED = """
 
 
 def test_signals_wait_until_a_loop_is_through(mini):
-    """Ctrl-C in a loop of the main thread, and in its compiling, is a KeyboardInterrupt; so for other handlers."""
-    assert told(start(mini, INTERRUPTED)).split() == ["whole"]
+    """Ctrl-C in a loop of the main thread, and in its compiling, is a KeyboardInterrupt; so for other handlers.
+
+    Left alone, it is raised where numba makes an array of the result, and the process ends with signal 11.
+    """
+    assert output_of(start(mini, INTERRUPTED)).split() == ["whole"]
 
 
 def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():

@@ -1,7 +1,7 @@
-"""Networks that tell the link state from estimated paths, as PyTorch trains them.
+"""Networks that classify the link state from estimated paths, as PyTorch trains them.
 
 Ours, the published one, and hand-made features; `wireless.linkstate.forward` is what is used of them, with weights of
-the same names and shapes, and a test holds their answers against each other.
+the same names and shapes, and a test compares their results.
 
 `RelationNetwork` lets every path look at every other: a message from each pair's geometry, summed over partners,
 twice; then the paths, from the strongest, go through a small dense head. `ReferenceNetwork` is the published
@@ -13,7 +13,8 @@ References: Yin et al., arXiv 2110.14789; Huang et al., "Machine-learning-enable
 systems in dynamic environments", IEEE TWC 2020.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 import torch
@@ -121,6 +122,17 @@ def _published_layers(n_inputs: int) -> nn.Sequential:
     return nn.Sequential(
         nn.Linear(n_inputs, 8), nn.ReLU(), nn.Linear(8, 6), nn.ReLU(), nn.Linear(6, N_STATES)
     )
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Train in one thread: sums split over threads add up in another order, and weights would differ."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 #: Networks by name.

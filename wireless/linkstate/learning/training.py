@@ -18,9 +18,8 @@ from torch import Tensor, nn
 
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
-from wireless.linkstate.learning.networks import NETWORKS
+from wireless.linkstate.learning.networks import NETWORKS, one_thread
 from wireless.linkstate.learning.restoring import restore_network, restore_optimiser
-from wireless.linkstate.learning.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 from wireless.support.ranges import Range, checked
 
@@ -30,13 +29,13 @@ _CLIP = 1.0
 
 @runtime_checkable
 class Store(Protocol):
-    """Where the state of a training is kept."""
+    """Storage of the state of a training."""
 
     def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
         """Put the state back that was saved last, if there is one."""
 
     def save(self, state: dict[str, Any]) -> None:
-        """Keep a state."""
+        """Store a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,12 +78,12 @@ class Recipe:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the network is made with besides its inputs."""
+        """What the network is made with in addition to its inputs."""
         return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
 
 
 def default_recipe(model: Literal["ours", "reference", "huang"]) -> Recipe:
-    """How each kind of network is trained unless told otherwise.
+    """Default training of each kind of network.
 
     The published network had 300 epochs of Adam at a steady 0.001; a third of them, slowing down, end no worse.
     """
@@ -111,14 +110,6 @@ def train(
     report: Callable[[Epoch], None] | None = None,
 ) -> tuple[nn.Module, list[Epoch]]:
     """Train a network; links without paths are left out.
-
-    Args:
-        tokens: Estimated paths of links.
-        state: Their true `LinkState`.
-        recipe: How.
-        watch: Links to score after each epoch; they change nothing.
-        checkpoint: Where the state of training is kept after each epoch, and found again.
-        report: Called after each epoch.
 
     Returns:
         The network with averaged weights, in evaluation mode, and all epochs.
@@ -233,19 +224,19 @@ class _Run:
             "epochs": [asdict(epoch) for epoch in self.epochs],
         }
 
-    def restore(self, kept: dict[str, Any]) -> None:
+    def restore(self, stored: dict[str, Any]) -> None:
         """Go on from a state."""
-        signature = kept.get("for", {})
+        signature = stored.get("for", {})
         if differing := [name for name, value in self._signature().items() if signature.get(name) != value]:
             name = differing[0]
             raise ValueError(
                 f"checkpoint of another training: {name} {signature.get(name)} there, "
                 f"{self._signature()[name]} now. Choose another folder."
             )
-        restore_network(self.network, kept["network"])
-        restore_network(self.averaged, kept["averaged"])
-        restore_optimiser(self.optimiser, kept["optimiser"])
-        self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
+        restore_network(self.network, stored["network"])
+        restore_network(self.averaged, stored["averaged"])
+        restore_optimiser(self.optimiser, stored["optimiser"])
+        self.epochs = [Epoch(**epoch) for epoch in stored["epochs"]]
         if [epoch.epoch for epoch in self.epochs] != list(range(1, len(self.epochs) + 1)):
             raise ValueError("its epochs are not those of a training")
 

@@ -1,4 +1,4 @@
-"""The link state along a robot's way: a small recurrent network over what was told and measured at each place.
+"""The link state along a robot's route: a small recurrent network over classification and measurement at each place.
 
 A hand-made filter of the probabilities does not help: a classifier is surest where the state changes, and its
 errors persist for metres, so that a Markov chain in the distance moved loses more at borders than it gains
@@ -18,14 +18,14 @@ from torch import Tensor, nn
 
 from wireless.linkstate.features import place_feature_count, place_features
 from wireless.linkstate.forward import N_STATES, Weights
-from wireless.linkstate.learning.threads import one_thread
+from wireless.linkstate.learning.networks import one_thread
 
-#: Longer ways are cut into pieces of so many places for training.
+#: Longer routes are cut into pieces of so many places for training.
 PIECE = 60
 
 
-class WayNetwork(nn.Module):
-    """A gated recurrent unit over the places of a way."""
+class RouteNetwork(nn.Module):
+    """A gated recurrent unit over the places of a route."""
 
     def __init__(self, inputs: Sequence[str], *, width: int = 32) -> None:
         super().__init__()
@@ -37,8 +37,10 @@ class WayNetwork(nn.Module):
         nn.init.zeros_(self.out.bias)
 
     def forward(
-        self, features: Float[Tensor, "ways places f"], memory: Float[Tensor, "1 ways width"] | None = None
-    ) -> tuple[Float[Tensor, "ways places 4"], Float[Tensor, "1 ways width"]]:
+        self,
+        features: Float[Tensor, "routes places f"],
+        memory: Float[Tensor, "1 routes width"] | None = None,
+    ) -> tuple[Float[Tensor, "routes places 4"], Float[Tensor, "1 routes width"]]:
         """Logits at each place from all places up to it, and what to remember."""
         seen = torch.relu(self.embed(features))
         remembered, memory = self.memory(seen, memory)
@@ -46,26 +48,26 @@ class WayNetwork(nn.Module):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WayBatch:
-    """Ways of equal length; shorter ones are filled up at their ends."""
+class RouteBatch:
+    """Routes of equal length; shorter ones are filled up at their ends."""
 
-    features: Float[Tensor, "ways places f"]
+    features: Float[Tensor, "routes places f"]
     """From `place_features`."""
-    state: Int[Tensor, "ways places"]
+    state: Int[Tensor, "routes places"]
     """True states."""
-    there: Bool[Tensor, "ways places"]
+    there: Bool[Tensor, "routes places"]
     """Which places are no filling."""
 
 
-def pack_ways(
+def pack_routes(
     rows: Sequence[Int[np.ndarray, " _"]],
     moved_m: Sequence[Float[np.ndarray, " _"]],
     probability: Float[np.ndarray, "n 4"],
     tokens: Float[np.ndarray, "n 5 5"],
     state: Integer[np.ndarray, " n"],
     inputs: Sequence[str],
-) -> WayBatch:
-    """Ways along rows of links, cut into pieces of at most `PIECE` places."""
+) -> RouteBatch:
+    """Routes along rows of links, cut into pieces of at most `PIECE` places."""
     pieces = [
         (row[i : i + PIECE], move[i : i + PIECE])
         for row, move in zip(rows, moved_m, strict=True)
@@ -81,30 +83,30 @@ def pack_ways(
         inputs,
     )
     there = np.arange(PIECE) < np.array([len(row) for row, _ in pieces])[:, None]
-    return WayBatch(
+    return RouteBatch(
         features=torch.from_numpy(features),
         state=torch.from_numpy(state[links]).long(),
         there=torch.from_numpy(there),
     )
 
 
-def way_network_of(weights: Weights, inputs: Sequence[str]) -> WayNetwork:
+def route_network_of(weights: Weights, inputs: Sequence[str]) -> RouteNetwork:
     """The network of trained weights."""
-    network = WayNetwork(inputs, width=len(weights["embed.bias"]))
+    network = RouteNetwork(inputs, width=len(weights["embed.bias"]))
     network.load_state_dict({name: torch.from_numpy(array) for name, array in weights.items()})
     return network.eval()
 
 
-def train_way_network(
-    batch: WayBatch, inputs: Sequence[str], *, seed: int, epochs: int = 12, size: int = 64, width: int = 32
-) -> WayNetwork:
+def train_route_network(
+    batch: RouteBatch, inputs: Sequence[str], *, seed: int, epochs: int = 12, size: int = 64, width: int = 32
+) -> RouteNetwork:
     """Cross entropy over all places, AdamW, one cycle of learning rate; the same weights for a seed."""
     with one_thread(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return _train(batch, WayNetwork(inputs, width=width), epochs, size).eval()
+        return _train(batch, RouteNetwork(inputs, width=width), epochs, size).eval()
 
 
-def _train(batch: WayBatch, network: WayNetwork, epochs: int, size: int) -> WayNetwork:
+def _train(batch: RouteBatch, network: RouteNetwork, epochs: int, size: int) -> RouteNetwork:
     n = len(batch.features)
     optimiser = torch.optim.AdamW(network.parameters(), 4e-3, weight_decay=0.1)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=epochs * -(-n // size))
