@@ -1,13 +1,15 @@
 """A look at the machine: what works, how fast, what is used, and what to do where something does not work.
 
 Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash. What to do
-follows from the error (`robosim.remedies`), since any probe may stumble over what it shares with others.
+follows from the error (`remedy`), since any probe may stumble over what it shares with others: a package that cannot be
+imported, or a folder that cannot be written.
 """
 
 import importlib.metadata
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -30,8 +32,7 @@ from robosim.camera.rendering.gl_systems import (
     default_system,
     missing,
 )
-from robosim.remedies import CACHE_REMEDY, remedy
-from robosim.support.installation import EXTRAS, install_command, is_installed, package_version
+from robosim.support.installation import DISTRIBUTION, EXTRAS, install_command, is_installed, package_version
 
 if TYPE_CHECKING:
     from robosim.building.building import Building
@@ -39,6 +40,18 @@ if TYPE_CHECKING:
 _CAMERA = "camera"
 # A camera takes two seconds, where loops have to be compiled some minutes.
 _PATIENCE_S = 900.0
+#: No cache folder is writable.
+CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is cached"
+
+# Packages that are not called like their modules, or come with another one.
+_PACKAGES = {
+    "cv2": "opencv-contrib-python-headless",
+    "PIL": "pillow",
+    "yaml": "pyyaml",
+    "OpenGL": "PyOpenGL==3.1.0",
+    "rerun": "rerun-sdk",
+}
+_LIBRARY = re.compile(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file")
 
 
 @dataclass(frozen=True)
@@ -303,3 +316,60 @@ def _room() -> "Building":
     from robosim.plans.floorplan import FloorPlan
 
     return make_building(FloorPlan(occupancy=np.zeros((60, 80), np.uint8), resolution_m=0.05, name="room"))
+
+
+def remedy(error: BaseException, module: str) -> str:
+    """What to install or to do about an error.
+
+    Args:
+        error: What was raised.
+        module: Python module that was being tried.
+    """
+    text = str(error)
+    if isinstance(error, PermissionError) and error.filename:
+        return f"get permission to use {error.filename}"
+    if isinstance(error, OpenGLError):
+        return error.remedy
+    if isinstance(error, ImportError) and error.name and _known(error.name):
+        module = error.name
+    if (extra := EXTRAS.get(module.partition(".")[0])) and not _installed(module):
+        return install_command(extra)
+    if not _installed(module):
+        return f"pip install '{_requirement(module)}'"
+    again = f"pip install --force-reinstall --no-deps '{_requirement(module)}'"
+    if library := _LIBRARY.search(text):
+        return f"install the system's package that has {library[1]}; if it is one of {module}'s own: {again}"
+    return again if isinstance(error, ImportError | OSError) else f"not known; perhaps {again}"
+
+
+def _known(module: str) -> bool:
+    """Whether a name in an error is that of a package, and not of a part of one (torch's _C, say)."""
+    return _installed(module) or not module.startswith("_")
+
+
+def _installed(module: str) -> bool:
+    try:
+        importlib.metadata.version(_package(module).partition("==")[0])
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _package(module: str) -> str:
+    top = module.partition(".")[0]
+    return _PACKAGES.get(top, top)
+
+
+def _requirement(module: str) -> str:
+    """What to ask pip for to get a module: as this project's own requirement says, if it has one."""
+    package = _package(module)
+    try:
+        stated = importlib.metadata.requires(DISTRIBUTION) or []
+    except importlib.metadata.PackageNotFoundError:
+        stated = []
+    for requirement in stated:
+        if "extra ==" not in requirement and re.match(
+            rf"{re.escape(package)}(?![\w.-])", requirement, re.IGNORECASE
+        ):
+            return requirement
+    return package

@@ -12,7 +12,7 @@ import shapely
 from jaxtyping import Float
 
 from robosim.plans.formats.mesh_raster import cut, section
-from robosim.plans.furnishings.bodies import Bodies
+from robosim.plans.furnishings.furnishing import Bodies
 
 #: Robots drive over lower things: rugs, doorsills [m].
 ROLLS_OVER_M = 0.01

@@ -4,8 +4,10 @@
 with the free cell on the left gives closed rings, counter-clockwise around free space and clockwise around
 holes. Two free cells that touch by a corner only are not connected: there the line turns so that
 different components stay apart and that every ring is simple, as the OGC rules for polygons require. A slanted wall one
-cell thick (`robosim.building.thin_walls`) would fall apart into posts by that rule: before it is straightened, its
-outline passes those corners twice.
+cell thick, as many ROS maps and drawn lines have it, would fall apart into posts by that rule: before it is
+straightened, its outline passes those corners twice. From one of its steps to the next both sides are equally long
+and turn once, the one to the left, the other to the right. Several such pieces in a row, all leading into the same
+quadrant or back, are a wall. Fewer are furniture and noise, whose corners touch by chance.
 
 ``"cell_centre"`` plans have their walls through the centres of the outermost free cells, on the borders that
 `cv2.findContours` follows (Suzuki and Abe 1985; free space 8-connected). A passage one cell wide then has
@@ -24,15 +26,18 @@ import cv2
 import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from robosim.building.rings import polygons_of, rings_of, together
 from robosim.building.straight import straightened
-from robosim.building.thin_walls import thin_wall_corners
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import Range, check_number
 
 #: How far walls may be moved to save corners.
 TOLERANCE_M = Range(0, 0.5, "m", "Leave it out for straight walls under staircases; 0 is the exact outline.")
+#: Least number of pieces between steps, or of edges of cells along one side, of a slanted wall one cell thick.
+_PIECES, _EDGES = 4, 24
 #: Steps east, north, west and south between corners of cells, as (ix, iy).
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
@@ -260,3 +265,39 @@ def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
             valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
             parts.extend(p for p in shapely.get_parts(valid) if p.geom_type == "Polygon" and p.area > 0)
     return together(parts)
+
+
+def thin_wall_corners(outlines: list[Int[np.ndarray, "_ 2"]]) -> Int[np.ndarray, "m 2"]:
+    """Corners at which the two sides of slanted walls one cell thick touch.
+
+    Args:
+        outlines: Corners of closed lines along the grid around free cells, which pass a corner twice where two free
+            cells touch only there, and so keep to the cell that they came along.
+    """
+    corners = np.concatenate(outlines)
+    _, place, count = np.unique(corners @ (1, 1j), return_inverse=True, return_counts=True)
+    starts, ends, steps = [], [], []
+    first = 0
+    for outline in outlines:
+        at = first + np.flatnonzero(count[place[first : first + len(outline)]] > 1)
+        # Touching corners in a row with one turn between them.
+        after = np.roll(at, -1)
+        near = (after - at) % len(outline) == 2
+        at, after = at[near], after[near]
+        starts.append(place[at])
+        ends.append(place[after])
+        steps.append(corners[after] - corners[at])
+        first += len(outline)
+    start, end, step = np.concatenate(starts), np.concatenate(ends), np.concatenate(steps)
+    # The other side goes back from the end of a piece to its start.
+    both = np.isin(start * len(count) + end, end * len(count) + start)
+    found = np.zeros(len(count), bool)
+    for rising in (True, False):
+        some = both & ((step[:, 0] * step[:, 1] > 0) == rising)
+        links = coo_array((np.ones(some.sum()), (start[some], end[some])), shape=(len(count),) * 2)
+        _, wall = connected_components(links, directed=False)
+        pieces = np.bincount(wall[start[some]], minlength=len(count)) / 2
+        edges = np.bincount(wall[start[some]], np.abs(step[some]).sum(axis=1), len(count)) / 2
+        long = (pieces >= _PIECES) | (edges >= _EDGES)
+        found |= long[wall] & np.isin(np.arange(len(count)), start[some])
+    return np.unique(corners[found[place]], axis=0)

@@ -35,8 +35,7 @@ from scipy.spatial import cKDTree
 from robosim.building.building import Building
 from robosim.building.extrusion import FURNITURE
 from robosim.camera.rendering.decor import Decor
-from robosim.camera.rendering.placed import placed_patches
-from robosim.camera.rendering.tessellation import Patches, tessellate
+from robosim.camera.rendering.tessellation import Patches, placed_patches, tessellate
 from robosim.support.ray_casting import make_ray_scene
 from wireless.support.cached_array import cached_array
 

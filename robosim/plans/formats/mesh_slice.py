@@ -3,7 +3,12 @@
 A cell is free if there is floor under its centre and no surface reaches into it between the two heights;
 occupied if one does; unknown otherwise. Small holes in a scanned floor are free. Closed pockets of
 floor inside solid walls are not free: a line from there to the outside leaves more solids than it enters. Nor are those
-inside of closed bodies that stand in a room (`robosim.plans.formats.mesh_bodies`).
+inside of closed bodies that stand in a room.
+
+Many files have faces of any orientation, so places are compared by the closed surfaces that contain them: a place in a
+cupboard is inside of all surfaces that contain the room around it, and of the cupboard. Of two rooms that are closed
+surfaces of their own neither contains the other. If no surface contains a room, as between solid walls or under the
+open sky, only the faces distinguish a body, which they point out of, from another room.
 
 glTF (.glb, .gltf) has y upwards by its standard, and x, -z become the plan's x, y; other formats have no
 standard and are read with z upwards, as in robotics. Many files differ: the other one of the two axes is used if it
@@ -25,13 +30,13 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from robosim.plans.floorplan import FREE, LARGEST_M, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
-from robosim.plans.formats.mesh_bodies import in_bodies
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
 from robosim.plans.formats.mesh_floors import LEVEL_COSINE, MeshFloor, area_below_air, find_floors
 from robosim.plans.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
 from robosim.plans.formats.scanline import Windings
 from robosim.plans.reading_options import ReadingOptions, UpAxis
 from robosim.support.reading import reading
+from wireless.geometry.closed_surfaces import Sides
 
 logger = logging.getLogger(__name__)
 
@@ -363,3 +368,45 @@ def _without_bodies(
     depth = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     middle = places(np.array(ndimage.maximum_position(depth, part, np.arange(1, n + 1)), float))
     return free & ~np.append(False, in_bodies(triangles, middle))[part]
+
+
+def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
+    """Whether places are in bodies within the surroundings of other places.
+
+    Args:
+        triangles: Corners of the mesh's triangles [m].
+        places: A place in each room and in each possible body [m].
+    """
+    within, points_out = _within(triangles, places)
+    kinds, kind = np.unique(within, axis=0, return_inverse=True)
+    body = np.zeros(len(kinds), bool)
+    for k in np.argsort(kinds.sum(axis=1), kind="stable"):
+        around = (kinds <= kinds[k]).all(axis=1) & ~body
+        # The inside of a hollow body is in its inner surface too.
+        around &= (kinds[k].sum() - kinds.sum(axis=1)) % 2 == 1
+        if around.any() and not kinds[around].any():
+            around &= points_out[kind == k].all()
+        body[k] = around.any()
+    return body[kind.ravel()]
+
+
+def _within(
+    triangles: Triangles, places: Float[np.ndarray, "k 3"]
+) -> tuple[Bool[np.ndarray, "k s"], Bool[np.ndarray, " k"]]:
+    """Closed surfaces that places are in, and whether the faces of the smallest of them point out of it."""
+    corners = triangles.reshape(-1, 3)
+    sides = Sides(trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False))
+    faces = np.flatnonzero(sides.closed)
+    surface, which = np.unique(sides.surface[faces], return_inverse=True)
+    low, high = np.full((len(surface), 3), np.inf), np.full((len(surface), 3), -np.inf)
+    np.minimum.at(low, which, triangles[faces].min(axis=1))
+    np.maximum.at(high, which, triangles[faces].max(axis=1))
+    volume = np.bincount(which, np.linalg.det(triangles[faces] - low[which][:, None]) / 6, len(surface))
+    place, body = np.nonzero(((places[:, None] > low) & (places[:, None] < high)).all(axis=2))
+    inside, _ = sides.inside(places[place], surface[body])
+    within = np.zeros((len(places), len(surface)), bool)
+    within[place[inside], body[inside]] = True
+    if not len(surface):
+        return within, np.zeros(len(places), bool)
+    innermost = np.where(within, np.abs(volume), np.inf).argmin(axis=1)
+    return within, volume[innermost] > 0
