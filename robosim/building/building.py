@@ -56,15 +56,7 @@ _TIDY_M = 1e-7
 
 
 def material_of(given: Part, field: str) -> str | Material:
-    """A radio material: a name of `wireless.em.materials`, or the layers of a file or part.
-
-    Args:
-        given: One of `robosim.parts.MATERIAL`.
-        field: Its name in messages.
-
-    Raises:
-        ValueError: If there is none.
-    """
+    """A radio material: a name of `wireless.em.materials`, or the layers of a file or part; `field` is for messages."""
     if MATERIAL.is_name(given):
         check_material(given, field)
         return str(given)
@@ -108,11 +100,7 @@ class BuildingConfig:
             self.material(kind)
 
     def material(self, kind: str) -> str | Material:
-        """Radio material of a kind of face: a name of `wireless.em.materials`, or layers.
-
-        Raises:
-            ValueError: If there is none.
-        """
+        """Radio material of a kind of face: a name of `wireless.em.materials`, or layers."""
         return material_of(getattr(self, f"{kind}_material"), f"{kind}_material")
 
 
@@ -161,14 +149,9 @@ class Building(Faces):
         )
 
     def floor(self, height_m: float) -> shapely.MultiPolygon:
-        """The floor on which an upright body of some height meets no wall, and nothing that is placed.
+        """The floor [m], in `map`, on which an upright body of a height meets no wall, and nothing that is placed.
 
-        Args:
-            height_m: Of the body, above the floor [m]. Things at this height or higher do not stop it, nor do things
-                lower than `robosim.building.footprint.ROLLS_OVER_M`.
-
-        Returns:
-            Free floor in `map` [m].
+        Things at this height or higher do not stop it, nor do things lower than `ROLLS_OVER_M` of `footprint`.
         """
         return self._without("floor", height_m)
 
@@ -221,11 +204,7 @@ class Building(Faces):
         return self.mesh.vertices[ends][:, :, :2]
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw walls and furniture from above.
-
-        Args:
-            axes: Where to draw; None for axes of a new figure.
-        """
+        """Draw walls and furniture from above; None for axes of a new figure."""
         axes = axes_in_metres(axes)
         self.draw_walls(axes)
         axes.autoscale_view()

@@ -56,9 +56,6 @@ def extrude(
         height_m: Height of the ceiling.
         furniture_height_m: Height of the furniture, under a lid; None for `height_m`.
         ceiling: Whether to close the shell from above.
-
-    Raises:
-        RuntimeError: If the polygons were not triangulated along all their edges, which should not happen.
     """
     outlines = shapely.get_rings(shapely.get_parts(free))
     spots, rings = _spots(outlines)
@@ -102,13 +99,7 @@ def _upright(below: Int[np.ndarray, "n 2"], above: Int[np.ndarray, "n 2"]) -> In
 
 
 def pockets(segments: Float[np.ndarray, "n 2 2"], height_m: float, kind: int = WALL) -> Solid:
-    """Walls with a face on either side and no volume, from z = 0 up; each is closed in itself.
-
-    Args:
-        segments: Ends (x, y) of the walls.
-        height_m: Height of the walls.
-        kind: What the faces are part of.
-    """
+    """Walls between ends (x, y), from z = 0 up, with a face on either side and no volume; each is closed in itself."""
     xy = np.tile(segments, (1, 2, 1))  # below: 0, 1; above: 2, 3
     z = np.broadcast_to([0.0, 0.0, height_m, height_m], (len(segments), 4))
     vertices = np.concatenate([xy, z[:, :, None]], axis=2).reshape(-1, 3)
@@ -170,10 +161,7 @@ def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, " m"]) -
 def _level(
     triangles: Int[np.ndarray, "n 3"], spots: Float[np.ndarray, "m 2"], z_m: float, first: int = 0
 ) -> Level:
-    """The triangulation at a height, with vertices counted from `first`, one for each fan around a spot.
-
-    Corners of triangles are the same vertex if the triangles have an edge in common there.
-    """
+    """The triangulation at a height, vertices counted from `first`; triangles share one if they share an edge there."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     mate = _half_edges(triangles, end, start, must=False)
     here = np.flatnonzero(mate >= 0)

@@ -38,21 +38,13 @@ class Faces:
         return seen.hexdigest()[:16]
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
-        """The faces of some kinds, as a mesh of their own.
-
-        Raises:
-            ValueError: If a kind is unknown.
-        """
+        """The faces of some kinds, as a mesh of their own."""
         if unknown := [kind for kind in kinds if kind not in KINDS]:
             raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
         return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
 
     def of_material(self, material: str) -> trimesh.Trimesh:
-        """The faces of one radio material, as a mesh of their own.
-
-        Raises:
-            ValueError: If the building has no such material.
-        """
+        """The faces of one radio material, as a mesh of their own."""
         names = list(map(str, self.materials))
         if material not in names:
             raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")

@@ -23,10 +23,7 @@ _TOUCH_M, _NOTHING_M2 = 1e-6, 1e-10
 
 
 def footprint(bodies: Bodies, height_m: float) -> shapely.Geometry:
-    """The floor over which something is lower than a height, in `map` [m].
-
-    Bodies that begin exactly at the height are not lower.
-    """
+    """The floor over which something is lower than a height, in `map` [m]; a body that begins there is not lower."""
     parts = []
     for triangles, closed, oriented in _each(bodies):
         z = triangles[:, :, 2]

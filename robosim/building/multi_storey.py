@@ -120,11 +120,7 @@ class _Part:
 
 
 def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> Storeys:
-    """Extrude floor plans to storeys over each other.
-
-    Args:
-        plan: The storeys, from the lowest up.
-        config: Materials and outlines; None for the defaults.
+    """Extrude floor plans, from the lowest up, to storeys over each other.
 
     Raises:
         MapError: If a plan has no free area, or an opening is no polygon or nowhere between two free floors.
@@ -305,10 +301,7 @@ def _add_flat(
 def _parted(
     triangles: Float[np.ndarray, "n 3 2"], points: Float[np.ndarray, "m 2"]
 ) -> Float[np.ndarray, "k 3 2"]:
-    """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out.
-
-    Corners that lie on a wall but for rounding may have been passed over, or stand on a triangle of no area.
-    """
+    """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out."""
     side = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     triangles = triangles[np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) > _ON_M * side]

@@ -18,9 +18,7 @@ def polygons_of(
 ) -> shapely.MultiPolygon:
     """Polygons from the corners of their closed lines, in the order of `rings_of`; valid or not.
 
-    Args:
-        points: Corners of each line; the last need not repeat the first.
-        owner: Which polygon each line belongs to.
+    The last corner need not repeat the first; `owner` is the polygon that each line belongs to.
     """
     ring_of = np.repeat(np.arange(len(points)), [len(corners) for corners in points])
     return together(

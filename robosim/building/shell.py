@@ -16,16 +16,10 @@ SAME_M = 1e-8
 def make_shell(
     corner: Float[np.ndarray, "n 3 3"],
 ) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "m 3"], Int[np.ndarray, " m"]]:
-    """Vertices and faces of triangles that make closed shells, with normals into free space.
-
-    Args:
-        corner: Corners of each triangle [m].
+    """Vertices and faces of triangles [m] that make closed shells, with normals into free space.
 
     Returns:
         Vertices, faces, and the triangle of each face; triangles with two corners at one place are dropped.
-
-    Raises:
-        RuntimeError: If they leave an edge open.
     """
     place = np.unique(np.round(corner.reshape(-1, 3) / SAME_M).astype(np.int64), axis=0, return_inverse=True)[
         1

@@ -34,9 +34,8 @@ def lattice_solids(
         margin: Squares of solid to assume around everything.
 
     Returns:
-        boxes: Centre x, y, half length along and across, yaw of the length.
-        prisms: Triangles, counter-clockwise, for half squares that a rectangle would not fit behind.
-        None instead of both if some square is neither free, solid nor half solid.
+        Rectangles as centre x, y, half length along and across, yaw of the length; and triangles, counter-clockwise,
+        for half squares that a rectangle would not fit behind. None if a square is neither free, solid nor half solid.
     """
     lowest = walls.min(axis=(0, 1)) - margin
     size = walls.max(axis=(0, 1)) - lowest + margin
@@ -52,12 +51,7 @@ def lattice_solids(
 
 
 def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx 4"]:
-    """Which quarters of which squares are free: those whose centroids see an odd number of walls to the left.
-
-    Args:
-        walls: Closed rings of walls along sides and diagonals of the squares.
-        shape: Rows and columns of squares, enough for all walls.
-    """
+    """Quarters of (rows, columns) of squares that are free: their centroids see an odd number of walls to the left."""
     walls = walls[walls[:, 0, 1] != walls[:, 1, 1]]
     (x0, y0), (x1, y1) = walls[:, 0].T, walls[:, 1].T
     length = np.abs(y1 - y0)
@@ -122,10 +116,7 @@ def _run(strip: Bool[np.ndarray, " _"]) -> int:
 def _slopes(
     solid: Bool[np.ndarray, "ny nx 4"], corner: tuple[int, int], half: Bool[np.ndarray, "ny nx"]
 ) -> tuple[Float[np.ndarray, "_ 5"], list[Float[np.ndarray, "_ 2"]]]:
-    """Rotated rectangles behind the slopes of half squares, and triangles if none fits.
-
-    The half squares are solid at a corner (x, y, each 0 or 1) only; none are at the border.
-    """
+    """Rotated rectangles behind the slopes of half squares, solid at a corner only, and triangles if none fits."""
     x, y = corner
     iy, ix = np.nonzero(half)
     # A rectangle also fills the quarters on the far side of the two legs of the half square.

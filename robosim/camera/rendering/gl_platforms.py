@@ -190,11 +190,7 @@ class EGLPlatform(GLPlatform):
 
 
 def make_platform(system: GLSystem, width: int, height: int) -> GLPlatform:
-    """A context of some size [pixels], which is this thread's current one.
-
-    Raises:
-        OpenGLError: If the driver cannot make one.
-    """
+    """A context of some size [pixels], which is this thread's current one; OpenGLError if there can be none."""
     return OSMesaPlatform(width, height) if system == "osmesa" else EGLPlatform(width, height)
 
 

@@ -121,16 +121,12 @@ def default_system() -> GLSystem:
 
 
 def bind_opengl(system: GLSystem | None = None) -> GLSystem:
-    """Choose the system that OpenGL runs on in this process, and return it.
+    """Choose the system that OpenGL runs on in this process, and return it; None for the one in use or the default.
 
     Mesa's software renderer starts no threads (LP_NUM_THREADS=0, unless it is set): they hardly speed up small
     pictures, and a process that is forked while they run would wait for them forever.
 
-    Args:
-        system: What to use; None for what the process uses already, else for `default_system`.
-
     Raises:
-        ValueError: If there is no system of that name.
         RuntimeError: If the process is bound to another one already.
         OpenGLError: If its libraries are not installed; an OSError.
     """

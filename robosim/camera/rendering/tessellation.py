@@ -62,12 +62,9 @@ class Patches:
 
 
 def tessellate(building: Building, *, step_m: float, heights_m: Sequence[float]) -> Patches:
-    """Cut a building's surfaces into patches.
+    """Cut a building's surfaces, level faces and upright rectangles on the floor, into patches.
 
-    Args:
-        building: Its mesh, made of level faces and of upright rectangles that stand on the floor.
-        step_m: Side of the squares of level patches and width of upright ones, about.
-        heights_m: Where upright faces are cut, in rising order.
+    `step_m` is about the side of level patches and the width of upright ones, which are cut at rising heights [m].
     """
     mesh = building.mesh
     spots, spot = np.unique(mesh.vertices[:, :2] @ (1, 1j), return_inverse=True)
@@ -110,12 +107,7 @@ class CutGrid:
         self._n_corners = len(corners)
 
     def cut(self, edges: Int[np.ndarray, "n 2"]) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, " m"]]:
-        """Cut edges between corners wherever they cross a line.
-
-        Returns:
-            pieces: Both ends of each piece, in order along its edge.
-            edge: Which edge it is a piece of.
-        """
+        """Cut edges between corners at the lines: both ends of each piece, in order, and which edge it is of."""
         start, end = self.xy[edges[:, 0]], self.xy[edges[:, 1]]
         owners: list[np.ndarray] = []
         shares: list[np.ndarray] = []
@@ -136,16 +128,10 @@ class CutGrid:
     def tiles(
         self, triangles: Int[np.ndarray, "n 3"], border: Int[np.ndarray, "m 2"]
     ) -> tuple[Int[np.ndarray, "k 3"], Int[np.ndarray, " k"]]:
-        """Cut a level region into the parts of it that lie in each square.
+        """Cut a level region, triangles with all pieces of its border, into the parts that lie in each square.
 
-        Args:
-            triangles: The region before the cut, as corners.
-            border: All pieces of its border, as `cut` gave them.
-
-        Returns:
-            triangles: The region after the cut, counter-clockwise, with no vertices but those of `border` and
-                crossings of lines inside.
-            tile: Which tile each is a part of, counted from 0.
+        Returned are triangles, counter-clockwise, with no vertices but those of `border` and crossings of lines, and
+        which tile each is a part of, counted from 0.
         """
         pieces = np.concatenate([border, self._inner_lines(border)])
         lines = shapely.linestrings(self.xy[pieces])
@@ -322,10 +308,7 @@ def _chains(
     share: Float[np.ndarray, " m"],
     points: Int[np.ndarray, " m"],
 ) -> tuple[Int[np.ndarray, "k 2"], Int[np.ndarray, " k"]]:
-    """Cut lines between their `ends` at `points`; `share` of each is 0 at the first end of its line, 1 at the second.
-
-    Returns both ends of each piece, and which line it is a piece of.
-    """
+    """Cut lines between `ends` at `points` with a share from 0 to 1 of their line: ends of pieces, and their lines."""
     lines = np.arange(len(ends))
     line = np.concatenate([lines, owner, lines])
     order = np.lexsort([np.concatenate([np.zeros(len(ends)), share, np.ones(len(ends))]), line])
@@ -347,12 +330,7 @@ _ENOUGH = 20_000
 def placed_patches(
     furnishings: Sequence[Furnishing], *, step_m: float
 ) -> tuple[Patches, Float[np.ndarray, "n 3"]]:
-    """Patches of placed meshes, and the colour of each of their corners.
-
-    Args:
-        furnishings: What is placed, at least one.
-        step_m: Longest side of a patch [m], but for meshes of many triangles.
-    """
+    """Patches of placed meshes, no side longer than a step [m] unless they are many, and colours of corners."""
     triangles, colours = [], []
     for one in furnishings:
         bodies = one.bodies

@@ -52,15 +52,8 @@ _POLYGONS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_
 def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles:
     """All triangles of a mesh file [m] in its own axes, its scene graph applied.
 
-    Args:
-        content: What the file holds.
-        path: The file: its ending is the format, and other files that it names are in its folder.
-        unit_m: Its unit of length [m].
-
-    Raises:
-        ValueError: In a few words, if there are no triangles, too many, one is too far away, or they were rounded
-            to coarse 32-bit numbers.
-        Exception: Any error of the loader of a damaged file.
+    The path's ending is the format; other files that it names are in its folder. A ValueError in a few words for no
+    triangles, too many, one too far away, or ones that were rounded to coarse 32-bit numbers.
     """
     suffix = path.suffix.lower()
     polygons = _POLYGONS.get(suffix)
@@ -131,11 +124,7 @@ def _json_of_glb(content: bytes) -> bytes:
 
 
 def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, int]]:
-    """Raise ValueError for a scene that declares far more than its files can hold, or what is not supported.
-
-    Returns:
-        The scene, and the names of other files with their least number of bytes.
-    """
+    """The scene of a glTF file, and least sizes of files it names; ValueError for what is too much or not supported."""
     if len(text) > MOST_JSON and b"base64," not in text:
         raise ValueError(f"its JSON has {len(text)} bytes, expected at most {MOST_JSON}")
     tree = check_object(parse_json(text))
@@ -167,10 +156,7 @@ def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, in
 
 
 def _scale_normalised(tree: dict[str, Any]) -> bool:
-    """Give meshes whose positions are normalised integers a node with their scale; whether there are any.
-
-    trimesh reads such positions as plain numbers (KHR_mesh_quantization; glTF 2.0, 3.6.2.2).
-    """
+    """Give meshes of normalised integers, which trimesh reads as plain, a node with their scale (glTF 2.0, 3.6.2.2)."""
     scale: dict[int, float] = {}
     for number, mesh in enumerate(_listed(tree, "meshes")):
         largest = set()

@@ -54,16 +54,7 @@ class MeshFloor:
 
 
 def find_floors(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: float) -> list[MeshFloor]:
-    """Floors of a mesh with z upwards, the lowest first.
-
-    Args:
-        triangles: Corners [m], counter-clockwise seen from the front.
-        low_m: Height above a floor from which on walls are measured [m].
-        high_m: Height up to which they are [m].
-
-    Raises:
-        ValueError: If there are more than a building has.
-    """
+    """Floors of a mesh with z upwards, the lowest first; walls are measured between two heights above a floor [m]."""
     level, walls = _surfaces(triangles)
     order = np.argsort(triangles[level, :, 2].mean(axis=1), kind="stable")
     level = level[order]

@@ -65,13 +65,7 @@ _OTHER = {"y": "z", "z": "y"}
 
 
 def read_mesh(path: Path, options: ReadingOptions) -> FloorPlan:
-    """Floor plan of a storey of a mesh file (GLB, PLY, OBJ, STL and others that trimesh reads).
-
-    Raises:
-        MapError: If the file cannot be read, has no triangles or vertices that are not finite, or no floor is
-            found, or none near the given height.
-        ValueError: If an option has a senseless value.
-    """
+    """Floor plan of a storey of a mesh file: GLB, PLY, OBJ, STL and others that trimesh reads."""
     up, unit_m = options.up, options.unit_m
     if up not in get_args(UpAxis):
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
@@ -94,11 +88,7 @@ def read_mesh(path: Path, options: ReadingOptions) -> FloorPlan:
 
 
 def _check_size(triangles: Triangles) -> None:
-    """Reject a mesh that cannot be in metres.
-
-    Raises:
-        MapError: If it is longer than any building, or taller than its storeys can be.
-    """
+    """Raise MapError for a mesh that is longer than any building, or taller than its storeys can be."""
     x, y, z = np.ptp(triangles.reshape(-1, 3), axis=0)
     tall = z > _TALLEST_M and z > _TALLEST_M * len(find_floors(triangles, *SLICE_M))
     if tall or max(x, y) > LARGEST_M:
@@ -160,7 +150,6 @@ def plan_from_triangles(
 
     Raises:
         MapError: If no floor is found, or none near the given height, or nothing of it is free.
-        ValueError: If the slice is empty or does not lie above the floor.
     """
     low, high = options.slice_m
     resolution_m = options.resolution_m or RESOLUTION_M
@@ -247,11 +236,7 @@ def _is_inverted_wall(
 
 
 def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshFloor:
-    """The floor nearest to a height, or the lowest one, with a warning if there are others.
-
-    Raises:
-        MapError: If no floor lies within half a metre of the height.
-    """
+    """The floor nearest to a height, within half a metre, or the lowest one, with a warning if there are others."""
     found = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
     if floor_height_m is None:
         if len(floors) > 1:
@@ -297,10 +282,7 @@ def _slice(
 def _with_holes_closed(
     free: Bool[np.ndarray, "ny nx"], occupied: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells with adjacent small holes, in which nothing stands.
-
-    The inside of a column is no such hole: only its occupied cells are next to free ones.
-    """
+    """Free cells with adjacent small holes, in which nothing stands; a column's inside is next to no free cell."""
     hole, n = ndimage.label(~free & ~occupied)
     small = np.bincount(hole.ravel(), minlength=n + 1) * resolution_m**2 <= _HOLE_M2
     is_adjacent = np.zeros(n + 1, bool)
@@ -341,10 +323,7 @@ def _covers(
 def _without_pockets(
     free: Bool[np.ndarray, "ny nx"], solid: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells without the closed parts most of whose cells lie inside solids.
-
-    If hardly anything would be left, the mesh is a shell of sheets, and the parts are its rooms.
-    """
+    """Free cells without parts mostly inside solids, unless hardly any would be left, as in a shell of sheets."""
     part, n = ndimage.label(free)
     size = np.bincount(part[free], minlength=n + 1)
     pocket = np.bincount(part[free & solid], minlength=n + 1) > size / 2
@@ -357,10 +336,7 @@ def _without_bodies(
     triangles: Triangles,
     places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]],
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells without the closed parts that are inside of a body in another part, such as a cupboard.
-
-    `places` converts rows and columns of cells to their middles in the slice [m].
-    """
+    """Free cells without parts inside a body, such as a cupboard; `places` converts rows and columns to [m]."""
     part, n = ndimage.label(free)
     if n < 2:
         return free
@@ -371,12 +347,7 @@ def _without_bodies(
 
 
 def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
-    """Whether places are in bodies within the surroundings of other places.
-
-    Args:
-        triangles: Corners of the mesh's triangles [m].
-        places: A place in each room and in each possible body [m].
-    """
+    """Whether places [m], one in each room and each possible body, are in bodies in the surroundings of others."""
     within, points_out = _within(triangles, places)
     kinds, kind = np.unique(within, axis=0, return_inverse=True)
     body = np.zeros(len(kinds), bool)

@@ -55,23 +55,13 @@ class PlanImage:
 
 
 def read_image(path: Path) -> PlanImage:
-    """Decode an image of a floor plan.
-
-    Raises:
-        MapError: If the file is missing, no image, damaged, or absurdly large by its header (before
-            anything is unpacked).
-    """
+    """Decode an image of a floor plan; MapError if it is none, damaged, or too large by its header."""
     with reading(path, _WHAT, "Export it again.", kind=MapError) as file:
         return decode_image(file.read())
 
 
 def decode_image(content: bytes) -> PlanImage:
-    """Decode the bytes of an image.
-
-    Raises:
-        ValueError: If they are no image, or too large.
-        Exception: Any error of the decoder of damaged content.
-    """
+    """Decode the bytes of an image; raises what the decoder does for damaged content."""
     with opened_image(content, MAX_CELLS) as image:
         return _levels(image, content)
 
@@ -140,10 +130,6 @@ def read_image_plan(path: Path, options: ReadingOptions) -> FloorPlan:
 
     The lower left corner of the image becomes the origin of `map`. A frame around the drawing is read as paper
     (`robosim.plans.formats.drawing`). Uses `resolution_m`, `thinnest_wall_m` and `allow_large`.
-
-    Raises:
-        MapError: If the scale is not given or makes an implausibly large building, or the image cannot be read or has
-            no free pixel.
     """
     if options.resolution_m is None:
         maps = [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()]

@@ -37,12 +37,7 @@ class UnknownGrey(NamedTuple):
 
 
 def unknown_grey(image: PlanImage, negate: bool) -> UnknownGrey | None:
-    """The grey that means unknown in a map, darker than free cells; None if no grey stands out.
-
-    Args:
-        image: The map.
-        negate: Whether light is occupied.
-    """
+    """The grey that means unknown, darker than free cells, or lighter if `negate`; None if no grey stands out."""
     level = _levels(image.white)
     counts = _counts(image, level)
     if negate:
