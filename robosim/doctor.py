@@ -133,10 +133,7 @@ def _python() -> Finding:
 
 
 def _system(system: GLSystem) -> Finding:
-    """Whether pyrender draws on an OpenGL system, found out in a process of its own.
-
-    A process can use one system only, and a broken driver may take it down.
-    """
+    """Whether pyrender draws on an OpenGL system, in a process of its own, which a broken driver may take down."""
     part = f"pyrender on {SYSTEM_NAMES[system]}"
     if lack := missing(system):
         return Finding(part, False, lack.trouble, lack.remedy, needed=False)
@@ -319,12 +316,7 @@ def _room() -> "Building":
 
 
 def remedy(error: BaseException, module: str) -> str:
-    """What to install or to do about an error.
-
-    Args:
-        error: What was raised.
-        module: Python module that was being tried.
-    """
+    """What to install or to do about an error that was raised while a Python module was being tried."""
     text = str(error)
     if isinstance(error, PermissionError) and error.filename:
         return f"get permission to use {error.filename}"

@@ -98,9 +98,6 @@ def check_weights(config: EpisodeConfig) -> None:
     """Read the weights that an episode needs, so that a bad file is found before the work begins.
 
     Without a radio no link state is classified, and the classifier's weights are not read.
-
-    Raises:
-        ValueError: If a file is missing, damaged or of something else, or classifies by inputs that are not measured.
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     if _policy(config, navigator, np.zeros(2)).uses_radio:

@@ -115,12 +115,8 @@ class Simulator:
     ) -> None:
         """Build the scene: collision shapes, and the lit building for the camera.
 
-        Args:
-            building: Where.
-            config: What is simulated.
-            watch: Collects the time by stage.
-            uses_radio: Whether the robot has a radio.
-            uses_camera: Whether the target is searched for in pictures.
+        `watch` collects the time by stage. The robot has a radio if `uses_radio`, and the target is searched for in
+        pictures if `uses_camera`.
         """
         self.building = building
         self.config = config or SimulatorConfig()

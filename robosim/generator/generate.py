@@ -83,15 +83,10 @@ class GeneratorConfig:
 
 
 def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> FloorPlan:
-    """Generate a building.
+    """Generate a building from a seed.
 
-    Args:
-        seed: Equal seeds give equal plans.
-        config: Kind of building.
-
-    Returns:
-        A plan whose free cells are 4-connected, and so are the places of the hull's centre in it. Cells well
-        outside of the building are unknown.
+    Free cells of the plan are 4-connected, and so are the places of the hull's centre in it. Cells well outside of the
+    building are unknown.
     """
     check_number("seed", seed, *SEED, whole=True)
     rng = np.random.default_rng(seed)

@@ -68,8 +68,6 @@ _WORD = re.compile(rf"(?:{'|'.join(WORDS)})", re.IGNORECASE)
 NOT_YET = (
     "robosim/__init__.py",
     "robosim/camera",
-    "robosim/navigation.py",
-    "robosim/run.py",
     "robosim/training/link_routes.py",
     "slam/support",
     "tests/benchmarks",
