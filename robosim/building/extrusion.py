@@ -19,6 +19,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from robosim.building.rings import triangulated
+
 #: Kinds of faces; the last is of placed meshes, which are not extruded.
 WALL, FLOOR, CEILING, FURNITURE, PLACED = range(5)
 
@@ -122,11 +124,7 @@ def _triangulate(
     polygons: shapely.MultiPolygon, spots: Float[np.ndarray, "n 2"]
 ) -> Int[np.ndarray, "n_triangles 3"]:
     """Counter-clockwise triangles that fill the polygons, as indices of their corners among `spots`."""
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))
-    points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    side, other = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    if (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum() < 0:  # all have the same orientation
-        points = points[:, ::-1]
+    points = triangulated(polygons)
     return np.searchsorted(spots[:, 0] + 1j * spots[:, 1], points[:, :, 0] + 1j * points[:, :, 1])
 
 

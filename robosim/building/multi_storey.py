@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
 from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
 from robosim.building.faces import Faces, plain_mesh
-from robosim.building.rings import polygons_of, rings_of
+from robosim.building.rings import polygons_of, rings_of, triangulated
 from robosim.building.shell import make_shell
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
@@ -102,21 +102,8 @@ class Storeys(Faces):
         return None
 
 
-class _Part:
-    """Triangles of one storey and of the slab over it, with kinds and materials."""
-
-    def __init__(self) -> None:
-        self.corner: list[np.ndarray] = []
-        self.kind: list[np.ndarray] = []
-        self.material: list[str | Material] = []
-
-    def add(
-        self, corner: Float[np.ndarray, "n 3 3"], kind: Int[np.ndarray, " n"], material: list[str | Material]
-    ) -> None:
-        """Add faces."""
-        self.corner.append(corner)
-        self.kind.append(kind)
-        self.material += material
+#: Corners of triangles [m], and the kind and material of each.
+_Part = tuple[Float[np.ndarray, "n 3 3"], Int[np.ndarray, " n"], list[str | Material]]
 
 
 def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> Storeys:
@@ -137,24 +124,28 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     ]
     free, opening = _noded(free, opening)
     nothing = shapely.MultiPolygon()
-    part = _Part()
+    parts: list[_Part] = []
     slab = [one.slab_material and material_of(one.slab_material, "slab_material") for one in plan.storeys]
     for i, one in enumerate(plan.storeys):
         low = plan.floor_m(i)
         high = low + one.height_m
         below, above = ([nothing, *opening, nothing])[i : i + 2]
         own, under = slab[i], slab[i - 1] if i else None
-        _add_walls(part, alone[i], free[i], low, high)
-        _add_flat(part, free[i], below, low, FLOOR, under or config.building.material("floor"))
-        _add_flat(part, free[i], above, high, CEILING, own or config.building.material("ceiling"))
+        parts += [
+            _walls(alone[i], free[i], low, high),
+            _level(free[i], below, low, FLOOR, under or config.building.material("floor")),
+            _level(free[i], above, high, CEILING, own or config.building.material("ceiling")),
+        ]
         if i < len(opening):
             rim = _upright(_segments(opening[i]), high, plan.floor_m(i + 1))
             of_rim = own or material_of(config.slab_material, "slab_material")
-            part.add(rim, np.full(len(rim), WALL), [of_rim] * len(rim))
-    vertices, faces, triangle = make_shell(np.concatenate(part.corner))
-    materials = tuple(dict.fromkeys(part.material))
+            parts.append((rim, np.full(len(rim), WALL), [of_rim] * len(rim)))
+    corner, kind = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:2])
+    vertices, faces, triangle = make_shell(corner)
+    material = [one for _, _, some in parts for one in some]
+    materials = tuple(dict.fromkeys(material))
     number_of = {one: number for number, one in enumerate(materials)}
-    of_face = np.array([number_of[one] for one in part.material], np.uint8)
+    of_face = np.array([number_of[one] for one in material], np.uint8)
     logger.info("%s: %d storeys, %d faces", plan.name, len(plan.storeys), len(faces))
     bare = Storeys(
         plan=plan,
@@ -163,7 +154,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             for i, building in enumerate(alone)
         ),
         mesh=plain_mesh(vertices, faces, {"plan": plan.name, "frame": "map"}),
-        face_kind=np.concatenate(part.kind).astype(np.uint8)[triangle],
+        face_kind=kind.astype(np.uint8)[triangle],
         materials=materials,
         face_material=of_face[triangle],
     )
@@ -260,7 +251,7 @@ def _upright(segments: Float[np.ndarray, "n 2 2"], low: float, high: float) -> F
     return np.stack([at[0], at[1], at[2], at[0], at[2], at[3]], axis=1).reshape(-1, 3, 3)
 
 
-def _add_walls(part: _Part, alone: Building, free: shapely.MultiPolygon, low: float, high: float) -> None:
+def _walls(alone: Building, free: shapely.MultiPolygon, low: float, high: float) -> _Part:
     """Walls around a storey, each of the kind and material that it has in the storey alone."""
     segments = _segments(free)
     upright = np.flatnonzero(np.isin(alone.face_kind, (WALL, FURNITURE)))
@@ -271,31 +262,22 @@ def _add_walls(part: _Part, alone: Building, free: shapely.MultiPolygon, low: fl
     lines = shapely.linestrings(np.stack([corner[row, far // 3], corner[row, far % 3]], axis=1))
     face = upright[shapely.STRtree(lines).nearest(shapely.points(segments.mean(axis=1)))]
     materials = [alone.materials[i] for i in np.repeat(alone.face_material[face], 2)]
-    part.add(_upright(segments, low, high), np.repeat(alone.face_kind[face], 2).astype(np.int64), materials)
+    return _upright(segments, low, high), np.repeat(alone.face_kind[face], 2).astype(np.int64), materials
 
 
-def _add_flat(
-    part: _Part,
-    free: shapely.MultiPolygon,
-    hole: shapely.MultiPolygon,
-    z_m: float,
-    kind: int,
-    material: str | Material,
-) -> None:
+def _level(
+    free: shapely.MultiPolygon, hole: shapely.MultiPolygon, z_m: float, kind: int, material: str | Material
+) -> _Part:
     """Floor or ceiling of a storey but for the opening in it."""
     area = shapely.difference(free, hole) if not hole.is_empty else free
     solid = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and not one.is_empty]
     if not solid:
-        return
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(solid)))
-    xy = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    one, other = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
-    # All turn in the same direction, which rounding would hide for the thinnest alone.
-    clockwise = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum() < 0
-    xy = xy[:, ::-1] if clockwise == (kind == FLOOR) else xy
+        return np.empty((0, 3, 3)), np.empty(0, np.int64), []
+    xy = triangulated(shapely.MultiPolygon(solid))
+    xy = xy if kind == FLOOR else xy[:, ::-1]
     xy = _parted(xy, np.unique(shapely.get_coordinates([free, hole]), axis=0))
     corner = np.concatenate([xy, np.full((*xy.shape[:2], 1), z_m)], axis=2)
-    part.add(corner, np.full(len(corner), kind), [material] * len(corner))
+    return corner, np.full(len(corner), kind), [material] * len(corner)
 
 
 def _parted(
