@@ -117,14 +117,10 @@ def _check(part: str, module: str, probe: Callable[[], str | Finding], *, needed
     try:
         found = probe()
     except Exception as error:
-        trouble = error.trouble if isinstance(error, OpenGLError) else _first_line(error)
+        said = str(error).strip().splitlines() or [type(error).__name__]
+        trouble = error.trouble if isinstance(error, OpenGLError) else said[0]
         return Finding(part, False, trouble, remedy(error, module), needed)
     return found if isinstance(found, Finding) else Finding(part, True, found, needed=needed)
-
-
-def _first_line(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return lines[0] if lines else type(error).__name__
 
 
 def _python() -> Finding:
@@ -322,8 +318,11 @@ def remedy(error: BaseException, module: str) -> str:
         return f"get permission to use {error.filename}"
     if isinstance(error, OpenGLError):
         return error.remedy
-    if isinstance(error, ImportError) and error.name and _known(error.name):
-        module = error.name
+    name = error.name if isinstance(error, ImportError) else None
+    if name and (
+        _installed(name) or not name.startswith("_")
+    ):  # a package, and not a part of one, as torch's _C
+        module = name
     if (extra := EXTRAS.get(module.partition(".")[0])) and not _installed(module):
         return install_command(extra)
     if not _installed(module):
@@ -332,11 +331,6 @@ def remedy(error: BaseException, module: str) -> str:
     if library := _LIBRARY.search(text):
         return f"install the system's package that has {library[1]}; if it is one of {module}'s own: {again}"
     return again if isinstance(error, ImportError | OSError) else f"not known; perhaps {again}"
-
-
-def _known(module: str) -> bool:
-    """Whether a name in an error is that of a package, and not of a part of one (torch's _C, say)."""
-    return _installed(module) or not module.startswith("_")
 
 
 def _installed(module: str) -> bool:

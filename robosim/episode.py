@@ -226,7 +226,12 @@ def run_episode(
     def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
         coverage.update(true.pose, simulator.true_depth, simulator.true_laser)
         log.add_pose(true.motion, true.pose, estimated.pose, coverage.fraction)
-        log.ended = interrupt.word if interrupt.is_requested else _verdict(log, policy, config)
+        if interrupt.is_requested:
+            log.ended = interrupt.word
+        elif policy.seeks_target and log.arrived:  # by the true pose, one rule for every policy
+            log.ended = "arrived"
+        elif log.steps >= config.max_steps:
+            log.ended = "out of steps"
         return log.ended == "running"
 
     def interpret(sensed: Observation, map_: MapEstimate) -> Estimates:
@@ -260,10 +265,3 @@ def run_episode(
     if isinstance(navigator.mapper, RadioMapper):
         log.transmitters = navigator.mapper.transmitters()
     return log, map_
-
-
-def _verdict(log: EpisodeLog, policy: GoalPolicy, config: EpisodeConfig) -> str:
-    """Whether the episode goes on, judged on the true pose by one rule for every policy."""
-    if policy.seeks_target and log.arrived:
-        return "arrived"
-    return "out of steps" if log.steps >= config.max_steps else "running"

@@ -249,7 +249,10 @@ def make_building(
     islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
     solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
     if not config.tolerance_m:
-        solid = _concatenate(solid, pockets(closed_passages(plan), config.height_m))
+        more = pockets(closed_passages(plan), config.height_m)
+        faces = np.concatenate([solid.faces, more.faces + len(solid.vertices)])
+        corners = np.concatenate([solid.vertices, more.vertices])
+        solid = Solid(corners, faces, np.concatenate([solid.kind, more.kind]))
     vertices = np.column_stack([to_map_exactly(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
     free = shapely.transform(cells, lambda points: to_map_exactly(plan, points))
     wanted = [config.material(kind) for kind in KINDS[:PLACED]]
@@ -358,11 +361,3 @@ def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, 
     holds, _ = shapely.STRtree(shapely.point_on_surface(parts)).query(filled, predicate="contains")
     island[holds] = False
     return island & (shapely.area(filled) <= max_area)
-
-
-def _concatenate(one: Solid, other: Solid) -> Solid:
-    """Two solids as one, without merging vertices."""
-    faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
-    return Solid(
-        np.concatenate([one.vertices, other.vertices]), faces, np.concatenate([one.kind, other.kind])
-    )

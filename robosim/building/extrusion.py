@@ -80,7 +80,9 @@ def extrude(
     above[low] = _ends(lid.triangles, _half_edges(lid_at, end[low], start[low]))[:, ::-1]
 
     over = top.triangles[:, ::-1] if ceiling else np.empty((0, 3), int)
-    faces = [floor.triangles, _upright(below, above), lid.triangles, over]
+    # Two triangles for each wall between an edge of the floor and the one above it, normals to its left.
+    upright = np.column_stack([below[:, 0], above, below[:, 0], above[:, 1], below[:, 1]]).reshape(-1, 3)
+    faces = [floor.triangles, upright, lid.triangles, over]
     of_wall = np.repeat(np.where(furniture[ring_of], FURNITURE, WALL), 2)
     kind = [
         np.full(len(faces[0]), FLOOR),
@@ -91,13 +93,6 @@ def extrude(
     used, numbered = np.unique(np.concatenate(faces), return_inverse=True)
     vertices = np.concatenate([floor.vertices, top.vertices, lid.vertices])[used]
     return Solid(vertices, numbered.reshape(-1, 3), np.concatenate(kind).astype(np.uint8))
-
-
-def _upright(below: Int[np.ndarray, "n 2"], above: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "n_faces 3"]:
-    """Two triangles for each wall between an edge of the floor and the one above it, normals to its left."""
-    return np.column_stack(
-        [below[:, 0], above[:, 0], above[:, 1], below[:, 0], above[:, 1], below[:, 1]]
-    ).reshape(-1, 3)
 
 
 def pockets(segments: Float[np.ndarray, "n 2 2"], height_m: float, kind: int = WALL) -> Solid:

@@ -25,7 +25,7 @@ from robosim.building.shell import make_shell
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
 from robosim.plans.furnishings.furnishing import Furnishing
-from robosim.plans.storey_plans import Ring, StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from wireless.em.materials import Material
 
 logger = logging.getLogger(__name__)
@@ -178,31 +178,22 @@ def _noded(
 
 
 def _opening(
-    name: str,
-    number: int,
-    storey: StoreyPlan,
-    below: shapely.MultiPolygon,
-    above: shapely.MultiPolygon,
+    name: str, number: int, storey: StoreyPlan, below: shapely.MultiPolygon, above: shapely.MultiPolygon
 ) -> shapely.MultiPolygon:
     """Where the slab over a storey is open."""
-    parts = [_hole(name, number, ring, below, above) for ring in storey.openings]
+    parts = []
+    for ring in storey.openings:
+        polygon = shapely.Polygon(ring)
+        subject = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
+        if not polygon.is_valid or polygon.area == 0:
+            raise MapError(f"{subject}, expected one that encloses an area and does not cross itself.")
+        parts.append(_polygons(polygon & below & above))
+        if parts[-1].is_empty:
+            raise MapError(
+                f"{subject}, in which the floors below and above are nowhere both free. Coordinates are metres in the "
+                "frame of the plans, which must lie over each other."
+            )
     return _polygons(shapely.union_all(parts))
-
-
-def _hole(
-    name: str, number: int, ring: Ring, below: shapely.MultiPolygon, above: shapely.MultiPolygon
-) -> shapely.Geometry:
-    polygon = shapely.Polygon(ring)
-    subject = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
-    if not polygon.is_valid or polygon.area == 0:
-        raise MapError(f"{subject}, expected one that encloses an area and does not cross itself.")
-    free = _polygons(polygon & below & above)
-    if free.is_empty:
-        raise MapError(
-            f"{subject}, in which the floors below and above are nowhere both free. Coordinates are metres in the "
-            "frame of the plans, which must lie over each other."
-        )
-    return free
 
 
 def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:

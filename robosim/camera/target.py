@@ -95,20 +95,6 @@ def target_mesh(
     )
 
 
-def marker_corners(
-    position_xy: Float[np.ndarray, "2"], *, config: TargetConfig = TargetConfig(), yaw: float = 0.0
-) -> Float[np.ndarray, "4 4 3"]:
-    """Outer corners of the black frames of the four markers, x, y, z [m] in `map`.
-
-    The sides face `yaw` and on counter-clockwise. Corners come as OpenCV gives them: from the marker's upper left
-    one clockwise.
-    """
-    across_up = config.marker_m / 2 * _SQUARE[[3, 2, 1, 0]]
-    side = np.column_stack([np.full(4, config.box_m / 2), across_up])
-    sides = np.stack([_rotate_z(side, yaw + quarter * np.pi / 2) for quarter in range(4)])
-    return sides + np.array([*position_xy, config.marker_height_m])
-
-
 def _marker(config: TargetConfig) -> tuple[Float[np.ndarray, "64 4 3"], UInt8[np.ndarray, "64 3"]]:
     """The side of the box that faces +x: the squares of its pattern with their margin, and their colours."""
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)

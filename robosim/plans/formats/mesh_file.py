@@ -83,7 +83,13 @@ def _of_scene(content: bytes, path: Path) -> Triangles:
     scene = trimesh.load_scene(
         io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
     )
-    _check_count(scene, len(content))
+    count, most = 0, max(_MOST_TRIANGLES, len(content) // 16)
+    for node in scene.graph.nodes_geometry:
+        count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
+        if count > most:
+            raise ValueError(
+                f"more than {count} triangles, far more than a file of {len(content)} bytes should have"
+            )
     parts = [_placed(scene.geometry[name], T) for T, name in map(scene.graph.get, scene.graph.nodes_geometry)]
     return np.concatenate([np.empty((0, 3, 3)), *parts]) if len(parts) != 1 else parts[0]
 
@@ -237,14 +243,3 @@ def _placed(mesh: Any, T_scene_mesh: Float[np.ndarray, "4 4"]) -> Triangles:
     # A mirrored mesh would face inside out.
     mirrored = np.linalg.det(T_scene_mesh[:3, :3]) < 0
     return corners[np.asarray(faces, np.int64)[:, ::-1] if mirrored else np.asarray(faces, np.int64)]
-
-
-def _check_count(scene: trimesh.Scene, n_bytes: int) -> None:
-    """Raise ValueError for a scene whose repeated meshes have too many triangles in all."""
-    count = 0
-    for node in scene.graph.nodes_geometry:
-        count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
-        if count > max(_MOST_TRIANGLES, n_bytes // 16):
-            raise ValueError(
-                f"more than {count} triangles, far more than a file of {n_bytes} bytes should have"
-            )

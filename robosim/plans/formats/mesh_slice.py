@@ -170,7 +170,9 @@ def plan_from_triangles(
         triangles = _facing_up(triangles, height_m)
     else:
         height_m = options.ground_m
-        triangles = np.concatenate([triangles, _ground(triangles, height_m)])
+        (x0, y0), (x1, y1) = (end(triangles[..., :2], axis=(0, 1)) for end in (np.min, np.max))
+        ground = np.insert([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], 2, height_m, axis=1)
+        triangles = np.concatenate([triangles, ground[[[0, 1, 2], [0, 2, 3]]]])
     free, occupied, origin = _slice(triangles, height_m, low, high, resolution_m)
     if not free.any():
         raise MapError(
@@ -179,13 +181,6 @@ def plan_from_triangles(
         )
     states = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
     return FloorPlan(occupancy=states, resolution_m=resolution_m, origin=(*origin, 0.0), name=name)
-
-
-def _ground(triangles: Triangles, height_m: float) -> Float[np.ndarray, "2 3 3"]:
-    """Level ground that faces up, below all triangles."""
-    (x0, y0), (x1, y1) = (end(triangles[..., :2], axis=(0, 1)) for end in (np.min, np.max))
-    corner = np.insert([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], 2, height_m, axis=1)
-    return corner[[[0, 1, 2], [0, 2, 3]]]
 
 
 def _facing_up(triangles: Triangles, height_m: float) -> Triangles:

@@ -9,7 +9,7 @@ from robosim.building.building import make_building
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.camera.target import DICTIONARY, TargetConfig, marker_corners, target_mesh
+from robosim.camera.target import DICTIONARY, TargetConfig, target_mesh
 from robosim.plans.floorplan import FloorPlan
 
 PLACE = np.array([3.2, 2.9])
@@ -35,6 +35,15 @@ def detect(rgb: np.ndarray) -> dict[int, np.ndarray]:
     return {} if ids is None else {int(i): c[0] for i, c in zip(ids.ravel(), corners, strict=True)}
 
 
+def marker_corners(config: TargetConfig, yaw: float) -> np.ndarray:
+    """Outer corners of the black frame of a side that faces `yaw` [m], as OpenCV gives them: upper left, clockwise."""
+    half = config.marker_m / 2
+    across, up = half * np.array([-1, 1, 1, -1]), half * np.array([1, 1, -1, -1])
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y = c * config.box_m / 2 - s * across, s * config.box_m / 2 + c * across
+    return np.column_stack([x, y, up]) + np.array([*PLACE, config.marker_height_m])
+
+
 @pytest.mark.parametrize("backend", ["pyrender", "embree"])
 @pytest.mark.parametrize("side", range(4))
 def test_each_side_is_recognised_where_it_is(hall, side, backend):
@@ -47,7 +56,7 @@ def test_each_side_is_recognised_where_it_is(hall, side, backend):
     T = camera_pose(looking(1.2, 0.3 + side * np.pi / 2 + np.radians(10), 0.15), config)
     with make_camera([hall, target_mesh(PLACE, config=marker, yaw=0.3)], config, backend=backend) as camera:
         found = detect(camera.render(T).rgb)
-    corners = marker_corners(PLACE, config=marker, yaw=0.3)[side]
+    corners = marker_corners(marker, 0.3 + side * np.pi / 2)
     seen = (corners - T[:3, 3]) @ T[:3, :3] @ config.K.T
     expected = seen[:, :2] / seen[:, 2:] - 0.5
     assert list(found) == [23]
