@@ -190,7 +190,7 @@ def run_episode(
     on_step: Observer = lambda log, step: None,
     watch: Stopwatch | None = None,
 ) -> tuple[EpisodeLog, MapEstimate]:
-    """Drive one robot until it arrives, has explored everything, or is out of steps.
+    """Drive one robot until it arrives, has explored everything, or is out of steps; returns log and last map.
 
     Ctrl-C or SIGTERM ends the episode after the current step; what was done until then is returned.
 
@@ -201,9 +201,6 @@ def run_episode(
         config: How.
         on_step: Called at each step, after the action is chosen, to draw or report; or to drive by hand.
         watch: Collects the time by stage.
-
-    Returns:
-        The log, and the map in the end.
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)

@@ -20,45 +20,33 @@ from robosim.generator.canvas import Rect
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """Layout and furniture of a kind of building."""
+    """Layout and furniture of a kind of building, by default of homes."""
 
-    aspect: tuple[float, float]
+    aspect: tuple[float, float] = (1.0, 1.8)
     """Long over short side of the building, least and most."""
-    corridor_chance: float
+    corridor_chance: float = 0.5
     """Chance that a building of four rooms or more has a corridor."""
-    corridor_m: tuple[float, float]
+    corridor_m: tuple[float, float] = (0.9, 1.5)
     """Width of corridors."""
-    narrowest_m: float
+    narrowest_m: float = 1.5
     """Smallest side of a room, between wall axes."""
-    uneven: float
+    uneven: float = 0.65
     """Spread of room sizes: standard deviation of their logarithm."""
-    left_out: float
+    left_out: float = 0.35
     """Largest share of pieces that are no rooms."""
-    loops: float
+    loops: float = 0.35
     """Chance of a second door where two rooms are neighbours."""
-    open_plan: float
+    open_plan: float = 0.8
     """Chance that two social rooms share a wide opening instead of a door."""
-    recess: float
+    recess: float = 0.15
     """Chance of an alcove or bay, for each free side of a room."""
-    slanted: float
+    slanted: float = 0.1
     """Chance of a slanted wall, for each room."""
-    crowding: float
+    crowding: float = 1.5
     """Number of pieces of the usual furniture, relative to the lists of pieces."""
 
 
-HOME = Style(
-    aspect=(1.0, 1.8),
-    corridor_chance=0.5,
-    corridor_m=(0.9, 1.5),
-    narrowest_m=1.5,
-    uneven=0.65,
-    left_out=0.35,
-    loops=0.35,
-    open_plan=0.8,
-    recess=0.15,
-    slanted=0.1,
-    crowding=1.5,
-)
+HOME = Style()
 OFFICE = Style(
     aspect=(1.0, 2.5),
     corridor_chance=1.0,

@@ -93,11 +93,7 @@ def _installed_system() -> GLSystem | None:
 
 
 def default_system() -> GLSystem:
-    """The system of PYOPENGL_PLATFORM if that names one, else the first that is installed.
-
-    Raises:
-        OpenGLError: If PYOPENGL_PLATFORM names a system that is not installed, or none is; an OSError.
-    """
+    """The system of PYOPENGL_PLATFORM if that names one, else the first that is installed; OpenGLError if none."""
     requested = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     for system in SYSTEM_NAMES:
         if system == requested:

@@ -104,10 +104,7 @@ def turned_up(triangles: Triangles, axis: str) -> Triangles:
 
 
 def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
-    """The axis that points up by the custom of the format, unless the other one has a far larger floor.
-
-    A floor is larger than the mesh is tall: else it may be a wall of a mesh without a floor.
-    """
+    """The axis that points up by custom of the format, unless the other has a far larger floor, and no wall for it."""
     usual = "y" if path.suffix.lower() in _GLTF else "z"
     other = _OTHER[usual]
     span = np.ptp(triangles.reshape(-1, 3), axis=0)
