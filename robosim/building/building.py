@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 import shapely
-import trimesh
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
 from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
 from robosim.building.faces import KINDS, Faces, plain_mesh
@@ -115,17 +114,6 @@ class Building(Faces):
     `free_at`."""
     height_m: float
     """Height of the ceiling above the floor [m]."""
-    mesh: trimesh.Trimesh
-    """All faces, with normals into free space, those of walls, floor and ceiling first; of these, vertices are corners
-    of walls only. Faces of placed meshes that close no volume may have either orientation."""
-    face_kind: UInt8[np.ndarray, " n_faces"]
-    """Kind of each face: index into `KINDS`."""
-    materials: tuple[str | Material, ...]
-    """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
-    face_material: UInt8[np.ndarray, " n_faces"]
-    """Material of each face: index into `materials`."""
-    furnishings: tuple[Furnishing, ...] = ()
-    """Meshes placed in it, in the order of their faces."""
 
     def __repr__(self) -> str:
         placed = f", {len(self.furnishings)} placed in it" if self.furnishings else ""
@@ -305,7 +293,7 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
         first += len(bodies.vertices)
     count = sum(map(len, faces[1:]))
     logger.info("%d things of %d faces are placed in the building", len(furnishings), count)
-    return replace(  # type: ignore[type-var]
+    return replace(
         bare,
         mesh=plain_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
         face_kind=np.concatenate(kind),

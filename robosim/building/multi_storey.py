@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
-import trimesh
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
@@ -24,7 +23,6 @@ from robosim.building.rings import polygons_of, rings_of, triangulated
 from robosim.building.shell import make_shell
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
-from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from wireless.em.materials import Material
 
@@ -80,16 +78,6 @@ class Storeys(Faces):
     """Its plans."""
     storeys: tuple[Storey, ...]
     """From the lowest up."""
-    mesh: trimesh.Trimesh
-    """All faces, with normals into free space."""
-    face_kind: UInt8[np.ndarray, " n_faces"]
-    """Kind of each face: index into `robosim.building.faces.KINDS`; rims of slabs are walls."""
-    materials: tuple[str | Material, ...]
-    """Radio materials of the faces."""
-    face_material: UInt8[np.ndarray, " n_faces"]
-    """Material of each face: index into `materials`."""
-    furnishings: tuple[Furnishing, ...] = ()
-    """Furnishings of the storeys, with heights above the lowest floor, in the order of their faces."""
 
     def __repr__(self) -> str:
         return f"<Storeys {self.plan.name!r}: {len(self.storeys)}, {len(self.mesh.faces)} faces>"
