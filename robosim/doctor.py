@@ -1,13 +1,15 @@
 """A look at the machine: what works, how fast, what is used, and what to do where something does not work.
 
 Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash. What to do
-follows from the error (`robosim.remedies`), since any probe may stumble over what it shares with others.
+follows from the error (`remedy`), since any probe may stumble over what it shares with others: a package that cannot be
+imported, or a folder that cannot be written.
 """
 
 import importlib.metadata
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -30,8 +32,7 @@ from robosim.camera.rendering.gl_systems import (
     default_system,
     missing,
 )
-from robosim.remedies import CACHE_REMEDY, remedy
-from robosim.support.installation import EXTRAS, install_command, is_installed, package_version
+from robosim.support.installation import DISTRIBUTION, EXTRAS, install_command, is_installed, package_version
 
 if TYPE_CHECKING:
     from robosim.building.building import Building
@@ -39,6 +40,18 @@ if TYPE_CHECKING:
 _CAMERA = "camera"
 # A camera takes two seconds, where loops have to be compiled some minutes.
 _PATIENCE_S = 900.0
+#: No cache folder is writable.
+CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is cached"
+
+# Packages that are not called like their modules, or come with another one.
+_PACKAGES = {
+    "cv2": "opencv-contrib-python-headless",
+    "PIL": "pillow",
+    "yaml": "pyyaml",
+    "OpenGL": "PyOpenGL==3.1.0",
+    "rerun": "rerun-sdk",
+}
+_LIBRARY = re.compile(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file")
 
 
 @dataclass(frozen=True)
@@ -104,14 +117,10 @@ def _check(part: str, module: str, probe: Callable[[], str | Finding], *, needed
     try:
         found = probe()
     except Exception as error:
-        trouble = error.trouble if isinstance(error, OpenGLError) else _first_line(error)
+        said = str(error).strip().splitlines() or [type(error).__name__]
+        trouble = error.trouble if isinstance(error, OpenGLError) else said[0]
         return Finding(part, False, trouble, remedy(error, module), needed)
     return found if isinstance(found, Finding) else Finding(part, True, found, needed=needed)
-
-
-def _first_line(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return lines[0] if lines else type(error).__name__
 
 
 def _python() -> Finding:
@@ -120,10 +129,7 @@ def _python() -> Finding:
 
 
 def _system(system: GLSystem) -> Finding:
-    """Whether pyrender draws on an OpenGL system, found out in a process of its own.
-
-    A process can use one system only, and a broken driver may take it down.
-    """
+    """Whether pyrender draws on an OpenGL system, in a process of its own, which a broken driver may take down."""
     part = f"pyrender on {SYSTEM_NAMES[system]}"
     if lack := missing(system):
         return Finding(part, False, lack.trouble, lack.remedy, needed=False)
@@ -303,3 +309,53 @@ def _room() -> "Building":
     from robosim.plans.floorplan import FloorPlan
 
     return make_building(FloorPlan(occupancy=np.zeros((60, 80), np.uint8), resolution_m=0.05, name="room"))
+
+
+def remedy(error: BaseException, module: str) -> str:
+    """What to install or to do about an error that was raised while a Python module was being tried."""
+    text = str(error)
+    if isinstance(error, PermissionError) and error.filename:
+        return f"get permission to use {error.filename}"
+    if isinstance(error, OpenGLError):
+        return error.remedy
+    name = error.name if isinstance(error, ImportError) else None
+    if name and (
+        _installed(name) or not name.startswith("_")
+    ):  # a package, and not a part of one, as torch's _C
+        module = name
+    if (extra := EXTRAS.get(module.partition(".")[0])) and not _installed(module):
+        return install_command(extra)
+    if not _installed(module):
+        return f"pip install '{_requirement(module)}'"
+    again = f"pip install --force-reinstall --no-deps '{_requirement(module)}'"
+    if library := _LIBRARY.search(text):
+        return f"install the system's package that has {library[1]}; if it is one of {module}'s own: {again}"
+    return again if isinstance(error, ImportError | OSError) else f"not known; perhaps {again}"
+
+
+def _installed(module: str) -> bool:
+    try:
+        importlib.metadata.version(_package(module).partition("==")[0])
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _package(module: str) -> str:
+    top = module.partition(".")[0]
+    return _PACKAGES.get(top, top)
+
+
+def _requirement(module: str) -> str:
+    """What to ask pip for to get a module: as this project's own requirement says, if it has one."""
+    package = _package(module)
+    try:
+        stated = importlib.metadata.requires(DISTRIBUTION) or []
+    except importlib.metadata.PackageNotFoundError:
+        stated = []
+    for requirement in stated:
+        if "extra ==" not in requirement and re.match(
+            rf"{re.escape(package)}(?![\w.-])", requirement, re.IGNORECASE
+        ):
+            return requirement
+    return package

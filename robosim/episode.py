@@ -98,9 +98,6 @@ def check_weights(config: EpisodeConfig) -> None:
     """Read the weights that an episode needs, so that a bad file is found before the work begins.
 
     Without a radio no link state is classified, and the classifier's weights are not read.
-
-    Raises:
-        ValueError: If a file is missing, damaged or of something else, or classifies by inputs that are not measured.
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     if _policy(config, navigator, np.zeros(2)).uses_radio:
@@ -193,7 +190,7 @@ def run_episode(
     on_step: Observer = lambda log, step: None,
     watch: Stopwatch | None = None,
 ) -> tuple[EpisodeLog, MapEstimate]:
-    """Drive one robot until it arrives, has explored everything, or is out of steps.
+    """Drive one robot until it arrives, has explored everything, or is out of steps; returns log and last map.
 
     Ctrl-C or SIGTERM ends the episode after the current step; what was done until then is returned.
 
@@ -204,9 +201,6 @@ def run_episode(
         config: How.
         on_step: Called at each step, after the action is chosen, to draw or report; or to drive by hand.
         watch: Collects the time by stage.
-
-    Returns:
-        The log, and the map in the end.
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
@@ -229,7 +223,12 @@ def run_episode(
     def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
         coverage.update(true.pose, simulator.true_depth, simulator.true_laser)
         log.add_pose(true.motion, true.pose, estimated.pose, coverage.fraction)
-        log.ended = interrupt.word if interrupt.is_requested else _verdict(log, policy, config)
+        if interrupt.is_requested:
+            log.ended = interrupt.word
+        elif policy.seeks_target and log.arrived:  # by the true pose, one rule for every policy
+            log.ended = "arrived"
+        elif log.steps >= config.max_steps:
+            log.ended = "out of steps"
         return log.ended == "running"
 
     def interpret(sensed: Observation, map_: MapEstimate) -> Estimates:
@@ -263,10 +262,3 @@ def run_episode(
     if isinstance(navigator.mapper, RadioMapper):
         log.transmitters = navigator.mapper.transmitters()
     return log, map_
-
-
-def _verdict(log: EpisodeLog, policy: GoalPolicy, config: EpisodeConfig) -> str:
-    """Whether the episode goes on, judged on the true pose by one rule for every policy."""
-    if policy.seeks_target and log.arrived:
-        return "arrived"
-    return "out of steps" if log.steps >= config.max_steps else "running"

@@ -86,13 +86,7 @@ class EpisodeLog:
         self.coverage.append(coverage)
 
     def add_link(self, measurement: Measurement, radio: RadioLink, anchor: str | None = None) -> None:
-        """Add a measurement and the truth about it.
-
-        Args:
-            measurement: As the robot interprets it.
-            radio: The link that was measured, with its true paths.
-            anchor: Name of the transmitter, if it is not the target.
-        """
+        """Add a measurement, as the robot interprets it, and the truth about it; None for the target, no anchor."""
         links = self.links if anchor is None else self.anchor_links.setdefault(anchor, [])
         found = len(measurement.snr_db) > 0
         links.append(
@@ -177,11 +171,7 @@ class EpisodeLog:
         }
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw true and estimated trajectory, and the target if it is searched for.
-
-        Args:
-            axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
-        """
+        """Draw true and estimated trajectory, and the target if it is searched for; None for axes of a new figure."""
         from matplotlib.patches import Circle
 
         axes = axes_in_metres(axes)

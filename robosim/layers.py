@@ -68,12 +68,7 @@ def layer_of_map(estimate: MapEstimate) -> Layer:
 
 
 def map_of_layer(layer: Layer, pose: Float[np.ndarray, "3"]) -> MapEstimate:
-    """A map with these kinds of cells; obstacles and floor are certain, guesses in the middle of their level.
-
-    Args:
-        layer: Kinds of cells.
-        pose: Estimated pose: x [m], y [m], yaw [rad] in `map`.
-    """
+    """A map with these kinds of cells; obstacles and floor are certain, guesses in the middle of their level."""
     kind = layer.values
     observed = np.full(kind.shape, 0.5, np.float32)
     observed[kind == FREE], observed[kind == OBSTACLE] = 0.0, 1.0

@@ -1,7 +1,7 @@
-"""The navigator: mapper, planner, controller and explorer, told about the robot that they serve.
+"""The navigator: mapper, planner, controller and explorer of one robot.
 
-They are told what a builder would know of a robot: the optics and height of its camera, the radius of its
-hull, and the mean error of its odometry for each action, which a calibration run gives.
+They know of the robot what its builder knows: the optics and height of its camera, the radius of its hull, and the mean
+error of its odometry for each action, which a calibration run gives.
 """
 
 import json
@@ -30,7 +30,7 @@ from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
 
-#: How often each action is run to calibrate the odometry of a robot that nobody has calibrated.
+#: How often each action is run to calibrate the odometry of a robot without a calibration.
 CALIBRATION_RUNS = 1000
 
 
@@ -49,17 +49,7 @@ def make_navigator(
     mapper: Part = "classical",
     controller: Part = "planned",
 ) -> Navigator:
-    """The navigator of the robot that is simulated, of classical parts where no others are named.
-
-    Args:
-        config: The robot and its camera.
-        explorer: Who chooses among frontiers, of `robosim.parts.EXPLORER`.
-        mapper: Who makes the map, of `robosim.parts.MAPPER`.
-        controller: Who chooses actions, of `robosim.parts.CONTROLLER`.
-
-    Raises:
-        ValueError: If a part is unknown or a file damaged.
-    """
+    """The navigator of the simulated robot, of classical parts where no others are named."""
     radius_m = config.robot.radius_m
     odometry = _odometry(config)
     cost = CostConfig(radius_m=radius_m)

@@ -73,87 +73,97 @@ def record_episode(
     if rerun:
         rerun_sdk()
     check_weights(config)
-    with run_folder(out, "episode") as folder:
+    console = console or Console(quiet=True)
+    with run_folder(out, "episode") as out:
         # Files of an earlier episode, or version, would be mistaken for new ones.
         for name in (*FILES, "replay.mp4", "sheet.png", "decisions.npz", RECORDING):
-            (folder / name).unlink(missing_ok=True)
-        return _record(
-            plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
-        )
+            (out / name).unlink(missing_ok=True)
+        watch = Stopwatch()
+        with watch.stage("scene"):
+            building = make_building(plan, config=config.building)
+            robot = config.simulator.robot
+            places = reach(building, robot.radius_m, robot.height_m)
+            task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
+            task = with_anchors(task, places, anchors)
+        _print_cut_off(places, task.start, console)
+        rings = building_rings(building)
+        title = f"{plan.name}  {part_name(config.goal)}"
+        picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
+        steps = EpisodeWriter(rings)
+        ends = text_column("{task.description}"), text_column("{task.fields[note]}")
+        columns = ends[0], BarColumn(bar_width=12), MofNCompleteColumn(), ends[1]
+        with ExitStack() as files, Progress(*columns, console=console, refresh_per_second=4) as progress:
+            writer = None
+            if video:
+                from robosim.drawing.video import VideoWriter  # brings ffmpeg
+
+                writer = VideoWriter(out / "episode.mp4", picture.size)
+                files.callback(_timed, writer.close, watch, "video")
+            recording = None
+            if rerun:
+                simulator = config.simulator
+                place = out / RECORDING, building, task
+                recording = RerunRecording(*place, simulator.image, simulator.radio.height_m)
+                files.callback(_timed, recording.close, watch, "rerun")
+            bar = progress.add_task(plan.name, total=config.max_steps, note="")
+
+            def record(log: EpisodeLog, step: Step) -> None:
+                picture.target = task.target if log.seeks_target else None
+                text = status_line(step, picture.target)
+                progress.update(bar, completed=log.steps, note=text)
+                with watch.stage("log"):
+                    steps.add(step)
+                if writer is not None:
+                    with watch.stage("video"):
+                        writer.add(picture.draw(step))
+                if recording is not None:
+                    with watch.stage("rerun"):
+                        recording.add(step)
+
+            log, estimate = run_episode(building, places, task, config, record, watch)
+        return _write_files(out, plan, building, config, log, watch, steps, estimate)
 
 
-def _record(
-    plan: FloorPlan,
-    config: EpisodeConfig,
+def _write_files(
     out: Path,
-    start: Float[np.ndarray, "3"] | None,
-    target: Float[np.ndarray, "2"] | None,
-    anchors: Sequence[Anchor],
-    video: bool,
-    rerun: bool,
-    console: Console,
+    plan: FloorPlan,
+    building: Building,
+    config: EpisodeConfig,
+    log: EpisodeLog,
+    watch: Stopwatch,
+    steps: EpisodeWriter,
+    estimate: MapEstimate,
 ) -> dict[str, Any]:
-    watch = Stopwatch()
-    with watch.stage("scene"):
-        building = make_building(plan, config=config.building)
-        robot = config.simulator.robot
-        places = reach(building, robot.radius_m, robot.height_m)
-        task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
-        task = with_anchors(task, places, anchors)
-    _print_cut_off(places, task.start, console)
-    rings = building_rings(building)
-    title = f"{plan.name}  {part_name(config.goal)}"
-    picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
-    steps = EpisodeWriter(rings)
-    ends = text_column("{task.description}"), text_column("{task.fields[note]}")
-    columns = ends[0], BarColumn(bar_width=12), MofNCompleteColumn(), ends[1]
-    with ExitStack() as files, Progress(*columns, console=console, refresh_per_second=4) as progress:
-        writer = None
-        if video:
-            from robosim.drawing.video import VideoWriter  # brings ffmpeg
-
-            writer = VideoWriter(out / "episode.mp4", picture.size)
-            files.callback(_timed, writer.close, watch, "video")
-        recording = None
-        if rerun:
-            simulator = config.simulator
-            place = out / RECORDING, building, task
-            recording = RerunRecording(*place, simulator.image, simulator.radio.height_m)
-            files.callback(_timed, recording.close, watch, "rerun")
-        bar = progress.add_task(plan.name, total=config.max_steps, note="")
-
-        def record(log: EpisodeLog, step: Step) -> None:
-            picture.target = task.target if log.seeks_target else None
-            text = status_line(step, picture.target)
-            progress.update(bar, completed=log.steps, note=text)
-            with watch.stage("log"):
-                steps.add(step)
-            if writer is not None:
-                with watch.stage("video"):
-                    writer.add(picture.draw(step))
-            if recording is not None:
-                with watch.stage("rerun"):
-                    recording.add(step)
-
-        log, estimate = run_episode(building, places, task, config, record, watch)
+    """Write all files but the video, and return the result: times are under `timing`, the rest depends on the seed."""
     from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
 
-    # The result last: it shows that all files are there.
+    loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
+    goal, scores = part_name(config.goal), log.result()
+    seconds = {stage: round(value, 3) for stage, value in watch.seconds.items()}
     with noted_interrupt("writing the files"):
         log.save_trajectories(out)
-        result = plain(_result(plan, building, config, log, watch))
-        row = {
+        result: dict[str, Any] = {
             "plan": plan.name,
-            "policy": part_name(config.goal),
+            "goal": goal,
             "seed": config.seed,
-            **plain(log.result()),
+            "seeks_target": log.seeks_target,
+            **scores,
+            "walls": len(building.walls_2d),
+            "config": to_dict(config),
+            "versions": {name: package_version(name) for name in ("robosim", "mujoco", "numpy")},
+            "timing": {
+                "seconds": seconds,
+                "decisions_per_s": log.steps / loop if loop else 0.0,
+                "decisions_per_s_with_video": log.steps / (loop + watch.seconds["video"]) if loop else 0.0,
+            },
         }
-        head = Head(row=row, seeks_target=log.seeks_target, timing=result["timing"]["seconds"])
+        row = {"plan": plan.name, "policy": goal, "seed": config.seed, **plain(scores)}
+        head = Head(row=row, seeks_target=log.seeks_target, timing=plain(seconds))
         write_whole(out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate))
         write_ros(built_plan(estimate, plan.name), out / "map.yaml")
         plot_episode(out / "map.png", building, log, estimate)
-        write_json(out / "result.json", result)
-    return result
+        write_json(out / "result.json", plain(result))  # the last: it shows that all files are there
+    return plain(result)
 
 
 def _timed(action: Callable[[], None], watch: Stopwatch, stage: str) -> None:
@@ -181,25 +191,3 @@ def _print_cut_off(places: Reach, start: Float[np.ndarray, "3"], console: Consol
         listed = ", ".join(f"{r.area_m2:.1f} m2 at ({r.centre[0]:.1f}, {r.centre[1]:.1f})" for r in rooms[:5])
         more = f" and {len(rooms) - 5} more" if len(rooms) > 5 else ""
         console.print(f"The hull (radius {places.radius_m} m) cannot enter: {listed}{more}.")
-
-
-def _result(
-    plan: FloorPlan, building: Building, config: EpisodeConfig, log: EpisodeLog, watch: Stopwatch
-) -> dict[str, Any]:
-    """Scores, configuration and versions; all times are under `timing`, all else depends on the seed alone."""
-    loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
-    return {
-        "plan": plan.name,
-        "goal": part_name(config.goal),
-        "seed": config.seed,
-        "seeks_target": log.seeks_target,
-        **log.result(),
-        "walls": len(building.walls_2d),
-        "config": to_dict(config),
-        "versions": {name: package_version(name) for name in ("robosim", "mujoco", "numpy")},
-        "timing": {
-            "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},
-            "decisions_per_s": log.steps / loop if loop else 0.0,
-            "decisions_per_s_with_video": log.steps / (loop + watch.seconds["video"]) if loop else 0.0,
-        },
-    }

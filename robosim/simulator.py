@@ -15,7 +15,7 @@ from jaxtyping import Float, UInt8
 from robosim.building.building import Building
 from robosim.camera.cameras import make_camera
 from robosim.camera.depth_noise import DepthNoise
-from robosim.camera.model import RGBD, Camera, CameraConfig, camera_pose
+from robosim.camera.model import Camera, CameraConfig, camera_pose
 from robosim.camera.recognition import Recogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh
@@ -115,12 +115,8 @@ class Simulator:
     ) -> None:
         """Build the scene: collision shapes, and the lit building for the camera.
 
-        Args:
-            building: Where.
-            config: What is simulated.
-            watch: Collects the time by stage.
-            uses_radio: Whether the robot has a radio.
-            uses_camera: Whether the target is searched for in pictures.
+        `watch` collects the time by stage. The robot has a radio if `uses_radio`, and the target is searched for in
+        pictures if `uses_camera`.
         """
         self.building = building
         self.config = config or SimulatorConfig()
@@ -235,13 +231,11 @@ class Simulator:
                 name: link.measure(self.pose, self._anchor_rngs[name]) for name, link in self.anchors.items()
             }
         with self.watch.stage("recognition"):
-            target = self._recognise(frame._replace(depth=measured))
+            target = None
+            if self._recogniser is not None and self._target is not None:
+                place = between(self.pose, np.array([*self._target, 0.0]))[:2]
+                target = self._recogniser.find(frame._replace(depth=measured), place)
         return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser)
-
-    def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
-        if self._recogniser is None or self._target is None:
-            return None
-        return self._recogniser.find(frame, between(self.pose, np.array([*self._target, 0.0]))[:2])
 
     def _place_target(self, target: np.ndarray) -> None:
         self.close()

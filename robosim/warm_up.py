@@ -30,16 +30,9 @@ _REPORT_S = 0.5
 
 
 def warm_up(report: Callable[[int], None] = lambda count: None) -> int:
-    """Compile and cache the loops of an episode.
+    """Compile and cache the loops of an episode; returns the number of functions compiled, 0 if all were cached.
 
-    Args:
-        report: Called twice a second with the number of functions compiled so far.
-
-    Returns:
-        Number of functions compiled; 0 if all were cached.
-
-    Raises:
-        ValueError: If no cache folder is writable.
+    `report` is called twice a second with the number so far. ValueError if no cache folder is writable.
     """
     before = _count_cached()
     n_processes = min(2, len(os.sched_getaffinity(0)))
@@ -60,11 +53,7 @@ def warm_up(report: Callable[[int], None] = lambda count: None) -> int:
 
 
 def call_loops(part: int = 0) -> None:
-    """Call every loop of an episode in this process.
-
-    Args:
-        part: Which loops come first: 0 for buildings and what a transmitter sees, 1 for links and their estimation.
-    """
+    """Call every loop of an episode, first those of buildings and transmitters (part 0) or those of links (1)."""
     logging.disable(logging.WARNING)
     gc.disable()  # searches for garbage take a sixth of the time in which numba compiles
     # Here, so that both processes import the simulator at the same time.

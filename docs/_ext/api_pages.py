@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 
 #: Rooms that are not for use from Python.
 _INNER = {"support", "commands", "rendering"}
-_INNER_MODULES = {"robosim.cli", "robosim.__main__", "robosim.doctor", "robosim.remedies"}
+_INNER_MODULES = {"robosim.cli", "robosim.__main__", "robosim.doctor"}
 #: What each package is for, in the order in which they are listed.
 _PACKAGES = {
     "robosim": "Floor plans and buildings, the robot, its senses, episodes, data sets, evaluation.",

@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 import shapely
-import trimesh
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
 from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
 from robosim.building.faces import KINDS, Faces, plain_mesh
@@ -56,15 +55,7 @@ _TIDY_M = 1e-7
 
 
 def material_of(given: Part, field: str) -> str | Material:
-    """A radio material: a name of `wireless.em.materials`, or the layers of a file or part.
-
-    Args:
-        given: One of `robosim.parts.MATERIAL`.
-        field: Its name in messages.
-
-    Raises:
-        ValueError: If there is none.
-    """
+    """A radio material: a name of `wireless.em.materials`, or the layers of a file or part; `field` is for messages."""
     if MATERIAL.is_name(given):
         check_material(given, field)
         return str(given)
@@ -108,11 +99,7 @@ class BuildingConfig:
             self.material(kind)
 
     def material(self, kind: str) -> str | Material:
-        """Radio material of a kind of face: a name of `wireless.em.materials`, or layers.
-
-        Raises:
-            ValueError: If there is none.
-        """
+        """Radio material of a kind of face: a name of `wireless.em.materials`, or layers."""
         return material_of(getattr(self, f"{kind}_material"), f"{kind}_material")
 
 
@@ -127,17 +114,6 @@ class Building(Faces):
     `free_at`."""
     height_m: float
     """Height of the ceiling above the floor [m]."""
-    mesh: trimesh.Trimesh
-    """All faces, with normals into free space, those of walls, floor and ceiling first; of these, vertices are corners
-    of walls only. Faces of placed meshes that close no volume may have either orientation."""
-    face_kind: UInt8[np.ndarray, " n_faces"]
-    """Kind of each face: index into `KINDS`."""
-    materials: tuple[str | Material, ...]
-    """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
-    face_material: UInt8[np.ndarray, " n_faces"]
-    """Material of each face: index into `materials`."""
-    furnishings: tuple[Furnishing, ...] = ()
-    """Meshes placed in it, in the order of their faces."""
 
     def __repr__(self) -> str:
         placed = f", {len(self.furnishings)} placed in it" if self.furnishings else ""
@@ -161,14 +137,9 @@ class Building(Faces):
         )
 
     def floor(self, height_m: float) -> shapely.MultiPolygon:
-        """The floor on which an upright body of some height meets no wall, and nothing that is placed.
+        """The floor [m], in `map`, on which an upright body of a height meets no wall, and nothing that is placed.
 
-        Args:
-            height_m: Of the body, above the floor [m]. Things at this height or higher do not stop it, nor do things
-                lower than `robosim.building.footprint.ROLLS_OVER_M`.
-
-        Returns:
-            Free floor in `map` [m].
+        Things at this height or higher do not stop it, nor do things lower than `ROLLS_OVER_M` of `footprint`.
         """
         return self._without("floor", height_m)
 
@@ -221,11 +192,7 @@ class Building(Faces):
         return self.mesh.vertices[ends][:, :, :2]
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw walls and furniture from above.
-
-        Args:
-            axes: Where to draw; None for axes of a new figure.
-        """
+        """Draw walls and furniture from above; None for axes of a new figure."""
         axes = axes_in_metres(axes)
         self.draw_walls(axes)
         axes.autoscale_view()
@@ -270,7 +237,10 @@ def make_building(
     islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
     solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
     if not config.tolerance_m:
-        solid = _concatenate(solid, pockets(closed_passages(plan), config.height_m))
+        more = pockets(closed_passages(plan), config.height_m)
+        faces = np.concatenate([solid.faces, more.faces + len(solid.vertices)])
+        corners = np.concatenate([solid.vertices, more.vertices])
+        solid = Solid(corners, faces, np.concatenate([solid.kind, more.kind]))
     vertices = np.column_stack([to_map_exactly(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
     free = shapely.transform(cells, lambda points: to_map_exactly(plan, points))
     wanted = [config.material(kind) for kind in KINDS[:PLACED]]
@@ -323,7 +293,7 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
         first += len(bodies.vertices)
     count = sum(map(len, faces[1:]))
     logger.info("%d things of %d faces are placed in the building", len(furnishings), count)
-    return replace(  # type: ignore[type-var]
+    return replace(
         bare,
         mesh=plain_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
         face_kind=np.concatenate(kind),
@@ -379,11 +349,3 @@ def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, 
     holds, _ = shapely.STRtree(shapely.point_on_surface(parts)).query(filled, predicate="contains")
     island[holds] = False
     return island & (shapely.area(filled) <= max_area)
-
-
-def _concatenate(one: Solid, other: Solid) -> Solid:
-    """Two solids as one, without merging vertices."""
-    faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
-    return Solid(
-        np.concatenate([one.vertices, other.vertices]), faces, np.concatenate([one.kind, other.kind])
-    )

@@ -19,6 +19,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from robosim.building.rings import triangulated
+
 #: Kinds of faces; the last is of placed meshes, which are not extruded.
 WALL, FLOOR, CEILING, FURNITURE, PLACED = range(5)
 
@@ -56,9 +58,6 @@ def extrude(
         height_m: Height of the ceiling.
         furniture_height_m: Height of the furniture, under a lid; None for `height_m`.
         ceiling: Whether to close the shell from above.
-
-    Raises:
-        RuntimeError: If the polygons were not triangulated along all their edges, which should not happen.
     """
     outlines = shapely.get_rings(shapely.get_parts(free))
     spots, rings = _spots(outlines)
@@ -81,7 +80,9 @@ def extrude(
     above[low] = _ends(lid.triangles, _half_edges(lid_at, end[low], start[low]))[:, ::-1]
 
     over = top.triangles[:, ::-1] if ceiling else np.empty((0, 3), int)
-    faces = [floor.triangles, _upright(below, above), lid.triangles, over]
+    # Two triangles for each wall between an edge of the floor and the one above it, normals to its left.
+    upright = np.column_stack([below[:, 0], above, below[:, 0], above[:, 1], below[:, 1]]).reshape(-1, 3)
+    faces = [floor.triangles, upright, lid.triangles, over]
     of_wall = np.repeat(np.where(furniture[ring_of], FURNITURE, WALL), 2)
     kind = [
         np.full(len(faces[0]), FLOOR),
@@ -94,21 +95,8 @@ def extrude(
     return Solid(vertices, numbered.reshape(-1, 3), np.concatenate(kind).astype(np.uint8))
 
 
-def _upright(below: Int[np.ndarray, "n 2"], above: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "n_faces 3"]:
-    """Two triangles for each wall between an edge of the floor and the one above it, normals to its left."""
-    return np.column_stack(
-        [below[:, 0], above[:, 0], above[:, 1], below[:, 0], above[:, 1], below[:, 1]]
-    ).reshape(-1, 3)
-
-
 def pockets(segments: Float[np.ndarray, "n 2 2"], height_m: float, kind: int = WALL) -> Solid:
-    """Walls with a face on either side and no volume, from z = 0 up; each is closed in itself.
-
-    Args:
-        segments: Ends (x, y) of the walls.
-        height_m: Height of the walls.
-        kind: What the faces are part of.
-    """
+    """Walls between ends (x, y), from z = 0 up, with a face on either side and no volume; each is closed in itself."""
     xy = np.tile(segments, (1, 2, 1))  # below: 0, 1; above: 2, 3
     z = np.broadcast_to([0.0, 0.0, height_m, height_m], (len(segments), 4))
     vertices = np.concatenate([xy, z[:, :, None]], axis=2).reshape(-1, 3)
@@ -131,11 +119,7 @@ def _triangulate(
     polygons: shapely.MultiPolygon, spots: Float[np.ndarray, "n 2"]
 ) -> Int[np.ndarray, "n_triangles 3"]:
     """Counter-clockwise triangles that fill the polygons, as indices of their corners among `spots`."""
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))
-    points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    side, other = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    if (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum() < 0:  # all have the same orientation
-        points = points[:, ::-1]
+    points = triangulated(polygons)
     return np.searchsorted(spots[:, 0] + 1j * spots[:, 1], points[:, :, 0] + 1j * points[:, :, 1])
 
 
@@ -170,10 +154,7 @@ def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, " m"]) -
 def _level(
     triangles: Int[np.ndarray, "n 3"], spots: Float[np.ndarray, "m 2"], z_m: float, first: int = 0
 ) -> Level:
-    """The triangulation at a height, with vertices counted from `first`, one for each fan around a spot.
-
-    Corners of triangles are the same vertex if the triangles have an edge in common there.
-    """
+    """The triangulation at a height, vertices counted from `first`; triangles share one if they share an edge there."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     mate = _half_edges(triangles, end, start, must=False)
     here = np.flatnonzero(mate >= 0)

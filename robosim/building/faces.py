@@ -1,6 +1,7 @@
 """Faces of a building by kind and material."""
 
 import hashlib
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -13,14 +14,21 @@ from wireless.em.materials import Material
 KINDS = ("wall", "floor", "ceiling", "furniture", "placed")
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Faces:
-    """A mesh whose faces know their kind and material."""
+    """A mesh whose faces know their kind and material, in `map`."""
 
     mesh: trimesh.Trimesh
+    """All faces, with normals into free space, those of walls, floor and ceiling first; of these, vertices are corners
+    of walls only. Faces of placed meshes that close no volume may have either orientation."""
     face_kind: UInt8[np.ndarray, " n_faces"]
+    """Kind of each face: index into `KINDS`; rims of slabs between storeys are walls."""
     materials: tuple[str | Material, ...]
+    """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
     face_material: UInt8[np.ndarray, " n_faces"]
-    furnishings: tuple[Furnishing, ...]
+    """Material of each face: index into `materials`."""
+    furnishings: tuple[Furnishing, ...] = ()
+    """Meshes placed in it, with heights above the lowest floor, in the order of their faces."""
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
@@ -38,21 +46,13 @@ class Faces:
         return seen.hexdigest()[:16]
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
-        """The faces of some kinds, as a mesh of their own.
-
-        Raises:
-            ValueError: If a kind is unknown.
-        """
+        """The faces of some kinds, as a mesh of their own."""
         if unknown := [kind for kind in kinds if kind not in KINDS]:
             raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
         return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
 
     def of_material(self, material: str) -> trimesh.Trimesh:
-        """The faces of one radio material, as a mesh of their own.
-
-        Raises:
-            ValueError: If the building has no such material.
-        """
+        """The faces of one radio material, as a mesh of their own."""
         names = list(map(str, self.materials))
         if material not in names:
             raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")

@@ -12,7 +12,7 @@ import shapely
 from jaxtyping import Float
 
 from robosim.plans.formats.mesh_raster import cut, section
-from robosim.plans.furnishings.bodies import Bodies
+from robosim.plans.furnishings.furnishing import Bodies
 
 #: Robots drive over lower things: rugs, doorsills [m].
 ROLLS_OVER_M = 0.01
@@ -23,10 +23,7 @@ _TOUCH_M, _NOTHING_M2 = 1e-6, 1e-10
 
 
 def footprint(bodies: Bodies, height_m: float) -> shapely.Geometry:
-    """The floor over which something is lower than a height, in `map` [m].
-
-    Bodies that begin exactly at the height are not lower.
-    """
+    """The floor over which something is lower than a height, in `map` [m]; a body that begins there is not lower."""
     parts = []
     for triangles, closed, oriented in _each(bodies):
         z = triangles[:, :, 2]

@@ -20,11 +20,7 @@ from wireless.em.materials import Material
 
 
 def read_material(path: Path) -> Material:
-    """A wall of layers from a YAML file; its name is the file's if the file has none in it.
-
-    Raises:
-        FileError: If the file is damaged, or a layer is not valid.
-    """
+    """A wall of layers from a YAML file; its name is the file's if the file has none in it."""
     remedy = "Give layers from face to face, such as layers: [{material: glass, thickness_m: 0.006}]."
     with reading(path, "the layers of a wall", remedy) as file:
         return from_dict(Material, {"name": path.stem, **check_object(parse_yaml(file.read()))})

@@ -56,20 +56,10 @@ T_GLTF_MAP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]
 
 
 def export_mesh(building: Faces, path: Path) -> Path:
-    """Write the mesh of a building as GLB, PLY, OBJ or STL, whole or not at all.
+    """Write the mesh of a building as GLB, PLY, OBJ or STL, by the path's suffix, whole or not at all.
 
     GLB and OBJ have an object for each kind of face, and for each placed thing, with its colour; PLY has coloured faces
     on shared vertices; STL has no colours.
-
-    Args:
-        building: What to write.
-        path: Where to; the suffix chooses the format.
-
-    Returns:
-        The path.
-
-    Raises:
-        ValueError: If the suffix is of no known format.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -108,11 +98,7 @@ class ItuSlab(NamedTuple):
 
 @lru_cache
 def itu_slab(material: str | Material, frequency_hz: float) -> ItuSlab:
-    """The slab that reflects most like a wall.
-
-    Args:
-        material: Of the wall, a half-space if it has no layers.
-        frequency_hz: Carrier frequency.
+    """The slab that reflects most like a wall at a carrier frequency; a wall without layers is a half-space.
 
     Raises:
         ValueError: If its outer layer is of no material of the table, or none that was measured at this frequency.
@@ -149,11 +135,8 @@ def export_mitsuba(building: Faces, path: Path, *, frequency_hz: float = 28e9) -
 
     Args:
         building: What to write.
-        path: XML file, or folder in which to write `scene.xml`.
+        path: XML file, or folder in which to write `scene.xml`; the XML file is returned.
         frequency_hz: Frequency at which the walls reflect alike [Hz].
-
-    Returns:
-        The XML file.
 
     Raises:
         ValueError: If the building has a material that no ITU material can stand for.

@@ -3,7 +3,9 @@
 Each storey is the building of its plan alone (`robosim.building.building`), at its own height. Where a slab has an
 opening, its top and underside are left out and its rim is a wall. An opening is clipped to where the floors below and
 above are both free. All of it is one mesh: a closed shell around each free volume with normals into it, whose walls,
-floors and ceilings meet in common vertices; then the furnishings of the storeys.
+floors and ceilings meet in common vertices; then the furnishings of the storeys. Corners at one place become vertices,
+one for each fan of triangles around it: where two parts of a surface touch at a point or along a line, each has its own
+vertices there, so that every edge has exactly two triangles.
 
 Left out: stairs, furniture lower than its storey, passages of no width, the outsides of walls and slabs.
 """
@@ -13,25 +15,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
-import trimesh
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
 from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
 from robosim.building.faces import Faces, plain_mesh
-from robosim.building.rings import polygons_of, rings_of
-from robosim.building.shell import make_shell
+from robosim.building.rings import polygons_of, rings_of, triangulated
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
-from robosim.plans.furnishings.furnishing import Furnishing
-from robosim.plans.storey_plans import Ring, StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from wireless.em.materials import Material
 
 logger = logging.getLogger(__name__)
 
 #: Corners of openings this close to corners or walls are on them [m].
 _ON_M = 1e-9
+#: Corners whose coordinates differ by less are merged [m].
+SAME_M = 1e-8
 #: Smaller parts of openings between walls are dropped [m2].
 _LEAST_M2 = 0.01
 
@@ -80,16 +83,6 @@ class Storeys(Faces):
     """Its plans."""
     storeys: tuple[Storey, ...]
     """From the lowest up."""
-    mesh: trimesh.Trimesh
-    """All faces, with normals into free space."""
-    face_kind: UInt8[np.ndarray, " n_faces"]
-    """Kind of each face: index into `robosim.building.faces.KINDS`; rims of slabs are walls."""
-    materials: tuple[str | Material, ...]
-    """Radio materials of the faces."""
-    face_material: UInt8[np.ndarray, " n_faces"]
-    """Material of each face: index into `materials`."""
-    furnishings: tuple[Furnishing, ...] = ()
-    """Furnishings of the storeys, with heights above the lowest floor, in the order of their faces."""
 
     def __repr__(self) -> str:
         return f"<Storeys {self.plan.name!r}: {len(self.storeys)}, {len(self.mesh.faces)} faces>"
@@ -102,29 +95,12 @@ class Storeys(Faces):
         return None
 
 
-class _Part:
-    """Triangles of one storey and of the slab over it, with kinds and materials."""
-
-    def __init__(self) -> None:
-        self.corner: list[np.ndarray] = []
-        self.kind: list[np.ndarray] = []
-        self.material: list[str | Material] = []
-
-    def add(
-        self, corner: Float[np.ndarray, "n 3 3"], kind: Int[np.ndarray, " n"], material: list[str | Material]
-    ) -> None:
-        """Add faces."""
-        self.corner.append(corner)
-        self.kind.append(kind)
-        self.material += material
+#: Corners of triangles [m], and the kind and material of each.
+_Part = tuple[Float[np.ndarray, "n 3 3"], Int[np.ndarray, " n"], list[str | Material]]
 
 
 def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> Storeys:
-    """Extrude floor plans to storeys over each other.
-
-    Args:
-        plan: The storeys, from the lowest up.
-        config: Materials and outlines; None for the defaults.
+    """Extrude floor plans, from the lowest up, to storeys over each other.
 
     Raises:
         MapError: If a plan has no free area, or an opening is no polygon or nowhere between two free floors.
@@ -141,24 +117,28 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     ]
     free, opening = _noded(free, opening)
     nothing = shapely.MultiPolygon()
-    part = _Part()
+    parts: list[_Part] = []
     slab = [one.slab_material and material_of(one.slab_material, "slab_material") for one in plan.storeys]
     for i, one in enumerate(plan.storeys):
         low = plan.floor_m(i)
         high = low + one.height_m
         below, above = ([nothing, *opening, nothing])[i : i + 2]
         own, under = slab[i], slab[i - 1] if i else None
-        _add_walls(part, alone[i], free[i], low, high)
-        _add_flat(part, free[i], below, low, FLOOR, under or config.building.material("floor"))
-        _add_flat(part, free[i], above, high, CEILING, own or config.building.material("ceiling"))
+        parts += [
+            _walls(alone[i], free[i], low, high),
+            _level(free[i], below, low, FLOOR, under or config.building.material("floor")),
+            _level(free[i], above, high, CEILING, own or config.building.material("ceiling")),
+        ]
         if i < len(opening):
             rim = _upright(_segments(opening[i]), high, plan.floor_m(i + 1))
             of_rim = own or material_of(config.slab_material, "slab_material")
-            part.add(rim, np.full(len(rim), WALL), [of_rim] * len(rim))
-    vertices, faces, triangle = make_shell(np.concatenate(part.corner))
-    materials = tuple(dict.fromkeys(part.material))
+            parts.append((rim, np.full(len(rim), WALL), [of_rim] * len(rim)))
+    corner, kind = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:2])
+    vertices, faces, triangle = make_shell(corner)
+    material = [one for _, _, some in parts for one in some]
+    materials = tuple(dict.fromkeys(material))
     number_of = {one: number for number, one in enumerate(materials)}
-    of_face = np.array([number_of[one] for one in part.material], np.uint8)
+    of_face = np.array([number_of[one] for one in material], np.uint8)
     logger.info("%s: %d storeys, %d faces", plan.name, len(plan.storeys), len(faces))
     bare = Storeys(
         plan=plan,
@@ -167,7 +147,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             for i, building in enumerate(alone)
         ),
         mesh=plain_mesh(vertices, faces, {"plan": plan.name, "frame": "map"}),
-        face_kind=np.concatenate(part.kind).astype(np.uint8)[triangle],
+        face_kind=kind.astype(np.uint8)[triangle],
         materials=materials,
         face_material=of_face[triangle],
     )
@@ -191,31 +171,22 @@ def _noded(
 
 
 def _opening(
-    name: str,
-    number: int,
-    storey: StoreyPlan,
-    below: shapely.MultiPolygon,
-    above: shapely.MultiPolygon,
+    name: str, number: int, storey: StoreyPlan, below: shapely.MultiPolygon, above: shapely.MultiPolygon
 ) -> shapely.MultiPolygon:
     """Where the slab over a storey is open."""
-    parts = [_hole(name, number, ring, below, above) for ring in storey.openings]
+    parts = []
+    for ring in storey.openings:
+        polygon = shapely.Polygon(ring)
+        subject = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
+        if not polygon.is_valid or polygon.area == 0:
+            raise MapError(f"{subject}, expected one that encloses an area and does not cross itself.")
+        parts.append(_polygons(polygon & below & above))
+        if parts[-1].is_empty:
+            raise MapError(
+                f"{subject}, in which the floors below and above are nowhere both free. Coordinates are metres in the "
+                "frame of the plans, which must lie over each other."
+            )
     return _polygons(shapely.union_all(parts))
-
-
-def _hole(
-    name: str, number: int, ring: Ring, below: shapely.MultiPolygon, above: shapely.MultiPolygon
-) -> shapely.Geometry:
-    polygon = shapely.Polygon(ring)
-    subject = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
-    if not polygon.is_valid or polygon.area == 0:
-        raise MapError(f"{subject}, expected one that encloses an area and does not cross itself.")
-    free = _polygons(polygon & below & above)
-    if free.is_empty:
-        raise MapError(
-            f"{subject}, in which the floors below and above are nowhere both free. Coordinates are metres in the "
-            "frame of the plans, which must lie over each other."
-        )
-    return free
 
 
 def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
@@ -264,7 +235,7 @@ def _upright(segments: Float[np.ndarray, "n 2 2"], low: float, high: float) -> F
     return np.stack([at[0], at[1], at[2], at[0], at[2], at[3]], axis=1).reshape(-1, 3, 3)
 
 
-def _add_walls(part: _Part, alone: Building, free: shapely.MultiPolygon, low: float, high: float) -> None:
+def _walls(alone: Building, free: shapely.MultiPolygon, low: float, high: float) -> _Part:
     """Walls around a storey, each of the kind and material that it has in the storey alone."""
     segments = _segments(free)
     upright = np.flatnonzero(np.isin(alone.face_kind, (WALL, FURNITURE)))
@@ -275,40 +246,28 @@ def _add_walls(part: _Part, alone: Building, free: shapely.MultiPolygon, low: fl
     lines = shapely.linestrings(np.stack([corner[row, far // 3], corner[row, far % 3]], axis=1))
     face = upright[shapely.STRtree(lines).nearest(shapely.points(segments.mean(axis=1)))]
     materials = [alone.materials[i] for i in np.repeat(alone.face_material[face], 2)]
-    part.add(_upright(segments, low, high), np.repeat(alone.face_kind[face], 2).astype(np.int64), materials)
+    return _upright(segments, low, high), np.repeat(alone.face_kind[face], 2).astype(np.int64), materials
 
 
-def _add_flat(
-    part: _Part,
-    free: shapely.MultiPolygon,
-    hole: shapely.MultiPolygon,
-    z_m: float,
-    kind: int,
-    material: str | Material,
-) -> None:
+def _level(
+    free: shapely.MultiPolygon, hole: shapely.MultiPolygon, z_m: float, kind: int, material: str | Material
+) -> _Part:
     """Floor or ceiling of a storey but for the opening in it."""
     area = shapely.difference(free, hole) if not hole.is_empty else free
     solid = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and not one.is_empty]
     if not solid:
-        return
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(solid)))
-    xy = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    one, other = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
-    # All turn in the same direction, which rounding would hide for the thinnest alone.
-    clockwise = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum() < 0
-    xy = xy[:, ::-1] if clockwise == (kind == FLOOR) else xy
+        return np.empty((0, 3, 3)), np.empty(0, np.int64), []
+    xy = triangulated(shapely.MultiPolygon(solid))
+    xy = xy if kind == FLOOR else xy[:, ::-1]
     xy = _parted(xy, np.unique(shapely.get_coordinates([free, hole]), axis=0))
     corner = np.concatenate([xy, np.full((*xy.shape[:2], 1), z_m)], axis=2)
-    part.add(corner, np.full(len(corner), kind), [material] * len(corner))
+    return corner, np.full(len(corner), kind), [material] * len(corner)
 
 
 def _parted(
     triangles: Float[np.ndarray, "n 3 2"], points: Float[np.ndarray, "m 2"]
 ) -> Float[np.ndarray, "k 3 2"]:
-    """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out.
-
-    Corners that lie on a wall but for rounding may have been passed over, or stand on a triangle of no area.
-    """
+    """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out."""
     side = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     triangles = triangles[np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) > _ON_M * side]
@@ -325,3 +284,71 @@ def _parted(
         a, b, c = (triangles[which, (k + step) % 3] for step in range(3))
         halves = np.concatenate([np.stack([a, at, c], axis=1), np.stack([at, b, c], axis=1)])
         triangles = np.concatenate([np.delete(triangles, which, axis=0), halves])
+
+
+def make_shell(
+    corner: Float[np.ndarray, "n 3 3"],
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "m 3"], Int[np.ndarray, " m"]]:
+    """Vertices and faces of triangles [m] that make closed shells, with normals into free space.
+
+    Returns:
+        Vertices, faces, and the triangle of each face; triangles with two corners at one place are dropped.
+    """
+    place = np.unique(np.round(corner.reshape(-1, 3) / SAME_M).astype(np.int64), axis=0, return_inverse=True)[
+        1
+    ]
+    triangle = place.reshape(-1, 3)
+    proper = np.flatnonzero((triangle != np.roll(triangle, -1, axis=1)).all(axis=1))
+    triangle, corner, place = triangle[proper], corner[proper], triangle[proper].ravel()
+    start, end = triangle.ravel(), np.roll(triangle, -1, axis=1).ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    order = np.lexsort((high, low))
+    new = np.append(True, (np.diff(low[order]) > 0) | (np.diff(high[order]) > 0))
+    first = np.flatnonzero(new)
+    count = np.diff(np.append(first, len(order)))
+    mate = np.full(len(start), -1)
+    pairs = order[first[count == 2][:, None] + np.arange(2)]
+    mate[pairs], mate[pairs[:, ::-1]] = pairs[:, ::-1], pairs
+    for at, size in zip(first[count != 2], count[count != 2], strict=True):
+        _pair(order[at : at + size], corner, start, mate)
+    if (mate < 0).any() or (start[mate] != end).any():
+        side = int(np.flatnonzero((mate < 0) | (start[mate] != end))[0])
+        raise RuntimeError(f"The shell is open at the edge from {corner.reshape(-1, 3)[side]} on.")
+    ends = np.arange(len(start)), 3 * (np.arange(len(start)) // 3) + (np.arange(len(start)) + 1) % 3
+    # A side starts where its mate ends.
+    links = coo_array((np.ones(len(start), bool), (ends[0], ends[1][mate])), shape=(len(start),) * 2)
+    n, label = connected_components(links, directed=False)
+    vertices = np.empty((n, 3))
+    _, one, again = np.unique(place, return_index=True, return_inverse=True)
+    vertices[label] = corner.reshape(-1, 3)[one[again]]
+    return vertices, label.reshape(-1, 3), proper
+
+
+def _pair(
+    sides: Int[np.ndarray, " k"],
+    corner: Float[np.ndarray, "n 3 3"],
+    start: Int[np.ndarray, " s"],
+    mate: Int[np.ndarray, " s"],
+) -> None:
+    """Pair the triangle sides on one line, each with the next one around it on the free side of its triangle."""
+
+    def into(side: int) -> Float[np.ndarray, "3"]:
+        """Direction into a side's triangle, at right angles to the line."""
+        direction = corner[side // 3, (side % 3 + 2) % 3] - corner[side // 3, side % 3]
+        direction = direction - (direction @ along) * along
+        return direction / np.linalg.norm(direction)
+
+    first = sides[0]
+    along = corner[first // 3, (first % 3 + 1) % 3] - corner[first // 3, first % 3]
+    along = along / np.linalg.norm(along)
+    inward = {int(side): into(int(side)) for side in sides}
+    for side in inward:
+        forth = along if start[side] == start[first] else -along
+        normal = np.cross(forth, inward[side])
+        turn = {
+            other: np.arctan2(inward[other] @ normal, inward[other] @ inward[side]) % (2 * np.pi)
+            for other in inward
+            if start[other] != start[side]
+        }
+        if turn:
+            mate[side] = min(turn, key=lambda other: (turn[other], other))

@@ -4,8 +4,10 @@
 with the free cell on the left gives closed rings, counter-clockwise around free space and clockwise around
 holes. Two free cells that touch by a corner only are not connected: there the line turns so that
 different components stay apart and that every ring is simple, as the OGC rules for polygons require. A slanted wall one
-cell thick (`robosim.building.thin_walls`) would fall apart into posts by that rule: before it is straightened, its
-outline passes those corners twice.
+cell thick, as many ROS maps and drawn lines have it, would fall apart into posts by that rule: before it is
+straightened, its outline passes those corners twice. From one of its steps to the next both sides are equally long
+and turn once, the one to the left, the other to the right. Several such pieces in a row, all leading into the same
+quadrant or back, are a wall. Fewer are furniture and noise, whose corners touch by chance.
 
 ``"cell_centre"`` plans have their walls through the centres of the outermost free cells, on the borders that
 `cv2.findContours` follows (Suzuki and Abe 1985; free space 8-connected). A passage one cell wide then has
@@ -24,15 +26,18 @@ import cv2
 import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from robosim.building.rings import polygons_of, rings_of, together
 from robosim.building.straight import straightened
-from robosim.building.thin_walls import thin_wall_corners
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import Range, check_number
 
 #: How far walls may be moved to save corners.
 TOLERANCE_M = Range(0, 0.5, "m", "Leave it out for straight walls under staircases; 0 is the exact outline.")
+#: Least number of pieces between steps, or of edges of cells along one side, of a slanted wall one cell thick.
+_PIECES, _EDGES = 4, 24
 #: Steps east, north, west and south between corners of cells, as (ix, iy).
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
@@ -41,17 +46,15 @@ def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.Mul
     """Free space of a plan as polygons in cell coordinates (column, row), one for each connected part.
 
     The polygons are valid and share at most single points. Vertices lie where walls turn or meet, along the grid on
-    whole or half coordinates.
+    whole or half coordinates. Outside of the array nothing is free.
 
     Args:
-        plan: The free cells, and the position of walls between them and the others. Outside of the array nothing is
-            free.
+        plan: The free cells, and the position of walls between them and the others.
         tolerance_m: Largest distance that a wall may be moved to save corners [m]; None for straight walls under
             staircases. 0 keeps each corner. One cell takes most steps out of slanted walls, 1.4 cells all, since the
             corners of steps lie in a band that wide.
 
     Raises:
-        ValueError: If the tolerance is negative or not finite.
         MapError: If nothing is left, because all passages are one cell wide and walls go through centres.
     """
     check_tolerance(tolerance_m)
@@ -87,17 +90,12 @@ def to_map_exactly(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np
 
 
 def simplified(free: shapely.MultiPolygon, tolerance: float) -> shapely.MultiPolygon:
-    """Polygons with fewer corners, each wall within `tolerance` of where it was, and the same topology.
+    """Polygons with fewer corners, each wall within `tolerance` of where it was, in their units, and the same topology.
 
     Three far corners of each ring stay, so that no ring collapses; the walls between them are simplified all
     at once by GEOS' topology-preserving Douglas-Peucker, which looks at crossings between all of them.
     (From closed rings GEOS would also remove the corner they start at, and move walls by up to twice the
-    tolerance.)
-
-    Args:
-        free: Valid polygons.
-        tolerance: Largest distance between old and new walls, in the units of the polygons. Where walls lie
-            closer to each other than that, less is simplified.
+    tolerance.) Where walls lie closer to each other than the tolerance, less is simplified.
     """
     rings, owner = rings_of(free)
     walls = shapely.MultiLineString([third for ring in rings for third in _thirds(ring)])
@@ -153,12 +151,7 @@ def _rings_and_thin_walls(
 def _edge_rings(
     free: Bool[np.ndarray, "ny nx"], joined: Bool[np.ndarray, "ny1 nx1"]
 ) -> tuple[list[Int[np.ndarray, "_ 2"]], Int[np.ndarray, " n"]]:
-    """Closed lines around 4-connected free cells, and the number of each one's component, in the order of `rings_of`.
-
-    Args:
-        free: The cells.
-        joined: Corners of cells that a line may pass twice, since the cells that are not free are joined there.
-    """
+    """Closed lines around 4-connected cells, through `joined` corners twice, and their components as in `rings_of`."""
     cells = np.pad(free, 1)
     _, label = cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)
     parts: dict[int, list[np.ndarray]] = {}
@@ -173,13 +166,7 @@ def _edge_rings(
 def _trace(
     cells: Bool[np.ndarray, "ny nx"], label: Int[np.ndarray, "ny nx"], joined: Bool[np.ndarray, " n"]
 ) -> list[tuple[Int[np.ndarray, "_ 2"], int]]:
-    """Corners (ix, iy) of the closed lines around free cells, and the component each line belongs to.
-
-    Args:
-        cells: Free cells; those at the border of the array must not be free.
-        label: Number of the 4-connected component of each free cell, from 1 on; 0 for other cells.
-        joined: Which inner corners of cells, row by row, a line may pass twice.
-    """
+    """Corners (ix, iy) of the lines around free cells, none at the border, and each one's component as in `label`."""
     # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
     around = np.stack([label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]], axis=-1).reshape(
         -1, 4
@@ -232,10 +219,7 @@ def _signed_area(ring: Int[np.ndarray, "n 2"]) -> float:
 
 
 def _contours(free: Bool[np.ndarray, "ny nx"]) -> list[tuple[Float[np.ndarray, "_ 2"], int]]:
-    """Closed lines through the centres of the outermost free cells, and for a hole the number of its outside.
-
-    The number is -1 for an outer line.
-    """
+    """Closed lines through the centres of the outermost free cells; for a hole the number of its outside, else -1."""
     padded = np.pad(free, 1).astype(np.uint8)
     lines, hierarchy = cv2.findContours(padded, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     parents = hierarchy.reshape(-1, 4)[:, 3]
@@ -244,10 +228,7 @@ def _contours(free: Bool[np.ndarray, "ny nx"]) -> list[tuple[Float[np.ndarray, "
 
 
 def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
-    """The areas between the lines through the outermost free cells, in cell coordinates.
-
-    Vertices lie on a lattice and no lines cross, so that the overlay below is exact.
-    """
+    """Areas between the lines through the outermost free cells [cells]; on a lattice, so that overlays are exact."""
     contours = _contours(free)
     holes: dict[int, list[np.ndarray]] = {}
     for ring, parent in contours:
@@ -260,3 +241,34 @@ def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
             valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
             parts.extend(p for p in shapely.get_parts(valid) if p.geom_type == "Polygon" and p.area > 0)
     return together(parts)
+
+
+def thin_wall_corners(outlines: list[Int[np.ndarray, "_ 2"]]) -> Int[np.ndarray, "m 2"]:
+    """Corners at which the two sides of slanted walls one cell thick touch; outlines pass these corners twice."""
+    corners = np.concatenate(outlines)
+    _, place, count = np.unique(corners @ (1, 1j), return_inverse=True, return_counts=True)
+    starts, ends, steps = [], [], []
+    first = 0
+    for outline in outlines:
+        at = first + np.flatnonzero(count[place[first : first + len(outline)]] > 1)
+        # Touching corners in a row with one turn between them.
+        after = np.roll(at, -1)
+        near = (after - at) % len(outline) == 2
+        at, after = at[near], after[near]
+        starts.append(place[at])
+        ends.append(place[after])
+        steps.append(corners[after] - corners[at])
+        first += len(outline)
+    start, end, step = np.concatenate(starts), np.concatenate(ends), np.concatenate(steps)
+    # The other side goes back from the end of a piece to its start.
+    both = np.isin(start * len(count) + end, end * len(count) + start)
+    found = np.zeros(len(count), bool)
+    for rising in (True, False):
+        some = both & ((step[:, 0] * step[:, 1] > 0) == rising)
+        links = coo_array((np.ones(some.sum()), (start[some], end[some])), shape=(len(count),) * 2)
+        _, wall = connected_components(links, directed=False)
+        pieces = np.bincount(wall[start[some]], minlength=len(count)) / 2
+        edges = np.bincount(wall[start[some]], np.abs(step[some]).sum(axis=1), len(count)) / 2
+        long = (pieces >= _PIECES) | (edges >= _EDGES)
+        found |= long[wall] & np.isin(np.arange(len(count)), start[some])
+    return np.unique(corners[found[place]], axis=0)

@@ -76,11 +76,7 @@ class Reach:
         return wide if wide.any() else cells
 
     def check_room(self) -> None:
-        """Check that there is a place for the hull.
-
-        Raises:
-            MapError: If the hull fits nowhere.
-        """
+        """Raise MapError if the hull fits nowhere."""
         if not self.n_parts:
             raise MapError(
                 f"{self.plan.name}: a hull of radius {self.radius_m} m fits nowhere. Check the resolution, or choose a "
@@ -103,11 +99,7 @@ class Reach:
         return int(self.parts[self.parts > 0][nearest]) if gap[nearest] <= distance_m else 0
 
     def widest(self) -> Float[np.ndarray, "2"]:
-        """The place of the largest part that is farthest from its edge, in `map` [m].
-
-        Raises:
-            MapError: If the hull fits nowhere.
-        """
+        """The place of the largest part that is farthest from its edge, in `map` [m]."""
         self.check_room()
         depth = ndimage.distance_transform_edt(self.parts == 1)
         row, column = np.unravel_index(int(depth.argmax()), depth.shape)
@@ -180,9 +172,6 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
         building: The walls and furnishings.
         radius_m: Radius of the hull [m].
         height_m: Height of the robot [m], which drives under higher things; None for that of the ceiling.
-
-    Raises:
-        ValueError: If the radius is out of the range of robots.
     """
     check_number("radius_m", radius_m, *RADIUS_M)
     plan, free = building.plan, building.floor(building.height_m if height_m is None else height_m)

@@ -11,7 +11,7 @@ The longest segments go first. A single step is a corner of the building and sta
 the places where straight walls would cross. Neighbouring walls are drawn on to where they meet.
 
 The two sides of a slanted wall one cell thick touch at each of its steps, and one outline may pass a corner twice
-there. Both sides become straight lines like any others (`robosim.building.thin_walls`); other points where walls touch
+there. Both sides become straight lines like any others (`robosim.building.outline`); other points where walls touch
 stay.
 
 The time is nearly proportional to the length of the outlines: the farthest ends of segments rise along an outline, so
@@ -74,16 +74,13 @@ class Wall(NamedTuple):
 def straightened(
     outlines: list[Int[np.ndarray, "_ 2"]], owner: Int[np.ndarray, " n"], thin: Int[np.ndarray, "m 2"]
 ) -> shapely.MultiPolygon | None:
-    """Polygons along edges of cells with straight walls for staircases, and the same topology.
+    """Polygons along edges of cells with straight walls for staircases, and the same topology; None if none are valid.
 
     Args:
         outlines: Corners of closed lines along the grid, free space on the left. They may touch at corners.
         owner: Which polygon each line belongs to; its outer line comes first.
         thin: Corners at which the two sides of slanted walls one cell thick touch. Edges at other corners that lines
             have in common stay as they are.
-
-    Returns:
-        The polygons; None where no valid ones were found.
     """
     rings = _rings(outlines, thin)
     corners, astray = ([np.empty((0, 2))] * len(rings) for _ in range(2))
@@ -382,18 +379,10 @@ def _reach(
     axis: int,
     sense: int,
 ) -> tuple[int, float, float]:
-    """How far one line can go from an edge, and the middle of all that can.
+    """How far one line can go from an edge, before `last`, and the middle of all that can.
 
-    Args:
-        step: Edges of a ring, twice over.
-        fixed: Which of them stay as they are.
-        first: An edge along the axis that is not fixed.
-        last: The edge before which it ends at the latest.
-        axis: What the line goes along rather: 0 x, 1 y.
-        sense: 1 towards later edges, -1 towards earlier ones.
-
-    Returns:
-        The edge after its last one; slope and offset as `_segments` has them.
+    It goes along `axis` (0 x, 1 y) rather, towards later edges (`sense` 1) or earlier ones (-1) of a ring, twice over.
+    Returned are the edge after its last one, slope and offset as `_segments` has them.
     """
     forth = step[first, axis]
     # Corners of the preimage, in order; an offset is that in the middle of the first edge.

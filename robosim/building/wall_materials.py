@@ -17,12 +17,7 @@ _PLACES, _BEHIND = 4, (0.3, 0.6, 0.9)
 
 
 def cut_at_materials(free: shapely.MultiPolygon, plan: FloorPlan) -> shapely.MultiPolygon:
-    """Free polygons with a corner wherever the material of a wall changes.
-
-    Args:
-        free: Outer rings counter-clockwise, holes clockwise.
-        plan: With materials.
-    """
+    """Free polygons, outer rings counter-clockwise, with a corner wherever the material of a wall changes."""
     rings, owner = rings_of(free)
     points = []
     for ring in rings:
@@ -40,13 +35,7 @@ def cut_at_materials(free: shapely.MultiPolygon, plan: FloorPlan) -> shapely.Mul
 def materials_behind(
     plan: FloorPlan, points: Float[np.ndarray, "n 2"], along: Float[np.ndarray, "*n 2"]
 ) -> Int[np.ndarray, " n"]:
-    """Number of the plan's material behind places on walls, 0 where it says none.
-
-    Args:
-        plan: With materials.
-        points: On walls.
-        along: Where the wall leads there, free space on the left.
-    """
+    """Number of the plan's material behind places on walls, 0 for none; free space is on the left of `along`."""
     assert plan.material is not None
     right = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     right = np.broadcast_to(right / np.linalg.norm(right, axis=-1, keepdims=True), points.shape)

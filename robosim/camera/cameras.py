@@ -23,15 +23,14 @@ def make_camera(
     """A camera that sees some meshes in the colours of their vertices.
 
     Args:
-        meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
-            further light. pyrender shows faces from the side only that their normals point to.
+        meshes: What there is to see, in `map`. Colours are taken as they are, without further light.
+            pyrender shows faces from the side only that their normals point to.
         config: Size and optics.
         backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL; "plan" is for
             depth, several times faster, its colours schematic; "none" sees nothing. Or another of
             `robosim.parts.CAMERA`.
 
     Raises:
-        ValueError: If there is nothing to see, a vertex is not finite, or the backend is unknown.
         OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
         RuntimeError: If OpenGL was bound to a display in this process already.
     """

@@ -65,15 +65,9 @@ class DepthNoise:
     def apply(
         self, depth: Float32[np.ndarray, "h w"], focal_px: float, rng: np.random.Generator
     ) -> Float32[np.ndarray, "h w"]:
-        """The measured depth image.
+        """The measured depth image [m], 0 where nothing was measured, of a true one [m]; the same array at level 0.
 
-        Args:
-            depth: True depth along the camera's axis [m]; 0 for none.
-            focal_px: Focal length of the image [pixels].
-            rng: Draws all of the noise.
-
-        Returns:
-            Measured depth [m]; 0 where nothing was measured. The same array at level 0.
+        `focal_px` is the focal length of the image [pixels]; `rng` draws all of the noise.
         """
         if self.level == 0:
             return depth

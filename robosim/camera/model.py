@@ -101,12 +101,7 @@ class ClosingCamera(AbstractContextManager["ClosingCamera"]):
 
 
 def camera_pose(robot_pose: Float[np.ndarray, "3"], config: CameraConfig) -> Float[np.ndarray, "4 4"]:
-    """Pose T_map_camera of the camera above the robot's centre, looking ahead.
-
-    Args:
-        robot_pose: x [m], y [m], yaw [rad] in `map`.
-        config: Gives the height.
-    """
+    """Pose T_map_camera of the camera above the robot's centre, x [m], y [m], yaw [rad] in `map`, looking ahead."""
     x, y, yaw = robot_pose
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array(

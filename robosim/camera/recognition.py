@@ -33,9 +33,7 @@ class Recogniser(Protocol):
     def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
         """Place of the target x ahead, y left [m] of the robot; None if it is not found.
 
-        Args:
-            frame: What the camera sees, with depths as measured.
-            target: True place of the target, x ahead, y left [m]; only for perfect recognisers.
+        The frame has depths as measured; `target` is the true place, only for perfect recognisers.
         """
 
 
@@ -74,10 +72,7 @@ class MarkerRecogniser:
     def _by_depth(
         self, depth: Float32[np.ndarray, "h w"], corners: Float32[np.ndarray, "4 2"]
     ) -> _Side | None:
-        """The upright plane through the depths of a marker's pixels; None if too few were measured.
-
-        On it the inverse of the depth is linear in the column.
-        """
+        """The upright plane through the depths of a marker's pixels; None if too few were measured."""
         inside = np.zeros(depth.shape, np.uint8)
         cv2.fillConvexPoly(inside, np.rint(corners).astype(np.int32), 1)
         rows, columns = np.nonzero(inside)

@@ -67,13 +67,9 @@ def target_mesh(
     yaw: float = 0.0,
     ceiling_m: float = 2.5,
 ) -> trimesh.Trimesh:
-    """The target, hanging from the ceiling, in vertex colours.
+    """The target, hanging from the ceiling at x, y [m] in `map`, in vertex colours.
 
-    Args:
-        position_xy: Where its middle hangs, x, y [m] in `map`.
-        config: Its size and marker.
-        yaw: Direction that its first side faces [rad].
-        ceiling_m: Height of the ceiling [m]; the markers stay below it only if it is high enough.
+    Its first side faces `yaw` [rad]. The markers stay below the ceiling [m] only if that is high enough.
     """
     half, middle = config.box_m / 2, config.marker_height_m
     radio, radio_half = config.radio_height_m, config.radio_m / 2

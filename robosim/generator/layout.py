@@ -10,9 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robosim.generator.building_style import OFFICE, Style
 from robosim.generator.canvas import Polygon, Rect, bounding_box, points_along
-from robosim.generator.subdivision import SharedWall, cut, largest_connected, leave_out, shared_walls, to_area
+from robosim.generator.subdivision import (
+    OFFICE,
+    SharedWall,
+    Style,
+    cut,
+    largest_connected,
+    leave_out,
+    shared_walls,
+    to_area,
+)
 
 
 def draw_recesses(

@@ -55,13 +55,9 @@ def _one(piece: str, **ranges: tuple[float, float]) -> Maker:
 
     def make(rng: np.random.Generator) -> Group:
         sizes = {name: round(float(rng.uniform(*limits)), 3) for name, limits in ranges.items()}
-        return [_at_wall(piece, sizes)]
+        return [Part(piece, sizes, 0.0, sizes.get("depth_m", sizes["width_m"]) / 2)]
 
     return make
-
-
-def _at_wall(piece: str, sizes: dict[str, Any]) -> Part:
-    return Part(piece, sizes, 0.0, sizes.get("depth_m", sizes["width_m"]) / 2)
 
 
 def _chair(rng: np.random.Generator, x: float, y: float, yaw: float) -> Part:

@@ -68,12 +68,7 @@ class Lidar(Protocol):
     """Interface of lidars."""
 
     def scan(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> LaserScan:
-        """Measure.
-
-        Args:
-            pose: True pose of the robot in `map`: x [m], y [m], yaw [rad].
-            rng: Source of its noise.
-        """
+        """Measure at a true pose in `map`, x [m], y [m], yaw [rad], with noise from a generator."""
 
     def true_scan(self, pose: Float[np.ndarray, "3"]) -> LaserScan:
         """Measure without errors."""

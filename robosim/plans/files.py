@@ -84,8 +84,6 @@ def read_plan(path: str | Path, *, reader: Part = "auto", **options: Any) -> Flo
     Raises:
         MapError: If there is no such file, its kind is unknown, an option does not apply to it, or its
             content is damaged or senseless. The message names the file, the value and the fix.
-        ValueError: If there is no such reader.
-        TypeError: If there is no such option.
     """
     path = _resolve(path, any_ending=reader != "auto")
     chosen = ReadingOptions(**options)
@@ -179,9 +177,6 @@ def find_plans(plans: Sequence[str | Path], reader: Part = "auto") -> list[Path]
 
     In folders, ROS maps, mmwRobotNav grids and HouseExpo files count; images, arrays and meshes do not, since
     they need options or belong to a map.
-
-    Raises:
-        MapError: If a file or name does not exist or is of an unknown kind, or a folder has no plan.
     """
     found: list[Path] = []
     for plan in plans:

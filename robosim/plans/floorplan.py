@@ -45,11 +45,7 @@ class MapError(FileError):
 
 
 def check_resolution(resolution_m: float) -> None:
-    """Check the side of a cell [m].
-
-    Raises:
-        MapError: If it is beyond `RESOLUTIONS_M`.
-    """
+    """Raise MapError for a side of a cell [m] beyond `RESOLUTIONS_M`."""
     low, high = RESOLUTIONS_M
     if not low <= resolution_m <= high:
         raise MapError(
@@ -200,11 +196,7 @@ class FloorPlan:
         return (np.asarray(points, float) - (x, y)) @ np.array([[c, -s], [s, c]]) / self.resolution_m
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw the cells in `map`: free ones white, occupied ones black, unknown ones grey.
-
-        Args:
-            axes: Where to draw; None for axes of a new figure.
-        """
+        """Draw the cells in `map`: free ones white, occupied ones black, unknown ones grey; None for a new figure."""
         from matplotlib.transforms import Affine2D
 
         axes = axes_in_metres(axes)
@@ -233,13 +225,7 @@ class FloorPlan:
 def grid_size(
     lower: Float[np.ndarray, " 2"], upper: Float[np.ndarray, " 2"], resolution_m: float, what: str
 ) -> tuple[int, int]:
-    """Columns and rows of a grid that holds a rectangle, with a margin of one cell around it.
-
-    Args:
-        lower: Least x and y of the rectangle [m].
-        upper: Largest x and y [m].
-        resolution_m: Side of a cell [m].
-        what: What the rectangle belongs to, for the message.
+    """Columns and rows of a grid that holds a rectangle [m], `what` in messages, with a margin of one cell around it.
 
     Raises:
         MapError: If there would be more than MAX_CELLS, or it lies too far away.

@@ -97,14 +97,7 @@ class StoreysPlan:
         return seen.hexdigest()[:16]
 
     def one(self, storey: int) -> "OneStorey":
-        """A storey of the building as a place for receivers or a robot.
-
-        Args:
-            storey: Its number, the lowest is 0.
-
-        Raises:
-            MapError: If there is none of that number.
-        """
+        """A storey of the building, counted from the lowest, 0, as a place for receivers or a robot."""
         if not 0 <= storey < len(self.storeys):
             raise MapError(
                 f"{self.label}: storey is {storey}, expected 0, the lowest, to {len(self.storeys) - 1}."

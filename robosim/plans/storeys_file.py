@@ -57,12 +57,7 @@ class _Building:
 
 
 def read_storeys(path: Path) -> StoreysPlan:
-    """The storeys that a YAML file lists.
-
-    Raises:
-        MapError: If it or one of its plans is missing or damaged, or a value makes no sense. The message names the
-            file, the storey, the value and the fix.
-    """
+    """The storeys that a YAML file lists."""
     with reading(path, STOREYS_FILE, STOREYS_REMEDY, most_bytes=MOST_YAML, kind=MapError) as file:
         building = from_dict(_Building, parse_yaml(file.read()))
         if not 1 <= len(building.storeys) <= MOST_STOREYS:

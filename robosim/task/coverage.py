@@ -23,13 +23,7 @@ class Coverage:
     """Counts the cells of a region of a plan that a camera has seen."""
 
     def __init__(self, plan: FloorPlan, region: Bool[np.ndarray, "ny nx"], hfov_rad: float):
-        """Begin with nothing seen.
-
-        Args:
-            plan: The floor plan.
-            region: The cells that count.
-            hfov_rad: The camera's horizontal field of view [rad].
-        """
+        """Begin with nothing seen of a region of a plan; the camera's field of view is horizontal [rad]."""
         self.plan = plan
         self._region = np.array(region)
         self._unseen = self._region.copy()
@@ -44,12 +38,9 @@ class Coverage:
         depth: Float[np.ndarray, "h w"] | None,
         laser: LaserScan | None = None,
     ) -> None:
-        """Add what one frame shows.
+        """Add what one frame shows from a true pose in `map`, with the camera above the robot's centre.
 
-        Args:
-            pose: True pose of the robot in `map`, with the camera above its centre.
-            depth: Depth along the camera's axis [m]; 0 where nothing was hit. None without a camera.
-            laser: What a lidar would measure without error; None without one.
+        Depth is along the camera's axis [m], 0 where nothing was hit; `laser` is without error. None if there is none.
         """
         # Only around the robot, so that a look costs the same in a building of any size.
         column, row = self.plan.to_cells(pose[:2])

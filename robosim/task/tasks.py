@@ -56,12 +56,7 @@ class Task:
 
 
 def with_anchors(task: Task, reach: Reach, anchors: Sequence[Anchor]) -> Task:
-    """A task in a building with other transmitters.
-
-    Raises:
-        MapError: If one stands in a wall.
-        ValueError: If two have one name, or one has the target's or none.
-    """
+    """A task in a building with other transmitters; MapError if one is in a wall, ValueError for names that clash."""
     names = [anchor.name for anchor in anchors]
     for anchor in anchors:
         x, y = anchor.place
@@ -95,7 +90,6 @@ def make_task(
     Raises:
         MapError: If the hull fits nowhere or not at the start, cannot drive from there to the target, or that is
             in a wall.
-        ValueError: If start or target are no places, whatever the plan.
     """
     reach.check_room()
     _check_places(reach, start, target)
@@ -126,10 +120,7 @@ def _draw_pair(
     path_m: tuple[float, float],
     places: Bool[np.ndarray, "ny nx"],
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Two points of one part and the drive between them [m]; the first is the given one, if there is one.
-
-    What is drawn is indoors with nothing over it, the second point one of `places` unless none is far enough.
-    """
+    """Two points of one part and the drive between them [m], what is drawn indoors under nothing; `given` is first."""
     # A target inside a table is no realistic task.
     clear = reach.indoors & ~reach.overhung
     clear = clear if clear.any() else reach.indoors

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import ks_2samp
 
-from robosim.generator.hull_places import largest_piece
+from robosim.generator.generate import largest_piece
 from robosim.plans.floorplan import FloorPlan
 from slam.planning.marching import march
 from tests.benchmarks.rooms import clearance, find_rooms

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int32
 
-from robosim.generator.hull_places import distance_m, hull_places, largest_piece
+from robosim.generator.generate import distance_m, hull_places, largest_piece
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 #: Basins whose passage is at least this share of the smaller one's width are one room.

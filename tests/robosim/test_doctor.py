@@ -9,8 +9,7 @@ from rich.console import Console
 
 from robosim import doctor
 from robosim.camera.rendering.gl_systems import INSTALL, OpenGLError
-from robosim.doctor import Finding, _camera, _check, _system, report
-from robosim.remedies import remedy
+from robosim.doctor import Finding, _camera, _check, _system, remedy, report
 from robosim.support.installation import EXTRAS, install_command
 
 

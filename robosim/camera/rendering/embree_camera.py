@@ -32,12 +32,7 @@ class EmbreeCamera(ClosingCamera):
         self._x, self._y = config.directions()[0, :, :1], config.directions()[:, :1, 1:2]
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
-        """Take a picture from a pose.
-
-        Raises:
-            ValueError: If the pose is not a 4 by 4 matrix of finite numbers.
-            RuntimeError: If the camera is closed.
-        """
+        """Take a picture from a pose; RuntimeError if the camera is closed."""
         hits, depth = self._cast(T_map_camera)
         face = hits["primID"]
         rgb = self._colour[face]

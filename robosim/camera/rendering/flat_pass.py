@@ -51,12 +51,10 @@ class FlatPass:
     def __init__(
         self, primitive: pyrender.Primitive, run_lengths: Int[np.ndarray, " n"], platform: GLPlatform
     ) -> None:
-        """Bring the mesh to the context, which must be current, and set all that drawing depends on.
+        """Bring the mesh to the platform's context, which must be current, and set all that drawing depends on.
 
-        Args:
-            primitive: Opaque indexed triangles with positions and vertex colours only.
-            run_lengths: Number of triangles in each run, which can be drawn without the others.
-            platform: The context.
+        The primitive is of opaque indexed triangles with positions and vertex colours only. Each run of them can be
+        drawn without the others.
         """
         self._calls = platform.calls
         primitive._add_to_context()
@@ -80,12 +78,9 @@ class FlatPass:
         self._triangles, self._index_type = int(GL.GL_TRIANGLES), int(GL.GL_UNSIGNED_INT)
 
     def draw(self, P_V: Sequence[float], runs: Int[np.ndarray, " n"], *, colour: bool = True) -> None:
-        """Draw one frame to the current context and wait for its end.
+        """Draw some runs of triangles to the current context and wait for the end; depth always, colours on demand.
 
-        Args:
-            P_V: Clip coordinates of points in the scene's frame: projection times view, a matrix row by row.
-            runs: Which runs of triangles to draw.
-            colour: Whether colours are drawn; depth always is.
+        `P_V` is projection times view, row by row: clip coordinates of points in the scene's frame.
         """
         calls = self._calls
         if colour != self._draws_colour:

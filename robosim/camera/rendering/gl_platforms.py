@@ -1,9 +1,8 @@
 """OpenGL contexts without a display: in NumPy memory by OSMesa, and on an EGL device.
 
-OSMesa draws into NumPy memory, and its depth buffer is read where it lies, without `glReadPixels`. The library is
-called through ctypes: PyOpenGL 3.1.0, which pyrender 0.1.45 pins, cannot ask OSMesa for a core profile. EGL contexts
-are pyrender's (EGL_DEVICE_ID in the environment chooses the device), with a frame buffer of one sample per pixel: as
-on OSMesa, a pixel holds the colour and the depth at its centre.
+OSMesa draws into NumPy memory. The library is called through ctypes: PyOpenGL 3.1.0, which pyrender 0.1.45 pins, cannot
+ask OSMesa for a core profile. EGL contexts are pyrender's (EGL_DEVICE_ID in the environment chooses the device), with a
+frame buffer of one sample per pixel: as on OSMesa, a pixel holds the colour and the depth at its centre.
 
 Import only after `robosim.camera.rendering.gl_systems.bind_opengl`.
 Reference: Mesa, include/GL/osmesa.h.
@@ -26,9 +25,6 @@ from robosim.camera.rendering.gl_systems import INSTALL, GLSystem, OpenGLError, 
 
 #: Depth buffers have 24 bits: their codes go from 0 to this.
 MAX_DEPTH_CODE = 2**24 - 1
-
-# Rows of Mesa's depth buffer are padded to cache lines; a width of whole lines leaves no padding.
-_WIDTH_STEP = 64
 
 # Values from include/GL/osmesa.h.
 _OSMESA_Y_UP = 0x11
@@ -99,12 +95,8 @@ class OSMesaPlatform(GLPlatform):
     def __init__(self, width: int, height: int) -> None:
         super().__init__(width, height)
         self._library = _osmesa()
-        self._padded_width = -(-width // _WIDTH_STEP) * _WIDTH_STEP
-        self._rgba = np.zeros((height, self._padded_width, 4), np.uint8)
-        self._target = self._rgba.ctypes.data, GL.GL_UNSIGNED_BYTE, self._padded_width, height
-        self._results = ctypes.c_int(), ctypes.c_int(), ctypes.c_int(), ctypes.c_void_p()
-        self._result_addresses = tuple(ctypes.byref(result) for result in self._results)
-        self._depth_address: int | None = None
+        self._rgba = np.zeros((height, width, 4), np.uint8)
+        self._target = self._rgba.ctypes.data, GL.GL_UNSIGNED_BYTE, width, height
         attributes = [
             *(_OSMESA_FORMAT, GL.GL_RGBA),
             *(_OSMESA_DEPTH_BITS, 24),
@@ -120,7 +112,6 @@ class OSMesaPlatform(GLPlatform):
         self.make_current()
         self._library.OSMesaPixelStore(_OSMESA_Y_UP, 0)  # first row on top
         self._find_functions(self._library.OSMesaGetProcAddress)
-        self._can_read_memory = self._has_expected_memory()
 
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls to the context."""
@@ -137,43 +128,7 @@ class OSMesaPlatform(GLPlatform):
 
     def read_rgb(self) -> UInt8[np.ndarray, "h w 3"]:
         """Colours of the frame, first row on top. To be called after glFinish."""
-        return cv2.cvtColor(self._rgba[:, : self.width], cv2.COLOR_RGBA2RGB)
-
-    def read_depth_code(self) -> Integer[np.ndarray, "h w"]:
-        """Depth buffer of the frame, 0 to MAX_DEPTH_CODE, first row on top; valid until the next frame."""
-        if not self._can_read_memory:
-            return super().read_depth_code()
-        return self._depth_memory()[::-1, : self.width]
-
-    def _depth_memory(self) -> Integer[np.ndarray, "h padded_w"]:
-        """The depth buffer where it lies, first row at the bottom; empty if OSMesa does not show it."""
-        is_shown = self._library.OSMesaGetDepthBuffer(self._context, *self._result_addresses)
-        size, address = self._results[2].value, self._results[3].value
-        if not is_shown or not address or size != 4:
-            return np.empty((0, 0), np.uint32)
-        if address != self._depth_address:
-            self._depth_address = address
-            memory = (ctypes.c_uint32 * (self._padded_width * self.height)).from_address(address)
-            self._depth = np.ctypeslib.as_array(memory).reshape(self.height, self._padded_width)
-        return self._depth
-
-    def _has_expected_memory(self) -> bool:
-        """Whether the depth memory is rows without gaps, of 24 bits in 32: one pixel is cleared to another depth."""
-        row, column = self.height // 2, self.width - 1
-        GL.glEnable(GL.GL_SCISSOR_TEST)
-        for depth, box in (
-            (1.0, (0, 0, self._padded_width, self.height)),
-            (0.25, (column, row, 1, 1)),
-        ):
-            GL.glClearDepth(depth)
-            GL.glScissor(*box)
-            GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
-        GL.glDisable(GL.GL_SCISSOR_TEST)
-        GL.glFinish()
-        memory = self._depth_memory()
-        expected = np.full((self.height, self._padded_width), MAX_DEPTH_CODE)
-        expected[row, column] = round(0.25 * MAX_DEPTH_CODE)
-        return memory.shape == expected.shape and bool((np.abs(memory.astype(int) - expected) <= 1).all())
+        return cv2.cvtColor(self._rgba, cv2.COLOR_RGBA2RGB)
 
 
 class EGLPlatform(GLPlatform):
@@ -235,11 +190,7 @@ class EGLPlatform(GLPlatform):
 
 
 def make_platform(system: GLSystem, width: int, height: int) -> GLPlatform:
-    """A context of some size [pixels], which is this thread's current one.
-
-    Raises:
-        OpenGLError: If the driver cannot make one.
-    """
+    """A context of some size [pixels], which is this thread's current one; OpenGLError if there can be none."""
     return OSMesaPlatform(width, height) if system == "osmesa" else EGLPlatform(width, height)
 
 
@@ -252,7 +203,6 @@ def _osmesa() -> ctypes.CDLL:
         ("OSMesaDestroyContext", None, _POINTER),
         ("OSMesaPixelStore", None, _INT, _INT),
         ("OSMesaGetProcAddress", _POINTER, ctypes.c_char_p),
-        ("OSMesaGetDepthBuffer", _BYTE, _POINTER, _POINTER, _POINTER, _POINTER, _POINTER),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments

@@ -93,11 +93,7 @@ def _installed_system() -> GLSystem | None:
 
 
 def default_system() -> GLSystem:
-    """The system of PYOPENGL_PLATFORM if that names one, else the first that is installed.
-
-    Raises:
-        OpenGLError: If PYOPENGL_PLATFORM names a system that is not installed, or none is; an OSError.
-    """
+    """The system of PYOPENGL_PLATFORM if that names one, else the first that is installed; OpenGLError if none."""
     requested = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     for system in SYSTEM_NAMES:
         if system == requested:
@@ -121,16 +117,12 @@ def default_system() -> GLSystem:
 
 
 def bind_opengl(system: GLSystem | None = None) -> GLSystem:
-    """Choose the system that OpenGL runs on in this process, and return it.
+    """Choose the system that OpenGL runs on in this process, and return it; None for the one in use or the default.
 
     Mesa's software renderer starts no threads (LP_NUM_THREADS=0, unless it is set): they hardly speed up small
     pictures, and a process that is forked while they run would wait for them forever.
 
-    Args:
-        system: What to use; None for what the process uses already, else for `default_system`.
-
     Raises:
-        ValueError: If there is no system of that name.
         RuntimeError: If the process is bound to another one already.
         OpenGLError: If its libraries are not installed; an OSError.
     """

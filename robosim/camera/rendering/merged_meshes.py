@@ -30,11 +30,7 @@ class Scenery:
     def to_local(
         self, T_map_camera: Float[np.ndarray, "4 4"]
     ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-        """Axes (columns) and place [m] of a camera relative to the centre.
-
-        Raises:
-            ValueError: If the pose is not a 4 by 4 matrix of finite numbers.
-        """
+        """Axes (columns) and place [m] of a camera relative to the centre; ValueError for a pose that is none."""
         T = np.asarray(T_map_camera, dtype=np.float64)
         if T.shape != (4, 4) or not math.isfinite(T.sum()):
             raise ValueError(f"T_map_camera is\n{T}\nexpected a 4 by 4 matrix of finite numbers.")
@@ -42,11 +38,7 @@ class Scenery:
 
 
 def merge(meshes: Sequence[trimesh.Trimesh]) -> Scenery:
-    """Merge meshes in `map` to one; meshes without colours get trimesh's grey.
-
-    Raises:
-        ValueError: If there is no triangle, or a vertex is not finite.
-    """
+    """Merge meshes in `map` to one; meshes without colours get trimesh's grey. ValueError if there is no triangle."""
     if sum(len(mesh.faces) for mesh in meshes) == 0:
         raise ValueError(f"The {len(meshes)} meshes have no triangles, expected at least one to look at.")
     vertices = np.concatenate([mesh.vertices for mesh in meshes])

@@ -77,12 +77,7 @@ class PlanCamera(ClosingCamera):
         self._closed = False
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
-        """Take a picture from a pose.
-
-        Raises:
-            ValueError: If the pose is not a 4 by 4 matrix of finite numbers, or does not look level.
-            RuntimeError: If the camera is closed.
-        """
+        """Take a picture from a pose; ValueError if it does not look level, RuntimeError if the camera is closed."""
         shape = self.config.height, self.config.width
         rgb, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
         self._draw(T_map_camera, depth, rgb)
@@ -142,10 +137,7 @@ def _segments(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 2 2
 def _draw_storey(
     storey: _Storey, place: np.ndarray, R_camera: np.ndarray, lens: _Lens, depth: np.ndarray, rgb: np.ndarray
 ) -> None:
-    """Walls, floor and ceiling, column by column; `rgb` of no rows if no colours are drawn.
-
-    The rows of `R_camera` are the camera's axes right, down and ahead.
-    """
+    """Walls, floor and ceiling by column; rows of `R_camera` are right, down, ahead; no rows of `rgb`: depth only."""
     height, width = depth.shape
     draws_colour = len(rgb) > 0
     right, ahead = R_camera[0], R_camera[2]

@@ -53,12 +53,7 @@ class PyrenderCamera(ClosingCamera):
         self.platform.make_uncurrent()
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
-        """Take a picture from a pose.
-
-        Raises:
-            ValueError: If the pose is not a 4 by 4 matrix of finite numbers.
-            RuntimeError: If the camera is closed.
-        """
+        """Take a picture from a pose; RuntimeError if the camera is closed."""
         self._draw(T_map_camera, colour=True)
         rgb = self.platform.read_rgb()
         depth, whole = self._metres(self.platform.read_depth_code())

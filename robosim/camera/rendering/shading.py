@@ -35,8 +35,7 @@ from scipy.spatial import cKDTree
 from robosim.building.building import Building
 from robosim.building.extrusion import FURNITURE
 from robosim.camera.rendering.decor import Decor
-from robosim.camera.rendering.placed import placed_patches
-from robosim.camera.rendering.tessellation import Patches, tessellate
+from robosim.camera.rendering.tessellation import Patches, placed_patches, tessellate
 from robosim.support.ray_casting import make_ray_scene
 from wireless.support.cached_array import cached_array
 
@@ -60,13 +59,9 @@ _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 def shaded_mesh(building: Building, *, seed: int = 0) -> trimesh.Trimesh:
     """A building's surfaces, cut finely enough to carry light and texture in the colours of their vertices.
 
-    Args:
-        building: What to colour.
-        seed: Of paints, floors and windows.
-
-    Returns:
-        A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours; placed sheets have one on
-        either side. The last result is cached, since many episodes run in one building: copy it before changing it.
+    Returned is a mesh in `map` with the same surfaces as `building.mesh`; placed sheets have one on either side. The
+    last result is cached, since many episodes run in one building: copy it before changing it. `seed` is of paints,
+    floors and windows.
     """
     bare = building.bare
     patches = tessellate(bare, step_m=_STEP_M, heights_m=(_SKIRTING_M,))
@@ -110,16 +105,10 @@ def _light_and_daylight(
 def ambient_light(
     patches: Patches, mesh: trimesh.Trimesh, *, range_m: float, n_rays: int
 ) -> Float[np.ndarray, " n"]:
-    """Share of the ambient light that reaches the patches' vertices, 0 to 1.
+    """Share of the ambient light that reaches the patches' vertices; surfaces within a range [m] take it away.
 
     Rays start a little inside of the patch: a vertex in a corner of a room lies on the other walls, and would see
     their backs.
-
-    Args:
-        patches: Where the light arrives.
-        mesh: What takes it away.
-        range_m: Surfaces farther off than this take nothing away [m].
-        n_rays: Rays from each vertex.
     """
     centre = mesh.bounds.mean(axis=0)
     scene = make_ray_scene(mesh.triangles - centre)
@@ -137,13 +126,7 @@ def ambient_light(
 def window_light(
     patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"]
 ) -> Float[np.ndarray, " n"]:
-    """Share of daylight that reaches the patches' vertices from windows in their sight, 0 to 1.
-
-    Args:
-        patches: Where the light arrives.
-        mesh: What blocks it.
-        windows: Corners of each, from the lower left one, as seen from inside [m].
-    """
+    """Share of daylight that reaches the patches' vertices; corners of windows [m] from the lower left inside."""
     found = np.zeros(len(patches.vertices))
     if not len(windows):
         return found

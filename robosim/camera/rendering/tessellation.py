@@ -4,16 +4,26 @@ Floor, ceiling and lids are cut along the lines of a square grid; walls are cut 
 at a few heights. Each new vertex lies on an old face, and where two faces meet along an edge, both have the same
 vertices there, so that no crack opens between them in a picture. Patches share no vertices, so that colours can change
 from one to the next.
+
+Points on the grid are numbered, and each is computed once for all the surfaces that meet there: first the corners of
+the building, then the places where its walls cross the lines, then the crossings of two lines. Lines are turned with
+the plan and shifted by odd fractions of a cell, so that none passes through a corner.
+
+Placed meshes become small triangles: long sides are halved until none is longer than a limit, in both triangles that
+meet there. Sheets, which cameras may see from either side, come twice, once with each front.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+import shapely
 from jaxtyping import Float, Int, UInt8
 
 from robosim.building.building import Building
-from robosim.camera.rendering.cut_grid import CutGrid
+from robosim.building.extrusion import PLACED
+from robosim.plans.floorplan import FloorPlan
+from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.support.index_ranges import index_ranges
 
 
@@ -52,12 +62,9 @@ class Patches:
 
 
 def tessellate(building: Building, *, step_m: float, heights_m: Sequence[float]) -> Patches:
-    """Cut a building's surfaces into patches.
+    """Cut a building's surfaces, level faces and upright rectangles on the floor, into patches.
 
-    Args:
-        building: Its mesh, made of level faces and of upright rectangles that stand on the floor.
-        step_m: Side of the squares of level patches and width of upright ones, about.
-        heights_m: Where upright faces are cut, in rising order.
+    `step_m` is about the side of level patches and the width of upright ones, which are cut at rising heights [m].
     """
     mesh = building.mesh
     spots, spot = np.unique(mesh.vertices[:, :2] @ (1, 1j), return_inverse=True)
@@ -82,6 +89,95 @@ def tessellate(building: Building, *, step_m: float, heights_m: Sequence[float])
         for region, border in zip(regions, borders, strict=True)
     ]
     return Patches.joined(parts)
+
+
+class CutGrid:
+    """A square grid and the numbered points on it."""
+
+    def __init__(self, plan: FloorPlan, step_m: float, corners: Float[np.ndarray, "n 2"]) -> None:
+        """A grid with lines about `step_m` apart, a whole number of cells, and the corners in `map` [m]."""
+        self.step_m = max(1, round(step_m / plan.resolution_m)) * plan.resolution_m
+        self._origin = plan.to_map(_SHIFT)
+        c, s = np.cos(plan.origin[2]), np.sin(plan.origin[2])
+        self._R = np.array([[c, -s], [s, c]])
+        self.map_xy = corners
+        """Points in `map` [m]."""
+        self.xy = np.round((corners - self._origin) @ self._R / self.step_m, 9)
+        """Points in steps; lines have whole coordinates."""
+        self._n_corners = len(corners)
+
+    def cut(self, edges: Int[np.ndarray, "n 2"]) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, " m"]]:
+        """Cut edges between corners at the lines: both ends of each piece, in order, and which edge it is of."""
+        start, end = self.xy[edges[:, 0]], self.xy[edges[:, 1]]
+        owners: list[np.ndarray] = []
+        shares: list[np.ndarray] = []
+        places: list[np.ndarray] = []
+        for axis in (0, 1):
+            edge, line = _whole_between(start[:, axis], end[:, axis])
+            share = (line - start[edge, axis]) / (end - start)[edge, axis]
+            place = start[edge] + share[:, None] * (end - start)[edge]
+            place[:, axis] = line
+            owners.append(edge)
+            shares.append(share)
+            places.append(place)
+        edge, share = np.concatenate(owners), np.concatenate(shares)
+        a, b = self.map_xy[edges[edge, 0]], self.map_xy[edges[edge, 1]]
+        new = self._add(np.concatenate(places), a + share[:, None] * (b - a))
+        return _chains(edges, edge, share, new)
+
+    def tiles(
+        self, triangles: Int[np.ndarray, "n 3"], border: Int[np.ndarray, "m 2"]
+    ) -> tuple[Int[np.ndarray, "k 3"], Int[np.ndarray, " k"]]:
+        """Cut a level region, triangles with all pieces of its border, into the parts that lie in each square.
+
+        Returned are triangles, counter-clockwise, with no vertices but those of `border` and crossings of lines, and
+        which tile each is a part of, counted from 0.
+        """
+        pieces = np.concatenate([border, self._inner_lines(border)])
+        lines = shapely.linestrings(self.xy[pieces])
+        tiles = shapely.get_parts(shapely.polygonize(lines))
+        region = shapely.STRtree(shapely.polygons(self.xy[triangles]))
+        tiles = tiles[np.unique(region.query(shapely.point_on_surface(tiles), predicate="intersects")[0])]
+        parts, tile = shapely.get_parts(shapely.constrained_delaunay_triangles(tiles), return_index=True)
+        points = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
+        used = np.unique(pieces)
+        keys = self.xy[used] @ (1, 1j)
+        order = np.argsort(keys)
+        found = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
+        clockwise = _doubled_area(points) < 0
+        found[clockwise] = found[clockwise, ::-1]
+        return found, tile
+
+    def _inner_lines(self, border: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, "k 2"]:
+        """Pieces of the grid's lines inside of a border, cut where lines cross."""
+        points = np.unique(border)
+        points = points[points >= self._n_corners]
+        spans: list[np.ndarray] = []
+        owners: list[np.ndarray] = []
+        places: list[np.ndarray] = []
+        for axis in (0, 1):
+            at, along = self.xy[points, axis], self.xy[points, 1 - axis]
+            on_line = np.flatnonzero(at == np.round(at))
+            # Along a line, the border is crossed inwards and outwards in turns.
+            ends = points[on_line[np.lexsort([along[on_line], at[on_line]])]].reshape(-1, 2)
+            span, other = _whole_between(*self.xy[ends, 1 - axis].T)
+            place = np.empty((len(span), 2))
+            place[:, axis], place[:, 1 - axis] = self.xy[ends[span, 0], axis], other
+            owners.append(span + sum(len(other_axis) for other_axis in spans))
+            spans.append(ends)
+            places.append(place)
+        ends, span, place = np.concatenate(spans), np.concatenate(owners), np.concatenate(places)
+        distinct, which = np.unique(place, axis=0, return_inverse=True)
+        crossings = self._add(distinct, self.step_m * distinct @ self._R.T + self._origin)[which.ravel()]
+        from_start = np.abs(place - self.xy[ends[span, 0]]).sum(axis=1)
+        length = np.abs(self.xy[ends[span, 1]] - self.xy[ends[span, 0]]).sum(axis=1)
+        return _chains(ends, span, from_start / length, crossings)[0]
+
+    def _add(self, xy: Float[np.ndarray, "n 2"], map_xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
+        """Numbers of new points."""
+        first = len(self.xy)
+        self.xy, self.map_xy = np.concatenate([self.xy, xy]), np.concatenate([self.map_xy, map_xy])
+        return np.arange(first, len(self.xy))
 
 
 class _Cuts:
@@ -190,3 +286,103 @@ def _into(xy: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, "m 3"]) -> Float[
     total = np.zeros((len(xy), 3))
     np.add.at(total, faces.ravel(), np.pad(to_centre.reshape(-1, 2), ((0, 0), (0, 1))))
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9)
+
+
+#: Where the first lines pass, in cells of the plan, whose corners have whole or half coordinates.
+_SHIFT = np.array([0.3071, 0.1873])
+
+
+def _whole_between(
+    a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """All whole numbers strictly between a and b: for which element, and the number."""
+    first = np.floor(np.minimum(a, b)) + 1
+    count = np.maximum(np.ceil(np.maximum(a, b)) - first, 0).astype(int)
+    owner, number = index_ranges(np.zeros(len(a), int), count)
+    return owner, first[owner] + number
+
+
+def _chains(
+    ends: Int[np.ndarray, "n 2"],
+    owner: Int[np.ndarray, " m"],
+    share: Float[np.ndarray, " m"],
+    points: Int[np.ndarray, " m"],
+) -> tuple[Int[np.ndarray, "k 2"], Int[np.ndarray, " k"]]:
+    """Cut lines between `ends` at `points` with a share from 0 to 1 of their line: ends of pieces, and their lines."""
+    lines = np.arange(len(ends))
+    line = np.concatenate([lines, owner, lines])
+    order = np.lexsort([np.concatenate([np.zeros(len(ends)), share, np.ones(len(ends))]), line])
+    point, line = np.concatenate([ends[:, 0], points, ends[:, 1]])[order], line[order]
+    inside = line[1:] == line[:-1]
+    return np.column_stack([point[:-1], point[1:]])[inside], line[1:][inside]
+
+
+def _doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, " n"]:
+    """Twice the area of triangles, positive if counter-clockwise."""
+    side, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    return side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
+
+
+#: Meshes of more triangles are not cut.
+_ENOUGH = 20_000
+
+
+def placed_patches(
+    furnishings: Sequence[Furnishing], *, step_m: float
+) -> tuple[Patches, Float[np.ndarray, "n 3"]]:
+    """Patches of placed meshes, no side longer than a step [m] unless they are many, and colours of corners."""
+    triangles, colours = [], []
+    for one in furnishings:
+        bodies = one.bodies
+        fronts = bodies.vertices[bodies.faces]
+        backs = fronts[~bodies.oriented[bodies.body]][:, ::-1]
+        both = np.concatenate([fronts, backs])
+        cut = both if len(both) > _ENOUGH else _cut(both, step_m)
+        triangles.append(cut)
+        colours.append(np.tile(np.array(one.colour, float), (3 * len(cut), 1)))
+    corners = np.concatenate(triangles)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    inward = corners.mean(axis=1, keepdims=True) - corners
+    inward /= np.maximum(np.linalg.norm(inward, axis=2, keepdims=True), 1e-300)
+    n = corners.shape[0] * 3
+    patches = Patches(
+        vertices=corners.reshape(-1, 3),
+        normals=np.repeat(normal, 3, axis=0),
+        inward=inward.reshape(-1, 3),
+        kind=np.full(n, PLACED, np.uint8),
+        cell=np.zeros((n, 2), int),
+        row=np.zeros(n, int),
+        source=np.zeros(n, int),
+        faces=np.arange(n).reshape(-1, 3),
+    )
+    return patches, np.concatenate(colours)
+
+
+def _cut(triangles: Float[np.ndarray, "n 3 3"], step_m: float) -> Float[np.ndarray, "m 3 3"]:
+    """Triangles without sides longer than a step."""
+    done = []
+    while len(triangles):
+        long = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2) > step_m
+        count = long.sum(axis=1)
+        done.append(triangles[count == 0])
+        parts = []
+        for n_long in (1, 2, 3):
+            some, which = triangles[count == n_long], long[count == n_long]
+            # Turned so that long sides come first: a to b, and b to c.
+            first = {
+                1: np.argmax(which, axis=1),
+                2: np.argmin(which, axis=1) + 1,
+                3: np.zeros(len(some), int),
+            }
+            order = (first[n_long][:, None] + np.arange(3)) % 3
+            a, b, c = np.take_along_axis(some, order[:, :, None], axis=1).transpose(1, 0, 2)
+            ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+            pieces = {
+                1: [(a, ab, c), (ab, b, c)],
+                2: [(ab, b, bc), (a, ab, bc), (a, bc, c)],
+                3: [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)],
+            }
+            parts += [np.stack(piece, axis=1) for piece in pieces[n_long]]
+        triangles = np.concatenate(parts)
+    return np.concatenate(done)

@@ -65,12 +65,7 @@ class Visibility:
         self._walls = make_ray_scene(_upright(walls)) if len(walls) else None
 
     def parts(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Int[np.ndarray, " _"]:
-        """Parts that may be seen from a pose.
-
-        Args:
-            R: The camera's axes right, down and ahead, as columns.
-            t: Its place [m].
-        """
+        """Parts that may be seen from a place [m]; columns of `R` are the camera's axes right, down and ahead."""
         if abs(R[2, 1] + 1.0) > 1e-9 or abs(R[2, 0]) > 1e-9 or abs(R[2, 2]) > 1e-9:
             return np.arange(self._boxes.shape[1])
         width, near = self._config.width, self._config.near_m

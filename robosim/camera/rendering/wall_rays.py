@@ -77,18 +77,9 @@ def _sort_in(
 def nearest_wall(
     walls: WallTiles, x: float, y: float, dx: float, dy: float, most: float
 ) -> tuple[float, int]:
-    """Where a ray from (x, y) [m] first meets a wall.
+    """Where a ray from (x, y) [m] first meets a wall, looking `most` lengths of its direction far.
 
-    Args:
-        walls: The walls.
-        x: Where the ray begins [m].
-        y: Where the ray begins [m].
-        dx: Its direction, of any length.
-        dy: Its direction, of any length.
-        most: How far to look, in lengths of the direction.
-
-    Returns:
-        Distance in lengths of the direction, inf for none, and the number of the wall, -1 for none.
+    Returned are the distance in lengths of the direction, inf for none, and the number of the wall, -1 for none.
     """
     segments, corner, members = walls.segments, walls.corner, walls.members
     nx, ny = walls.first.shape[0] - 1, walls.first.shape[1]

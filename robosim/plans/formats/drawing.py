@@ -36,11 +36,7 @@ _SPAN, _BEND = 0.8, 0.01
 def without_strokes(
     states: UInt8[np.ndarray, "h w"], thinnest_wall_m: float | None, resolution_m: float, path: Path
 ) -> UInt8[np.ndarray, "h w"]:
-    """States of pixels without strokes thinner than a wall [m], which become free; None keeps all, and warns of any.
-
-    Raises:
-        MapError: If no wall is left.
-    """
+    """States of pixels; strokes thinner than a wall [m] become free. None keeps all, and warns of any."""
     dark = states == OCCUPIED
     if thinnest_wall_m is None:
         _warn_of_strokes(dark, resolution_m, path)
@@ -104,10 +100,7 @@ def _warn_of_strokes(dark: Bool[np.ndarray, "h w"], resolution_m: float, path: P
 def _opened(
     mask: Bool[np.ndarray, "h w"], cells: int, beyond: Literal["edge", "constant"] = "edge"
 ) -> Bool[np.ndarray, "h w"]:
-    """Morphological opening with a disk of a diameter [cells].
-
-    Beyond the picture a wall continues (`beyond="edge"`), and grey does not ("constant").
-    """
+    """Opening with a disk of a diameter [cells]; beyond the picture a wall continues ("edge"), grey does not."""
     if cells < 2:
         return mask
     offset = np.arange(cells) - (cells - 1) / 2

@@ -129,7 +129,8 @@ def furnishing_from_file(
         if origin == "middle":
             low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
             triangles = triangles - [*(low + high)[:2] / 2, low[2]]
-        body = _mesh_of(triangles)
+        faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+        body = trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False, validate=False)
         Furnishing(
             mesh=body, at=(0.0, 0.0)
         )  # checks the mesh: errors of the place are not errors of its file
@@ -184,11 +185,6 @@ def _obj(mesh: trimesh.Trimesh) -> bytes:
     corners = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(mesh.vertices, float).tolist()]
     faces = [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
     return "\n".join([*corners, *faces, ""]).encode()
-
-
-def _mesh_of(triangles: np.ndarray) -> trimesh.Trimesh:
-    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
-    return trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False, validate=False)
 
 
 def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:

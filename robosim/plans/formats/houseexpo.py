@@ -29,12 +29,7 @@ _REMEDY = (
 
 
 def read_houseexpo(path: Path, options: ReadingOptions) -> FloorPlan:
-    """Floor plan from a HouseExpo file, with a margin of one occupied cell around the house; uses `resolution_m`.
-
-    Raises:
-        MapError: If the file is no such JSON, a corner is not two finite numbers, or the house is absurdly
-            large or smaller than a cell.
-    """
+    """Floor plan from a HouseExpo file, with a margin of one occupied cell around the house; uses `resolution_m`."""
     resolution_m = options.resolution_m or RESOLUTION_M
     with reading(
         path, "a HouseExpo file, which is JSON", _REMEDY, most_bytes=MOST_JSON, kind=MapError

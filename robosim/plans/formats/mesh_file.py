@@ -52,15 +52,8 @@ _POLYGONS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_
 def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles:
     """All triangles of a mesh file [m] in its own axes, its scene graph applied.
 
-    Args:
-        content: What the file holds.
-        path: The file: its ending is the format, and other files that it names are in its folder.
-        unit_m: Its unit of length [m].
-
-    Raises:
-        ValueError: In a few words, if there are no triangles, too many, one is too far away, or they were rounded
-            to coarse 32-bit numbers.
-        Exception: Any error of the loader of a damaged file.
+    The path's ending is the format; other files that it names are in its folder. A ValueError in a few words for no
+    triangles, too many, one too far away, or ones that were rounded to coarse 32-bit numbers.
     """
     suffix = path.suffix.lower()
     polygons = _POLYGONS.get(suffix)
@@ -90,7 +83,13 @@ def _of_scene(content: bytes, path: Path) -> Triangles:
     scene = trimesh.load_scene(
         io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
     )
-    _check_count(scene, len(content))
+    count, most = 0, max(_MOST_TRIANGLES, len(content) // 16)
+    for node in scene.graph.nodes_geometry:
+        count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
+        if count > most:
+            raise ValueError(
+                f"more than {count} triangles, far more than a file of {len(content)} bytes should have"
+            )
     parts = [_placed(scene.geometry[name], T) for T, name in map(scene.graph.get, scene.graph.nodes_geometry)]
     return np.concatenate([np.empty((0, 3, 3)), *parts]) if len(parts) != 1 else parts[0]
 
@@ -131,11 +130,7 @@ def _json_of_glb(content: bytes) -> bytes:
 
 
 def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, int]]:
-    """Raise ValueError for a scene that declares far more than its files can hold, or what is not supported.
-
-    Returns:
-        The scene, and the names of other files with their least number of bytes.
-    """
+    """The scene of a glTF file, and least sizes of files it names; ValueError for what is too much or not supported."""
     if len(text) > MOST_JSON and b"base64," not in text:
         raise ValueError(f"its JSON has {len(text)} bytes, expected at most {MOST_JSON}")
     tree = check_object(parse_json(text))
@@ -167,10 +162,7 @@ def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, in
 
 
 def _scale_normalised(tree: dict[str, Any]) -> bool:
-    """Give meshes whose positions are normalised integers a node with their scale; whether there are any.
-
-    trimesh reads such positions as plain numbers (KHR_mesh_quantization; glTF 2.0, 3.6.2.2).
-    """
+    """Give meshes of normalised integers, which trimesh reads as plain, a node with their scale (glTF 2.0, 3.6.2.2)."""
     scale: dict[int, float] = {}
     for number, mesh in enumerate(_listed(tree, "meshes")):
         largest = set()
@@ -251,14 +243,3 @@ def _placed(mesh: Any, T_scene_mesh: Float[np.ndarray, "4 4"]) -> Triangles:
     # A mirrored mesh would face inside out.
     mirrored = np.linalg.det(T_scene_mesh[:3, :3]) < 0
     return corners[np.asarray(faces, np.int64)[:, ::-1] if mirrored else np.asarray(faces, np.int64)]
-
-
-def _check_count(scene: trimesh.Scene, n_bytes: int) -> None:
-    """Raise ValueError for a scene whose repeated meshes have too many triangles in all."""
-    count = 0
-    for node in scene.graph.nodes_geometry:
-        count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
-        if count > max(_MOST_TRIANGLES, n_bytes // 16):
-            raise ValueError(
-                f"more than {count} triangles, far more than a file of {n_bytes} bytes should have"
-            )

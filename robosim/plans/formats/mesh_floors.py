@@ -10,7 +10,6 @@ Left out: split levels less than a storey apart are one storey, of which only th
 
 import itertools
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -54,26 +53,17 @@ class MeshFloor:
 
 
 def find_floors(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: float) -> list[MeshFloor]:
-    """Floors of a mesh with z upwards, the lowest first.
-
-    Args:
-        triangles: Corners [m], counter-clockwise seen from the front.
-        low_m: Height above a floor from which on walls are measured [m].
-        high_m: Height up to which they are [m].
-
-    Raises:
-        ValueError: If there are more than a building has.
-    """
+    """Floors of a mesh with z upwards, the lowest first; walls are measured between two heights above a floor [m]."""
     level, walls = _surfaces(triangles)
     order = np.argsort(triangles[level, :, 2].mean(axis=1), kind="stable")
     level = level[order]
     heights, air = triangles[level, :, 2].mean(axis=1), area_below_air(triangles, level, high_m)
     a, b = triangles[level, 1] - triangles[level, 0], triangles[level, 2] - triangles[level, 0]
     facing = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
-    around, up, down = (
-        _within(np.append(0.0, np.cumsum(area)), heights, heights, _SPREAD_M)
-        for area in (air, np.maximum(facing, 0), np.maximum(-facing, 0))
-    )
+    first = np.searchsorted(heights, heights - _SPREAD_M, side="left")
+    last = np.searchsorted(heights, heights + _SPREAD_M, side="right")
+    sums = (np.append(0.0, np.cumsum(area)) for area in (air, np.maximum(facing, 0), np.maximum(-facing, 0)))
+    around, up, down = (before[last] - before[first] for before in sums)
     whole = shapely.MultiPoint(triangles[:, :, :2].reshape(-1, 2)).convex_hull.area
     storeys: list[MeshFloor] = []
     left = air > 0
@@ -86,8 +76,9 @@ def find_floors(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: flo
         own = shapely.MultiPoint(triangles[level[near], :, :2].reshape(-1, 2)).convex_hull.area
         if around[best] < max(_LEAST_OF_OWN * own, _LEAST_OF_ALL * whole):
             continue
-        height = _weighted_median(heights, air, heights[best])
-        walls_m = walls.length_m(height + low_m, height + high_m)
+        air_near = np.cumsum(air[near])
+        height = float(heights[near][np.searchsorted(air_near, air_near[-1] / 2)])  # halves the area
+        walls_m = _walls_m(walls, height + low_m, height + high_m)
         if len(storeys) == _MOST_STOREYS:
             raise ValueError(f"more than {_MOST_STOREYS} storeys")
         storeys.append(MeshFloor(height_m=height, area_m2=float(max(up[best], down[best])), walls_m=walls_m))
@@ -119,40 +110,10 @@ def area_below_air(
     return area * np.bincount(owner, free, len(which)) / n_rays
 
 
-def _within(
-    before: Float[np.ndarray, " n1"],
-    heights: Float[np.ndarray, " n"],
-    at: Float[np.ndarray, " m"],
-    spread_m: float,
-) -> Float[np.ndarray, " m"]:
-    """Area at heights less than a spread from given ones, out of running sums of sorted heights."""
-    last = np.searchsorted(heights, at + spread_m, side="right")
-    return before[last] - before[np.searchsorted(heights, at - spread_m, side="left")]
-
-
-def _weighted_median(heights: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"], at: float) -> float:
-    """Height that halves the area within a spread of `at`."""
-    near = np.abs(heights - at) <= _SPREAD_M
-    sums = np.cumsum(areas[near])
-    return float(heights[near][np.searchsorted(sums, sums[-1] / 2)])
-
-
-class _Walls(NamedTuple):
-    """Surfaces that are not level."""
-
-    area_m2: Float[np.ndarray, " n"]
-    low_m: Float[np.ndarray, " n"]
-    high_m: Float[np.ndarray, " n"]
-
-    def length_m(self, low: float, high: float) -> float:
-        """Length of walls between two heights: their area there over the height."""
-        shared = np.clip(np.minimum(self.high_m, high) - np.maximum(self.low_m, low), 0, None)
-        tall = np.maximum(self.high_m - self.low_m, 1e-9)
-        return float((self.area_m2 * shared / tall).sum() / (high - low))
-
-
-def _surfaces(triangles: Float[np.ndarray, "n 3 3"]) -> tuple[Int[np.ndarray, " m"], _Walls]:
-    """Which triangles are level, and the walls."""
+def _surfaces(
+    triangles: Float[np.ndarray, "n 3 3"],
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, "3 k"]]:
+    """Which triangles are level; area [m2], lowest and highest point [m] of the walls."""
     level, walls = [], []
     for first, block in zip(itertools.count(0, AT_ONCE), blocks(triangles), strict=False):
         normals = np.cross(block[:, 1] - block[:, 0], block[:, 2] - block[:, 0])
@@ -162,4 +123,11 @@ def _surfaces(triangles: Float[np.ndarray, "n 3 3"]) -> tuple[Int[np.ndarray, " 
         wall = cosine < LEVEL_COSINE
         z = block[wall, :, 2]
         walls.append(np.stack([length[wall] / 2, z.min(axis=1), z.max(axis=1)]))
-    return np.concatenate(level), _Walls(*np.concatenate(walls, axis=1))
+    return np.concatenate(level), np.concatenate(walls, axis=1)
+
+
+def _walls_m(walls: Float[np.ndarray, "3 k"], low: float, high: float) -> float:
+    """Length of walls between two heights: their area there over the height [m]."""
+    area_m2, low_m, high_m = walls
+    shared = np.clip(np.minimum(high_m, high) - np.maximum(low_m, low), 0, None)
+    return float((area_m2 * shared / np.maximum(high_m - low_m, 1e-9)).sum() / (high - low))

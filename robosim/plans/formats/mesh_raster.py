@@ -26,14 +26,10 @@ AT_ONCE = 100_000
 def cells_touched(
     triangles: Float[np.ndarray, "n 3 3"], low: float, high: float, shape: tuple[int, int]
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Cells that a triangle reaches into between two heights.
+    """Cells that a triangle reaches into between two heights, both included.
 
-    Args:
-        triangles: Corners; x and y in cells (cell (iy, ix) goes from (ix, iy) to (ix + 1, iy + 1)), z in any
-            unit. Counter-clockwise seen from the front.
-        low: Lower height, in the unit of z.
-        high: Upper height; a surface at either height counts.
-        shape: Rows and columns; what lies outside is left out.
+    x and y are in cells (cell (iy, ix) goes from (ix, iy) to (ix + 1, iy + 1)), z and heights in any unit. Triangles
+    are counter-clockwise seen from the front; what lies outside of `shape`, rows and columns, is left out.
     """
     # Runs of cells as +1 where one starts and -1 after its end: summed along a row, the number of runs.
     edges, work = np.zeros((shape[0], shape[1] + 1), np.int32), Work()
@@ -110,10 +106,7 @@ def section(
 def _whole(
     low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"], size: int
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """First and last cell of intervals shortened by the margin, within 0 to size - 1.
-
-    The last lies before the first for intervals outside of the grid.
-    """
+    """First and last cell of intervals shortened by the margin, 0 to size - 1; last before first outside of it."""
     middle = (low + high) / 2
     first = np.floor(np.minimum(low + MARGIN, middle))
     last = np.floor(np.maximum(high - MARGIN, middle))

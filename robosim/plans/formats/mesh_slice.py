@@ -3,7 +3,12 @@
 A cell is free if there is floor under its centre and no surface reaches into it between the two heights;
 occupied if one does; unknown otherwise. Small holes in a scanned floor are free. Closed pockets of
 floor inside solid walls are not free: a line from there to the outside leaves more solids than it enters. Nor are those
-inside of closed bodies that stand in a room (`robosim.plans.formats.mesh_bodies`).
+inside of closed bodies that stand in a room.
+
+Many files have faces of any orientation, so places are compared by the closed surfaces that contain them: a place in a
+cupboard is inside of all surfaces that contain the room around it, and of the cupboard. Of two rooms that are closed
+surfaces of their own neither contains the other. If no surface contains a room, as between solid walls or under the
+open sky, only the faces distinguish a body, which they point out of, from another room.
 
 glTF (.glb, .gltf) has y upwards by its standard, and x, -z become the plan's x, y; other formats have no
 standard and are read with z upwards, as in robotics. Many files differ: the other one of the two axes is used if it
@@ -25,13 +30,13 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from robosim.plans.floorplan import FREE, LARGEST_M, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
-from robosim.plans.formats.mesh_bodies import in_bodies
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
 from robosim.plans.formats.mesh_floors import LEVEL_COSINE, MeshFloor, area_below_air, find_floors
 from robosim.plans.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
 from robosim.plans.formats.scanline import Windings
 from robosim.plans.reading_options import ReadingOptions, UpAxis
 from robosim.support.reading import reading
+from wireless.geometry.closed_surfaces import Sides
 
 logger = logging.getLogger(__name__)
 
@@ -60,13 +65,7 @@ _OTHER = {"y": "z", "z": "y"}
 
 
 def read_mesh(path: Path, options: ReadingOptions) -> FloorPlan:
-    """Floor plan of a storey of a mesh file (GLB, PLY, OBJ, STL and others that trimesh reads).
-
-    Raises:
-        MapError: If the file cannot be read, has no triangles or vertices that are not finite, or no floor is
-            found, or none near the given height.
-        ValueError: If an option has a senseless value.
-    """
+    """Floor plan of a storey of a mesh file: GLB, PLY, OBJ, STL and others that trimesh reads."""
     up, unit_m = options.up, options.unit_m
     if up not in get_args(UpAxis):
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
@@ -89,11 +88,7 @@ def read_mesh(path: Path, options: ReadingOptions) -> FloorPlan:
 
 
 def _check_size(triangles: Triangles) -> None:
-    """Reject a mesh that cannot be in metres.
-
-    Raises:
-        MapError: If it is longer than any building, or taller than its storeys can be.
-    """
+    """Raise MapError for a mesh that is longer than any building, or taller than its storeys can be."""
     x, y, z = np.ptp(triangles.reshape(-1, 3), axis=0)
     tall = z > _TALLEST_M and z > _TALLEST_M * len(find_floors(triangles, *SLICE_M))
     if tall or max(x, y) > LARGEST_M:
@@ -109,10 +104,7 @@ def turned_up(triangles: Triangles, axis: str) -> Triangles:
 
 
 def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
-    """The axis that points up by the custom of the format, unless the other one has a far larger floor.
-
-    A floor is larger than the mesh is tall: else it may be a wall of a mesh without a floor.
-    """
+    """The axis that points up by custom of the format, unless the other has a far larger floor, and no wall for it."""
     usual = "y" if path.suffix.lower() in _GLTF else "z"
     other = _OTHER[usual]
     span = np.ptp(triangles.reshape(-1, 3), axis=0)
@@ -155,7 +147,6 @@ def plan_from_triangles(
 
     Raises:
         MapError: If no floor is found, or none near the given height, or nothing of it is free.
-        ValueError: If the slice is empty or does not lie above the floor.
     """
     low, high = options.slice_m
     resolution_m = options.resolution_m or RESOLUTION_M
@@ -176,7 +167,9 @@ def plan_from_triangles(
         triangles = _facing_up(triangles, height_m)
     else:
         height_m = options.ground_m
-        triangles = np.concatenate([triangles, _ground(triangles, height_m)])
+        (x0, y0), (x1, y1) = (end(triangles[..., :2], axis=(0, 1)) for end in (np.min, np.max))
+        ground = np.insert([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], 2, height_m, axis=1)
+        triangles = np.concatenate([triangles, ground[[[0, 1, 2], [0, 2, 3]]]])
     free, occupied, origin = _slice(triangles, height_m, low, high, resolution_m)
     if not free.any():
         raise MapError(
@@ -185,13 +178,6 @@ def plan_from_triangles(
         )
     states = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
     return FloorPlan(occupancy=states, resolution_m=resolution_m, origin=(*origin, 0.0), name=name)
-
-
-def _ground(triangles: Triangles, height_m: float) -> Float[np.ndarray, "2 3 3"]:
-    """Level ground that faces up, below all triangles."""
-    (x0, y0), (x1, y1) = (end(triangles[..., :2], axis=(0, 1)) for end in (np.min, np.max))
-    corner = np.insert([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], 2, height_m, axis=1)
-    return corner[[[0, 1, 2], [0, 2, 3]]]
 
 
 def _facing_up(triangles: Triangles, height_m: float) -> Triangles:
@@ -242,11 +228,7 @@ def _is_inverted_wall(
 
 
 def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshFloor:
-    """The floor nearest to a height, or the lowest one, with a warning if there are others.
-
-    Raises:
-        MapError: If no floor lies within half a metre of the height.
-    """
+    """The floor nearest to a height, within half a metre, or the lowest one, with a warning if there are others."""
     found = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
     if floor_height_m is None:
         if len(floors) > 1:
@@ -292,10 +274,7 @@ def _slice(
 def _with_holes_closed(
     free: Bool[np.ndarray, "ny nx"], occupied: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells with adjacent small holes, in which nothing stands.
-
-    The inside of a column is no such hole: only its occupied cells are next to free ones.
-    """
+    """Free cells with adjacent small holes, in which nothing stands; a column's inside is next to no free cell."""
     hole, n = ndimage.label(~free & ~occupied)
     small = np.bincount(hole.ravel(), minlength=n + 1) * resolution_m**2 <= _HOLE_M2
     is_adjacent = np.zeros(n + 1, bool)
@@ -336,10 +315,7 @@ def _covers(
 def _without_pockets(
     free: Bool[np.ndarray, "ny nx"], solid: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells without the closed parts most of whose cells lie inside solids.
-
-    If hardly anything would be left, the mesh is a shell of sheets, and the parts are its rooms.
-    """
+    """Free cells without parts mostly inside solids, unless hardly any would be left, as in a shell of sheets."""
     part, n = ndimage.label(free)
     size = np.bincount(part[free], minlength=n + 1)
     pocket = np.bincount(part[free & solid], minlength=n + 1) > size / 2
@@ -352,10 +328,7 @@ def _without_bodies(
     triangles: Triangles,
     places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]],
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells without the closed parts that are inside of a body in another part, such as a cupboard.
-
-    `places` converts rows and columns of cells to their middles in the slice [m].
-    """
+    """Free cells without parts inside a body, such as a cupboard; `places` converts rows and columns to [m]."""
     part, n = ndimage.label(free)
     if n < 2:
         return free
@@ -363,3 +336,40 @@ def _without_bodies(
     depth = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     middle = places(np.array(ndimage.maximum_position(depth, part, np.arange(1, n + 1)), float))
     return free & ~np.append(False, in_bodies(triangles, middle))[part]
+
+
+def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
+    """Whether places [m], one in each room and each possible body, are in bodies in the surroundings of others."""
+    within, points_out = _within(triangles, places)
+    kinds, kind = np.unique(within, axis=0, return_inverse=True)
+    body = np.zeros(len(kinds), bool)
+    for k in np.argsort(kinds.sum(axis=1), kind="stable"):
+        around = (kinds <= kinds[k]).all(axis=1) & ~body
+        # The inside of a hollow body is in its inner surface too.
+        around &= (kinds[k].sum() - kinds.sum(axis=1)) % 2 == 1
+        if around.any() and not kinds[around].any():
+            around &= points_out[kind == k].all()
+        body[k] = around.any()
+    return body[kind.ravel()]
+
+
+def _within(
+    triangles: Triangles, places: Float[np.ndarray, "k 3"]
+) -> tuple[Bool[np.ndarray, "k s"], Bool[np.ndarray, " k"]]:
+    """Closed surfaces that places are in, and whether the faces of the smallest of them point out of it."""
+    corners = triangles.reshape(-1, 3)
+    sides = Sides(trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False))
+    faces = np.flatnonzero(sides.closed)
+    surface, which = np.unique(sides.surface[faces], return_inverse=True)
+    low, high = np.full((len(surface), 3), np.inf), np.full((len(surface), 3), -np.inf)
+    np.minimum.at(low, which, triangles[faces].min(axis=1))
+    np.maximum.at(high, which, triangles[faces].max(axis=1))
+    volume = np.bincount(which, np.linalg.det(triangles[faces] - low[which][:, None]) / 6, len(surface))
+    place, body = np.nonzero(((places[:, None] > low) & (places[:, None] < high)).all(axis=2))
+    inside, _ = sides.inside(places[place], surface[body])
+    within = np.zeros((len(places), len(surface)), bool)
+    within[place[inside], body[inside]] = True
+    if not len(surface):
+        return within, np.zeros(len(places), bool)
+    innermost = np.where(within, np.abs(volume), np.inf).argmin(axis=1)
+    return within, volume[innermost] > 0

@@ -29,11 +29,7 @@ _MOST_BYTES = 150_000_000
 
 
 def read_mmwrobotnav(path: Path, options: ReadingOptions) -> FloorPlan:
-    """Floor plan from a top-down grid; both kinds of navigable cells are free. Uses `resolution_m`.
-
-    Raises:
-        MapError: If the file cannot be read, rows differ in length, or a value is not 0, 1 or 2.
-    """
+    """Floor plan from a top-down grid; both kinds of navigable cells are free. Uses `resolution_m`."""
     resolution_m = options.resolution_m or RESOLUTION_M
     with reading(path, "a top-down grid of mmwRobotNav", most_bytes=_MOST_BYTES, kind=MapError) as file:
         values = parse_grid(file.read())
@@ -48,11 +44,7 @@ def read_mmwrobotnav(path: Path, options: ReadingOptions) -> FloorPlan:
 
 
 def parse_grid(content: bytes) -> UInt8[np.ndarray, "rows columns"]:
-    """Values 0, 1 and 2 of a grid, row 0 at the top.
-
-    Raises:
-        ValueError: If rows differ in length, there are too many, or a value is not 0, 1 or 2.
-    """
+    """Values 0, 1 and 2 of a grid, row 0 at the top; ValueError for others, uneven rows, or too many of them."""
     value_of, cells = _Values(), 0
     rows: list[np.ndarray] = []
     for line in content.splitlines():

@@ -89,12 +89,7 @@ def _from_probabilities(
 
 
 def read_npy(path: Path, options: ReadingOptions) -> FloorPlan:
-    """Floor plan from a `.npy` file, by the rules of `plan_from_array`; uses `resolution_m` and `allow_large`.
-
-    Raises:
-        MapError: If the resolution is not given, the file is no array of numbers or damaged, or as
-            `plan_from_array` does.
-    """
+    """Floor plan from a `.npy` file, by the rules of `plan_from_array`; uses `resolution_m` and `allow_large`."""
     if options.resolution_m is None:
         raise MapError(
             f"{path}: an array does not say how large a cell is. Pass the resolution, for example 0.05 "

@@ -53,11 +53,7 @@ _LONGEST_LINE = 20_000
 
 
 def read_obj(content: bytes) -> Polygons:
-    """Polygons of an OBJ file.
-
-    Raises:
-        ValueError: In a few words, if numbers are damaged or faces name no vertex.
-    """
+    """Polygons of an OBJ file; ValueError, in a few words, if numbers are damaged or faces name no vertex."""
     text = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = _OBJ_COMMENT.sub(b"", text).replace(b"\\\n", b" ")  # a comment is not continued
     lines = _OBJ_SHAPES.findall(text)

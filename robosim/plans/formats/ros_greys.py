@@ -37,12 +37,7 @@ class UnknownGrey(NamedTuple):
 
 
 def unknown_grey(image: PlanImage, negate: bool) -> UnknownGrey | None:
-    """The grey that means unknown in a map, darker than free cells; None if no grey stands out.
-
-    Args:
-        image: The map.
-        negate: Whether light is occupied.
-    """
+    """The grey that means unknown, darker than free cells, or lighter if `negate`; None if no grey stands out."""
     level = _levels(image.white)
     counts = _counts(image, level)
     if negate:
@@ -62,16 +57,12 @@ def unknown_grey(image: PlanImage, negate: bool) -> UnknownGrey | None:
             continue
         gap = grey + int(np.median(np.flatnonzero(between == between.min())))
         cells = looked_up(level <= gap, image.light)
-        if (low, high) != _GREYS[0] and not _has_area(cells & looked_up(level > grey - _AROUND, image.light)):
-            continue
+        area = (cells & looked_up(level > grey - _AROUND, image.light)).astype(np.uint8)
+        if (low, high) != _GREYS[0] and not cv2.erode(area, np.ones((3, 3), np.uint8)).any():
+            continue  # lines, as the smooth edges of walls are
         threshold = np.floor(1000 * (255 - grey) / 255) / 1000
         return UnknownGrey(255 - grey if negate else grey, cells, threshold)
     return None
-
-
-def _has_area(cells: Bool[np.ndarray, "h w"]) -> bool:
-    """Whether cells are more than lines, as the smooth edges of walls are."""
-    return bool(cv2.erode(cells.astype(np.uint8), np.ones((3, 3), np.uint8)).any())
 
 
 def has_saved_greys(image: PlanImage) -> bool:

@@ -55,12 +55,7 @@ COLOUR_OFF = 4
 
 
 def read_ros(path: Path, options: ReadingOptions) -> FloorPlan:
-    """Floor plan from a map_server YAML file and the image that it names; uses `map_reading`.
-
-    Raises:
-        MapError: If either file is missing or damaged, a key is missing or has a senseless value, or no cell
-            is free.
-    """
+    """Floor plan from a map_server YAML file and the image that it names; uses `map_reading`."""
     if is_storeys(path):
         raise MapError(
             f"{shown(path)}: is a building of several storeys, expected one floor plan. Give one of the plans that it "
@@ -188,9 +183,6 @@ def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"]
         plan: What to write.
         path: The YAML file; its folder is created if it is missing.
         image: Format of the image: P5 graymap or PNG; a plan with materials of walls is always written as PNG.
-
-    Raises:
-        ValueError: If `path` does not end in .yaml or .yml, or the image format is another one.
     """
     path = Path(path)
     if path.suffix.lower() not in (".yaml", ".yml"):

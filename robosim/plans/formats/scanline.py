@@ -26,14 +26,8 @@ def winding_numbers(
 ) -> Int[np.ndarray, "ny nx"]:
     """Winding number of closed polygons around the centre of each cell, counter-clockwise positive.
 
-    Args:
-        start: Where the directed edges of all polygons start: (x, y) in cells, the centre of cell (iy, ix)
-            being (ix + 0.5, iy + 0.5).
-        end: Where they end.
-        shape: Rows and columns.
-
-    Raises:
-        ValueError: If the edges cross more rows than any building's.
+    `start` and `end` are of the directed edges of all polygons: (x, y) in cells, the centre of cell (iy, ix) being
+    (ix + 0.5, iy + 0.5). ValueError if they cross more rows than any building's.
     """
     windings = Windings(shape)
     windings.add(start, end)
@@ -77,11 +71,7 @@ class Work:
         self._left = _MOST_PAIRS
 
     def parts(self, counts: Int[np.ndarray, " n"]) -> Iterator[slice]:
-        """Stretches of a list whose counts sum up to PAIRS_AT_ONCE at most, or that are one item long.
-
-        Raises:
-            ValueError: If the counts sum up to more than may be worked on.
-        """
+        """Stretches whose counts sum up to PAIRS_AT_ONCE at most, or of one item; ValueError for too much work."""
         sums = np.cumsum(counts)
         self._left += _PAIRS_OF_ONE * len(counts) - (int(sums[-1]) if len(sums) else 0)
         if self._left < 0:

@@ -5,25 +5,51 @@ Each stands on the floor around its origin, with its back, if it has one, to -y.
 Left out: doors, drawers, cushions, and all that is rounded but the plant.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 import trimesh
 
-from robosim.plans.furnishings.box_solids import Box, solid_of_boxes
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.support.checks import Range, check_choice, checked
 
+#: x, y, z of the lowest corner and of the highest [m].
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def solid_of_boxes(boxes: Sequence[Box]) -> trimesh.Trimesh:
+    """The union of boxes as a closed mesh with normals outwards.
+
+    Boxes that share no more than a side or a corner make a surface of which more than two faces meet there.
+    """
+    corners = np.round(np.array(boxes, float), 9)  # planes that differ by rounding are one
+    planes = [np.unique(corners[:, :, axis]) for axis in range(3)]
+    filled = np.zeros([len(along) + 1 for along in planes], bool)  # a rim of cells that are in no box
+    for low, high in corners:
+        filled[tuple(slice(*(1 + np.searchsorted(planes[k], (low[k], high[k])))) for k in range(3))] = True
+    quads = []
+    for axis in range(3):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        step = np.diff(filled.astype(np.int8), axis=axis)
+        for change in (-1, 1):  # leaving a box along the axis, and entering one
+            index = np.argwhere(step == change)
+            cell = np.repeat(index[:, None], 4, axis=1)
+            for corner, (u, v) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
+                cell[:, corner, one] += u - 1
+                cell[:, corner, other] += v - 1
+            quads.append(cell if change < 0 else cell[:, ::-1])
+    cell = np.concatenate(quads)
+    points = np.stack([planes[axis][cell[:, :, axis]] for axis in range(3)], axis=-1).reshape(-1, 3)
+    vertices, number = np.unique(points, axis=0, return_inverse=True)
+    quad = number.reshape(-1, 4)
+    faces = np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
 _SIDE_M, _BOARD_M = Range(0.05, 20, "m"), Range(0.002, 1, "m")
-
-
-class PieceOfFurniture(Protocol):
-    """Sizes that a mesh can be made of."""
-
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m], z up, on the floor around the origin."""
 
 
 def _check_below(one: object, low: str, high: str) -> None:
@@ -35,28 +61,47 @@ def _check_below(one: object, low: str, high: str) -> None:
         )
 
 
-def _legs(width_m: float, depth_m: float, leg_m: float, top_m: float) -> list[Box]:
-    """Four square legs at the corners of a rectangle, from the floor to a height."""
-    x, y = width_m / 2 - leg_m, depth_m / 2 - leg_m
-    starts = product((-width_m / 2, x), (-depth_m / 2, y))
-    return [((a, b, 0.0), (a + leg_m, b + leg_m, top_m)) for a, b in starts]
+@dataclass(frozen=True, kw_only=True)
+@checked
+class Cupboard:
+    """A closed box on the floor: wardrobes, sideboards, kitchen counters, machines; base of what is made from boxes."""
 
+    width_m: Annotated[float, _SIDE_M] = 1.0
+    """Along x [m]."""
+    depth_m: Annotated[float, _SIDE_M] = 0.6
+    """Along y [m]."""
+    height_m: Annotated[float, _SIDE_M] = 2.0
+    """Of its upper edge above the floor [m]."""
 
-def _slab(width_m: float, depth_m: float, low_m: float, high_m: float) -> Box:
-    return (-width_m / 2, -depth_m / 2, low_m), (width_m / 2, depth_m / 2, high_m)
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m], z up, on the floor around the origin."""
+        return solid_of_boxes(self._boxes())
+
+    def _boxes(self) -> list[Box]:
+        return [self._slab(0.0, self.height_m)]
+
+    def _slab(self, low_m: float, high_m: float) -> Box:
+        return (-self.width_m / 2, -self.depth_m / 2, low_m), (self.width_m / 2, self.depth_m / 2, high_m)
+
+    def _back(self, thick_m: float, low_m: float, high_m: float) -> Box:
+        x, y = self.width_m / 2, self.depth_m / 2
+        return (-x, -y, low_m), (x, -y + thick_m, high_m)
+
+    def _legs(self, leg_m: float, top_m: float) -> list[Box]:
+        """Four square legs at the corners, from the floor to a height."""
+        x, y = self.width_m / 2 - leg_m, self.depth_m / 2 - leg_m
+        starts = product((-self.width_m / 2, x), (-self.depth_m / 2, y))
+        return [((a, b, 0.0), (a + leg_m, b + leg_m, top_m)) for a, b in starts]
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class Table:
+class Table(Cupboard):
     """A top on four legs; things lower than its underside pass below."""
 
     width_m: Annotated[float, _SIDE_M] = 1.4
-    """Along x [m]."""
     depth_m: Annotated[float, _SIDE_M] = 0.8
-    """Along y [m]."""
     height_m: Annotated[float, _SIDE_M] = 0.74
-    """Of the top's upper side [m]."""
     top_m: Annotated[float, _BOARD_M] = 0.03
     """Thickness of the top [m]."""
     leg_m: Annotated[float, _BOARD_M] = 0.06
@@ -70,25 +115,20 @@ class Table:
         """Height of the top's underside [m]."""
         return self.height_m - self.top_m
 
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m]."""
-        legs = _legs(self.width_m, self.depth_m, self.leg_m, self.clearance_m)
-        return solid_of_boxes([_slab(self.width_m, self.depth_m, self.clearance_m, self.height_m), *legs])
+    def _boxes(self) -> list[Box]:
+        return [self._slab(self.clearance_m, self.height_m), *self._legs(self.leg_m, self.clearance_m)]
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class Chair:
+class Chair(Cupboard):
     """A seat on four legs with a back."""
 
     width_m: Annotated[float, _SIDE_M] = 0.44
-    """Along x [m]."""
     depth_m: Annotated[float, _SIDE_M] = 0.44
-    """Along y [m]."""
+    height_m: Annotated[float, _SIDE_M] = 0.85
     seat_m: Annotated[float, _SIDE_M] = 0.45
     """Height of the seat [m]."""
-    height_m: Annotated[float, _SIDE_M] = 0.85
-    """Of the back's upper edge [m]."""
     board_m: Annotated[float, _BOARD_M] = 0.03
     """Thickness of seat and back [m]."""
     leg_m: Annotated[float, _BOARD_M] = 0.04
@@ -98,28 +138,20 @@ class Chair:
         _check_below(self, "board_m", "seat_m")
         _check_below(self, "seat_m", "height_m")
 
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m]."""
-        half, below = self.width_m / 2, self.seat_m - self.board_m
-        back = (
-            (-half, -self.depth_m / 2, self.seat_m),
-            (half, -self.depth_m / 2 + self.board_m, self.height_m),
-        )
-        seat = _slab(self.width_m, self.depth_m, below, self.seat_m)
-        return solid_of_boxes([seat, back, *_legs(self.width_m, self.depth_m, self.leg_m, below)])
+    def _boxes(self) -> list[Box]:
+        below = self.seat_m - self.board_m
+        back = self._back(self.board_m, self.seat_m, self.height_m)
+        return [self._slab(below, self.seat_m), back, *self._legs(self.leg_m, below)]
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class Shelf:
+class Shelf(Cupboard):
     """Boards between two sides, with a back."""
 
     width_m: Annotated[float, _SIDE_M] = 0.8
-    """Along x [m]."""
     depth_m: Annotated[float, _SIDE_M] = 0.3
-    """Along y [m]."""
     height_m: Annotated[float, _SIDE_M] = 1.8
-    """Of the uppermost board's upper side [m]."""
     boards: Annotated[int, Range(2, 50)] = 5
     """How many, the lowest and the uppermost among them."""
     board_m: Annotated[float, _BOARD_M] = 0.02
@@ -134,33 +166,27 @@ class Shelf:
                 f"{self.height_m} m."
             )
 
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m]."""
+    def _boxes(self) -> list[Box]:
         x, y, thick = self.width_m / 2, self.depth_m / 2, self.board_m
-        sides: list[Box] = [
+        lows = np.linspace(0.0, self.height_m - thick, self.boards).tolist()
+        return [
             ((-x, -y, 0.0), (-x + thick, y, self.height_m)),
             ((x - thick, -y, 0.0), (x, y, self.height_m)),
-            ((-x, -y, 0.0), (x, -y + thick, self.height_m)),
+            self._back(thick, 0.0, self.height_m),
+            *(self._slab(low, low + thick) for low in lows),
         ]
-        lows = np.linspace(0.0, self.height_m - thick, self.boards).tolist()
-        return solid_of_boxes(
-            [*sides, *(_slab(self.width_m, self.depth_m, low, low + thick) for low in lows)]
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class Sofa:
+class Sofa(Cupboard):
     """A seat with a back and two arms on low feet."""
 
     width_m: Annotated[float, _SIDE_M] = 1.9
-    """Along x [m]."""
     depth_m: Annotated[float, _SIDE_M] = 0.9
-    """Along y [m]."""
+    height_m: Annotated[float, _SIDE_M] = 0.82
     seat_m: Annotated[float, _SIDE_M] = 0.43
     """Height of the seat [m]."""
-    height_m: Annotated[float, _SIDE_M] = 0.82
-    """Of the back [m]."""
     foot_m: Annotated[float, _BOARD_M] = 0.12
     """Height of the feet, which leave the floor below free [m]."""
     arm_m: Annotated[float, _BOARD_M] = 0.18
@@ -174,30 +200,26 @@ class Sofa:
                 f"arm_m is {self.arm_m}, expected so little that a seat is left in {self.width_m} by {self.depth_m} m."
             )
 
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m]."""
+    def _boxes(self) -> list[Box]:
         x, y, arm = self.width_m / 2, self.depth_m / 2, self.arm_m
         arms_m = (self.seat_m + self.height_m) / 2
-        upper: list[Box] = [
-            ((-x, -y, self.foot_m), (x, -y + arm, self.height_m)),
+        return [
+            self._slab(self.foot_m, self.seat_m),
+            self._back(arm, self.foot_m, self.height_m),
             ((-x, -y, self.foot_m), (-x + arm, y, arms_m)),
             ((x - arm, -y, self.foot_m), (x, y, arms_m)),
+            *self._legs(0.06, self.foot_m),
         ]
-        seat = _slab(self.width_m, self.depth_m, self.foot_m, self.seat_m)
-        return solid_of_boxes([seat, *upper, *_legs(self.width_m, self.depth_m, 0.06, self.foot_m)])
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class Bed:
-    """A mattress in a frame on four legs, with a headboard."""
+class Bed(Cupboard):
+    """A mattress in a frame on four legs, with a headboard; its depth goes from head to foot."""
 
     width_m: Annotated[float, Range(0.2, 20, "m")] = 1.4
-    """Along x [m]."""
     depth_m: Annotated[float, Range(0.2, 20, "m")] = 2.05
-    """Along y, from head to foot [m]."""
     height_m: Annotated[float, _SIDE_M] = 0.5
-    """Of the mattress [m]."""
     clearance_m: Annotated[float, _BOARD_M] = 0.22
     """Of the frame above the floor [m]."""
     head_m: Annotated[float, _SIDE_M] = 0.95
@@ -207,29 +229,9 @@ class Bed:
         _check_below(self, "clearance_m", "height_m")
         _check_below(self, "height_m", "head_m")
 
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m]."""
-        x, y = self.width_m / 2, self.depth_m / 2
-        head = (-x, -y, self.clearance_m), (x, -y + 0.05, self.head_m)
-        frame = _slab(self.width_m, self.depth_m, self.clearance_m, self.height_m)
-        return solid_of_boxes([frame, head, *_legs(self.width_m, self.depth_m, 0.07, self.clearance_m)])
-
-
-@dataclass(frozen=True, kw_only=True)
-@checked
-class Cupboard:
-    """A closed box on the floor: wardrobes, sideboards, kitchen counters, machines."""
-
-    width_m: Annotated[float, _SIDE_M] = 1.0
-    """Along x [m]."""
-    depth_m: Annotated[float, _SIDE_M] = 0.6
-    """Along y [m]."""
-    height_m: Annotated[float, _SIDE_M] = 2.0
-    """Along z [m]."""
-
-    def mesh(self) -> trimesh.Trimesh:
-        """The closed surface [m]."""
-        return solid_of_boxes([_slab(self.width_m, self.depth_m, 0.0, self.height_m)])
+    def _boxes(self) -> list[Box]:
+        head = self._back(0.05, self.clearance_m, self.head_m)
+        return [self._slab(self.clearance_m, self.height_m), head, *self._legs(0.07, self.clearance_m)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,7 +283,7 @@ class Plant:
 
 
 #: Pieces by name.
-PIECES: dict[str, type[PieceOfFurniture]] = {
+PIECES: dict[str, type[Cupboard | Plant]] = {
     "table": Table,
     "chair": Chair,
     "shelf": Shelf,
@@ -290,14 +292,9 @@ PIECES: dict[str, type[PieceOfFurniture]] = {
     "cupboard": Cupboard,
     "plant": Plant,
 }
-#: Their materials and colours; the others are of wood in its colour.
-_MATERIAL = {
-    "plant": "wood",
-    "sofa": "chipboard",
-    "bed": "chipboard",
-    "cupboard": "chipboard",
-    "shelf": "chipboard",
-}
+#: Those of chipboard; the others are of wood.
+_CHIPBOARD = ("sofa", "bed", "cupboard", "shelf")
+#: Their colours; the others have that of wood.
 _COLOUR = {
     "plant": (74, 124, 68),
     "sofa": (112, 128, 158),
@@ -335,16 +332,16 @@ def make_piece(
         ValueError: If there is no such piece, a size is unknown or out of its bounds.
     """
     check_choice("piece", piece, PIECES)
-    kind = PIECES[piece]
+    kind: Any = PIECES[piece]
     for size in sizes:
-        check_choice(f"a size of a {piece}", size, kind.__dataclass_fields__)  # type: ignore[attr-defined]
+        check_choice(f"a size of a {piece}", size, kind.__dataclass_fields__)
     return Furnishing(
         mesh=kind(**sizes).mesh(),
         at=at,
         z_m=z_m,
         yaw_rad=yaw_rad,
         name=name or piece,
-        material=_MATERIAL.get(piece, "wood") if material is None else material,
+        material=material if material is not None else "chipboard" if piece in _CHIPBOARD else "wood",
         colour=_COLOUR.get(piece, Furnishing.colour) if colour is None else colour,
         said={"piece": piece, **sizes},
     )

@@ -12,10 +12,9 @@ from scipy import ndimage
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.generator.building_style import STYLES
-from robosim.generator.generate import GeneratorConfig, generate_plan, in_one_piece
-from robosim.generator.hull_places import largest_piece
+from robosim.generator.generate import GeneratorConfig, generate_plan, in_one_piece, largest_piece
 from robosim.generator.layout import Layout, lay_out
+from robosim.generator.subdivision import STYLES
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from tests.benchmarks.plan_statistics import (

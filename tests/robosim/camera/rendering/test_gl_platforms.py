@@ -28,17 +28,6 @@ def test_cameras_of_different_sizes_take_turns(view):
             assert same(other.render(view), second)
 
 
-def test_depth_is_the_same_if_the_driver_does_not_show_its_memory(view):
-    """Read by glReadPixels, where the memory is laid out otherwise than this project knows it; odd width."""
-    if bind_opengl() != "osmesa":
-        pytest.skip(f"about OSMesa's memory. {missing('osmesa') or 'This process draws on EGL.'}")
-    with make_camera([room()], CameraConfig(width=33, height=50)) as camera:
-        direct = camera.render(view)
-        assert camera.platform._can_read_memory
-        camera.platform._can_read_memory = False
-        assert same(camera.render(view), direct)
-
-
 def test_frames_are_the_callers_own(view):
     """A frame does not change when the next one is taken."""
     with make_camera([room()], CameraConfig()) as camera:

@@ -10,10 +10,17 @@ from robosim.plans.formats.furnishing_file import (
     read_furnishings,
     write_furnishings,
 )
-from robosim.plans.furnishings.bodies import find_bodies
-from robosim.plans.furnishings.box_solids import solid_of_boxes
-from robosim.plans.furnishings.furnishing import Furnishing
-from robosim.plans.furnishings.pieces import PIECES, Bed, Chair, Shelf, Sofa, Table, make_piece
+from robosim.plans.furnishings.furnishing import Furnishing, find_bodies
+from robosim.plans.furnishings.pieces import (
+    PIECES,
+    Bed,
+    Chair,
+    Shelf,
+    Sofa,
+    Table,
+    make_piece,
+    solid_of_boxes,
+)
 from robosim.support.reading import FileError
 from tests.plans import room
 
