@@ -4,9 +4,10 @@ A wall is a line, the boundary of free space; anything behind it may be solid. S
 by convex pieces whose faces lie on the wall lines exactly, that reach into no free space, and that may overlap, since
 walls do not collide with each other. Time per physics step grows with the number of pieces.
 
-There is one rectangle behind each wall, as thick as there is room for, and where the solid is too narrow for one, at
-sharp corners, the triangle that the constrained Delaunay triangulation has there. MuJoCo knows the distance of a sphere
-from a box in closed form, so rectangles are preferred.
+Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind each wall, as
+thick as there is room for, and where the solid is too narrow for one, at sharp corners, the triangle that the
+constrained Delaunay triangulation has there. MuJoCo knows the distance of a sphere from a box in closed form, so
+rectangles are preferred.
 
 Furnishings are convex pieces of the floor that they take from a robot of some height, as high as walls: what is lower
 than the robot stops its whole hull, and what is higher does not touch it.
@@ -22,14 +23,17 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan
+from robosim.plans.rectangles import lattice_solids
 
 logger = logging.getLogger(__name__)
 
+#: Thickness of the walls around the outline of cells [m].
+OUTER_M = 0.3
 #: How much a hull may stand in a wall at first [m]: walls are offset by polygons in place of circles.
 FIT_M = 1e-3
-#: Depths tried for a rectangle behind a wall [m].
+#: Depths tried for a rectangle behind a wall that follows no lattice [m].
 DEPTHS_M = (0.3, 0.1, 0.03, 0.01)
-#: How far pieces may be off the wall lines [m].
+#: How far vertices may be off the lattice [cells], and pieces from the wall lines [m].
 _EXACT = 1e-6
 
 
@@ -75,8 +79,12 @@ def placed_solids(building: Building, height_m: float) -> WallSolids:
 
 
 def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
-    """Convex pieces that cover the solid side of each wall line around free space [m], and no free space."""
-    solids = _behind_walls(_around(free).difference(free), wall_segments(free))
+    """Convex pieces that cover the solid side of each wall line around free space [m], and no free space.
+
+    The plan's cells are the lattice, if the outline still follows them.
+    """
+    segments = wall_segments(free)
+    solids = _along_lattice(segments, plan) or _behind_walls(_around(free).difference(free), segments)
     logger.info("%s: walls made of %d boxes and %d prisms", plan.name, len(solids.boxes), len(solids.prisms))
     return solids
 
@@ -95,6 +103,27 @@ def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_
             f"pose = ({pose[0]:.3f}, {pose[1]:.3f}) is {where}, expected at least the hull's radius, "
             f"{radius_m:g} m. Draw poses from what the hull can reach."
         )
+
+
+def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> WallSolids | None:
+    """Pieces for walls along the edges of cells or through their centres; None for other walls."""
+    in_cells = plan.to_cells(segments)
+    for shift in (0.0, 0.5):
+        steps = np.round(in_cells - shift)
+        extent = np.abs(steps[:, 1] - steps[:, 0])
+        straight = (extent.min(axis=1) == 0) | (extent[:, 0] == extent[:, 1])
+        if straight.all() and np.abs(in_cells - shift - steps).max() < _EXACT:
+            break
+    else:
+        return None
+    found = lattice_solids(steps.astype(int), margin=1 + int(OUTER_M / plan.resolution_m))
+    if found is None:
+        return None
+    boxes, prisms = found
+    centres = plan.to_map(boxes[:, :2] + shift)
+    sizes = boxes[:, 2:4] * plan.resolution_m
+    boxes = np.column_stack([centres, sizes, boxes[:, 4] + plan.origin[2]])
+    return WallSolids(boxes, [plan.to_map(prism + shift) for prism in prisms])
 
 
 def _behind_walls(solid: shapely.Geometry, segments: Float[np.ndarray, "n 2 2"]) -> WallSolids:
