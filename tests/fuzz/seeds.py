@@ -26,7 +26,8 @@ from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.layers import Layer
 from robosim.plans.files import write_png, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.plans.formats.plan_image import GREY, encode_pgm
+from robosim.plans.formats.pgm import encode_pgm
+from robosim.plans.formats.plan_image import GREY
 from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights

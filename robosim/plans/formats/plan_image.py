@@ -2,8 +2,8 @@
 
 A pixel is as dark as the mean of its red, green and blue; darkness is the probability of being occupied. Values stay
 integers (the sum of the colour channels) until they are compared with the thresholds, so that 16-bit images keep their
-depth and no rounding decides a cell. Pillow decodes them: portable graymaps, PNG of every kind, BMP, TIFF, GIF, JPEG,
-WebP. JPEG blurs edges; avoid it. Graymaps whose white is neither 255 nor 65535 are scaled to the next of these.
+depth and no rounding decides a cell. Decoded are portable graymaps and all that Pillow reads: PNG of every
+kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it.
 Left out: colour profiles, orientation tags, all frames but the first.
 """
 
@@ -19,6 +19,7 @@ from PIL import Image
 
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError, check_size
 from robosim.plans.formats.drawing import without_frame, without_strokes
+from robosim.plans.formats.pgm import decode_pgm, encode_pgm, is_pgm
 from robosim.plans.reading_options import ReadingOptions
 from robosim.support.files import whole_file
 from robosim.support.images_in import opened_image, silenced
@@ -62,6 +63,9 @@ def read_image(path: Path) -> PlanImage:
 
 def decode_image(content: bytes) -> PlanImage:
     """Decode the bytes of an image; raises what the decoder does for damaged content."""
+    if is_pgm(content):
+        samples, white = decode_pgm(content)
+        return PlanImage(light=samples, white=white)
     with opened_image(content, MAX_CELLS) as image:
         return _levels(image, content)
 
@@ -81,8 +85,6 @@ def _levels(image: Image.Image, content: bytes) -> PlanImage:
         key = image.info.get("transparency")
         alpha = np.where(samples == key, 0, 65535).astype(np.uint16) if isinstance(key, int) else None
         return PlanImage(light=samples, white=65535, alpha=alpha, opaque=65535)
-    if image.mode == "I" and image.format == "PPM":  # a graymap of two bytes per sample
-        return PlanImage(light=np.asarray(image).astype(np.uint16), white=65535)
     if image.mode in ("I", "F"):
         raise ValueError(f"pixels are {'32-bit integers' if image.mode == 'I' else 'floating-point numbers'}")
     if image.mode in ("1", "L") and not see_through:
@@ -173,13 +175,6 @@ def colours_of(count: int) -> list[tuple[int, int, int]]:
 def write_pgm(plan: FloorPlan, path: str | Path) -> None:
     """Write the occupancy as a P5 graymap (free 254, occupied 0, unknown 205), whole or not at all."""
     write_whole(Path(path), encode_pgm(GREY[plan.occupancy[::-1]]))
-
-
-def encode_pgm(samples: UInt8[np.ndarray, "h w"]) -> bytes:
-    """A P5 graymap of 8-bit samples, row 0 at the top."""
-    buffer = io.BytesIO()
-    Image.fromarray(samples).save(buffer, "PPM")
-    return buffer.getvalue()
 
 
 def write_whole(path: Path, content: bytes) -> None:
