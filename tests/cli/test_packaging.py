@@ -60,7 +60,10 @@ def test_the_wheel_has_what_is_needed_to_run_and_no_more(wheel):
     names = set(contents(wheel))
     packages = {"robosim", "slam", "wireless"}
     modules = {
-        path.relative_to(ROOT).as_posix() for package in packages for path in (ROOT / package).rglob("*.py")
+        path.relative_to(ROOT).as_posix()
+        for package in packages
+        for path in (ROOT / package).rglob("*.py*")
+        if path.suffix in (".py", ".pyi")
     }
     assets = {
         f"robosim/{path.relative_to(ROOT).as_posix()}"
