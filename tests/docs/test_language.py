@@ -102,10 +102,17 @@ def prose(text: str) -> Iterator[tuple[int, str]]:
         fence = re.match(r"\s*(`{3,}|:{3,})(\{?[\w-]*)", line)
         if fence and fence[1][0] == "`" and language is not None:
             language = None
-        elif fence and fence[1][0] == "`" and fence[2][:1] != "{":
+        elif fence and fence[1][0] == "`":
             language = fence[2]
-        elif (language in (None, "console") or (language == "python" and is_code(line))) and not in_names:
+        elif is_prose(language, line) and not in_names:
             yield number, re.sub(r"`[^`]*`|\]\([^)]*\)|\{cite\}|^:\w+:.*$", " ", line)
+
+
+def is_prose(language: str | None, line: str) -> bool:
+    """Whether a line is text, in a directive too, a command, or Python that is not printed output."""
+    if language is None or language == "console" or language.startswith("{"):
+        return True
+    return language == "python" and is_code(line)
 
 
 def is_code(line: str) -> bool:
@@ -173,10 +180,12 @@ def test_code_uses_standard_terms() -> None:
 def test_words_are_found_in_prose_and_code() -> None:
     """Whole words and phrases, whatever the case; not in inline code, output, or inside other words."""
     page = "The ways it told.\n`ways.png` halfway\n```text\nway\n```\n```python\nway = 1\n```\n"
+    page += "```{measured} way\n```\nAnew.\n"
     assert [(n, m[0]) for n, line in prose(page) for m in PATTERN.finditer(line)] == [
         (1, "ways"),
         (1, "told"),
         (7, "way"),
+        (11, "Anew"),
     ]
     code = 'best_way = wayBack(x)  # kept\ndoorway = "To the\nBit"\nmoved = 2\n'.replace("the\n", "the ")
     assert [word for _, word in wrong_tokens(code)] == ["best_way", "wayBack", "kept", "To the Bit", "moved"]
