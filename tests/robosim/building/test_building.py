@@ -7,26 +7,11 @@ import trimesh
 from scipy.ndimage import gaussian_filter
 
 from robosim.building.building import KINDS, BuildingConfig, make_building
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from tests.outlines import wall_lines
+from tests.plans import plan_from, plan_of
 
 CELL_M = 0.05
 WALL_LINES = ["cell_edge", "cell_centre"]
-
-
-def plan_from(free, wall_line="cell_edge", resolution_m=CELL_M, origin=(0.0, 0.0, 0.0)):
-    return FloorPlan(
-        occupancy=np.where(free, FREE, OCCUPIED).astype(np.uint8),
-        resolution_m=resolution_m,
-        origin=origin,
-        wall_line=wall_line,
-    )
-
-
-def plan_of(rows, wall_line="cell_edge"):
-    """Plan with cells of 1 m from pictures of rows, the top one first; '.' is free."""
-    free = np.array([[letter == "." for letter in row] for row in rows])[::-1]
-    return plan_from(free, wall_line, 1.0)
 
 
 def noise(seed, wall_line):
@@ -93,7 +78,7 @@ def test_no_ray_leaves_the_building():
 
 def test_vertices_are_corners_of_walls_only():
     """A room of 3 x 2 cells: 8 vertices, 12 triangles, whatever the cells."""
-    building = make_building(plan_from(np.ones((2, 3), bool)))
+    building = make_building(plan_from(np.ones((2, 3), bool), resolution_m=CELL_M))
     assert len(building.mesh.vertices) == 8 and len(building.mesh.faces) == 12
 
 
@@ -264,7 +249,7 @@ def test_real_plans_become_buildings(shared):
     """Every eighth published grid: watertight, right volume, walls as long as OpenCV's contours."""
     for path in sorted((shared / "maps" / "gibson").rglob("*.out"))[::8]:
         cells = np.loadtxt(path, delimiter=",", dtype=int)[::-1] > 0
-        plan = plan_from(cells, "cell_centre")
+        plan = plan_from(cells, "cell_centre", CELL_M)
         building = make_building(plan, config=BuildingConfig(furniture_height_m=0.8))
         assert building.mesh.is_watertight, path.name
         assert area(building, "floor") == pytest.approx(building.free.area)

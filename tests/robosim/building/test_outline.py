@@ -6,37 +6,12 @@ import cv2
 import numpy as np
 import pytest
 import shapely
-from scipy.ndimage import gaussian_filter
 
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from robosim.plans.floorplan import MapError
 from tests.outlines import free_polygons, wall_lines
+from tests.plans import plan_from, plan_of, ragged
 
 WALL_LINES = ["cell_edge", "cell_centre"]
-
-
-def plan_of(rows, wall_line="cell_edge", resolution_m=1.0, origin=(0.0, 0.0, 0.0)):
-    """Plan from pictures of rows, the top one first; '.' is free."""
-    free = np.array([[letter == "." for letter in row] for row in rows])[::-1]
-    return plan_from(free, wall_line, resolution_m, origin)
-
-
-def plan_from(free, wall_line="cell_edge", resolution_m=1.0, origin=(0.0, 0.0, 0.0)):
-    return FloorPlan(
-        occupancy=np.where(free, FREE, OCCUPIED).astype(np.uint8),
-        resolution_m=resolution_m,
-        origin=origin,
-        wall_line=wall_line,
-    )
-
-
-def noise(seed):
-    """Ragged blobs of free cells, with every awkward touching there is, and a tilted plan around them."""
-    rng = np.random.default_rng(seed)
-    shape = rng.integers(3, 36, 2)
-    free = gaussian_filter(rng.standard_normal(shape), rng.choice([0.0, 0.7, 1.5])) > rng.uniform(-0.3, 0.1)
-    free[0, 0] = True
-    origin = (*rng.uniform(-20, 20, 2), rng.uniform(-np.pi, np.pi))
-    return free, origin
 
 
 def unit_steps(ring_cells):
@@ -69,7 +44,7 @@ def test_outline_of_noise_is_valid_and_has_the_area_and_components_of_its_cells(
 
     Catches wrong turns at corners where cells touch, and holes given to the wrong polygon.
     """
-    cells, origin = noise(seed)
+    cells, origin = ragged(seed)
     free = free_polygons(plan_from(cells, "cell_edge", 0.05, origin), 0)
     assert free.is_valid, shapely.is_valid_reason(free)
     assert free.area == pytest.approx(cells.sum() * 0.05**2, abs=1e-9)
@@ -79,7 +54,7 @@ def test_outline_of_noise_is_valid_and_has_the_area_and_components_of_its_cells(
 @pytest.mark.parametrize("seed", range(5))
 def test_outline_covers_free_cells_and_no_others(seed):
     """The centre of a cell lies inside exactly when the cell is free, under any yaw of the plan."""
-    cells, origin = noise(seed)
+    cells, origin = ragged(seed)
     plan = plan_from(cells, "cell_edge", 0.05, origin)
     inside = shapely.contains_xy(free_polygons(plan, 0), plan.centres(np.ones_like(cells)))
     assert (inside == cells.ravel()).all()
@@ -121,7 +96,7 @@ def test_centre_lines_are_opencvs_contours(seed):
     OpenCV is asked about the image with its rows downwards, as the published grids have them: the same lines,
     which shows that flipping the image changes nothing.
     """
-    cells, _ = noise(seed)
+    cells, _ = ragged(seed)
     got = unit_steps([line - 0.5 for line in wall_lines(plan_from(cells, "cell_centre"), 0)])
     image = np.pad(cells[::-1], 1).astype(np.uint8)
     lines, _ = cv2.findContours(image, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
@@ -133,7 +108,7 @@ def test_centre_lines_are_opencvs_contours(seed):
 @pytest.mark.parametrize("seed", range(40))
 def test_area_between_centre_lines_is_that_of_the_contours(seed):
     """Shoelace area of all outer contours less all holes, whatever passages are walked twice."""
-    cells, origin = noise(seed)
+    cells, origin = ragged(seed)
     lines, tree = cv2.findContours(np.pad(cells, 1).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     want = sum(
         cv2.contourArea(line) * (1 if up < 0 else -1) for line, up in zip(lines, tree[0, :, 3], strict=True)
@@ -166,7 +141,7 @@ def test_plan_of_lines_only_is_rejected():
 @pytest.mark.parametrize("seed", range(12))
 def test_simpler_walls_stay_within_the_tolerance_and_keep_the_topology(seed, tolerance_m, wall_line):
     """Each old corner within the tolerance of a new wall, each new one on an old wall; rooms and holes remain."""
-    cells, origin = noise(seed)
+    cells, origin = ragged(seed)
     plan = plan_from(cells, wall_line, 0.05, origin)
     exact = free_polygons(plan, 0)
     simple = free_polygons(plan, tolerance_m)

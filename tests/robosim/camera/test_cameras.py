@@ -10,26 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from robosim.building.building import Building, make_building
 from robosim.camera.cameras import make_camera
-from robosim.camera.model import RGBD, CameraConfig, camera_pose
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
 from tests.benchmarks.true_depth import DepthJudge, plain_depth
+from tests.robosim.camera.pictures import ROOM, room, same
 
 ENGINES = ("pyrender", "embree")
-ROOM = (4.0, 3.0, 2.5)
 #: What the camera promises, away from silhouettes.
 ABSOLUTE_M, RELATIVE = 1e-3, 1e-3
-
-
-def room(size: tuple[float, float, float] = ROOM) -> trimesh.Trimesh:
-    """An empty room about the origin, floor at z = 0, with normals into it and a colour for each corner."""
-    mesh = trimesh.creation.box(size)
-    mesh.invert()
-    mesh.apply_translation((0.0, 0.0, size[2] / 2))
-    rgb = np.arange(24).reshape(8, 3) * 10
-    mesh.visual.vertex_colors = np.column_stack([rgb, np.full(8, 255)]).astype(np.uint8)
-    return mesh
 
 
 def flat() -> Building:
@@ -228,17 +218,6 @@ def test_beyond_the_far_plane_nothing_is_seen(backend):
     assert not cut.depth[beyond].any()
     assert not cut.rgb[beyond].any()
     assert np.array_equal(cut.depth[~beyond], whole.depth[~beyond])
-
-
-def same(a: RGBD, b: RGBD) -> bool:
-    """Whether two pictures are equal bit for bit."""
-    return np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)
-
-
-@pytest.fixture
-def view() -> np.ndarray:
-    """A pose in the empty room."""
-    return camera_pose(np.array([0.3, -0.4, 0.7]), CameraConfig())
 
 
 @pytest.mark.parametrize("backend", ENGINES)
