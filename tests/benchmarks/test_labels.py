@@ -7,7 +7,11 @@ import pytest
 import shapely
 import trimesh
 
+from tests.benchmarks import labels
+from tests.benchmarks.harness import Options
 from tests.benchmarks.labels import received_azimuth
+from tests.benchmarks.results import Results
+from wireless.paths import LinkState
 from wireless.tracing.tracer import Tracer
 
 LISTS = ("aoaAzResult", "aodAzResult", "snrResult", "peakFracResult")
@@ -64,6 +68,39 @@ def published(tmp_path):
             lines.append(f"0,0,{x:.2f},{y:.2f},{r},{c},{state}," + ",".join([f"{azimuth}"] * 5 + ["0"] * 15))
         (data / f"Ell_Tx_{number}_beam_search.csv").write_text("\n".join(lines) + "\n")
     return tmp_path
+
+
+def test_links_are_counted_as_labelled_by_geos(published):
+    """All links in the clear agree, and after five labels are spoilt exactly five disagree.
+
+    Their estimates point at the transmitter, so that all links in sight are within 5 degrees. A wrong frame, cell or
+    shift of the receivers breaks dozens. A second run measures only the transmitter whose data changed.
+    """
+    options = Options(out=published / "out")
+    results = labels.main(published / "data", published / "plans", options=options)
+    clear = results.find("agreement", "all", "in the clear")
+    assert clear["value"] == 100 and clear["cases"] > 200
+    assert results.find("agreement", "all", "line of sight: direction within 5°")["value"] == 100
+    assert len(list((options.out / "units").glob("*"))) == 2
+    spoilt = labels.compare(published / "data", published / "plans" / "Ell.glb_topdownmap.out", "Ell", 1)
+    middle = np.flatnonzero(spoilt["clear"])[:5]
+    spoilt["published"] = spoilt["published"].copy()
+    spoilt["published"][middle] = LinkState.OUTAGE
+    again = Results()
+    labels.summarise("all", spoilt, again)
+    counted = again.find("agreement", "all", "in the clear")
+    assert counted["value"] == pytest.approx(100 * (1 - 5 / counted["cases"]), rel=1e-5)
+
+
+def test_a_receiver_off_its_grid_is_named_with_its_transmitter(published):
+    path = published / "data" / "Ell" / "Ell_Tx_1_beam_search.csv"
+    lines = path.read_text().splitlines()
+    words = lines[8].split(",")
+    words[2] = f"{float(words[2]) + 0.01:.2f}"
+    lines[8] = ",".join(words)
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match=r"Ell 1: a receiver is 0.01 m off"):
+        labels.compare(published / "data", published / "plans" / "Ell.glb_topdownmap.out", "Ell", 1)
 
 
 def test_two_weak_paths_in_one_beam_beat_a_strong_one():

@@ -37,6 +37,10 @@ def test_workers_change_nothing_and_the_suite_brings_the_same_tasks(plan_file, t
 @pytest.mark.parametrize(
     ("command", "message"),
     [
+        ("evaluate flat --targets 0", "targets is 0"),
+        ("evaluate flat --workers 0", "workers is 0"),
+        ("evaluate flat --seeds 0", "seeds is 0"),
+        ("evaluate flat --policies las", "policies is 'las'. Did you mean 'los'? Known: oracle"),
         ("evaluate {suite} --targets 3", "give it alone"),
         ("evaluate {suite} flat", "give it alone"),
         ("evaluate nowhere", "nowhere: no such file"),

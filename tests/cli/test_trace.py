@@ -98,17 +98,43 @@ def test_a_transmitter_in_a_part_of_its_own_is_reported(tmp_path, capsys):
     assert (paths.link_state()[0][paths.rx_position[:, 0] > 3.1] == LinkState.OUTAGE).all()
 
 
+def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, capsys):
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robosim.datasets.trace.trace_grid", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
+    assert stop.value.code == 130
+    assert "Resume with the same command" in re.sub(r"\s+", " ", capsys.readouterr().out)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            "--tx 3.1,0.5",
+            "tx is (3.1, 0.5) m, outside of the free space of two rooms; the nearest free point is (3.",
+        ),
         ("--tx -1,1", "the nearest free point is (0.01, 1.00) m"),
+        ("--tx 1,1 --rx 3.1,0.5", "rx is (3.1, 0.5) m"),
         ("--tx 1,1,2.7", "height of tx (1, 1) is 2.7 m, expected 0 to 2.5 m"),
+        ("--tx 1,1 --grid 0", "grid is 0.0, expected 0.01 to 100 m between receivers"),
+        ("--tx 1,1 --grid -0.15", "grid is -0.15"),
         ("--tx 1,1 --height 3", "is 3.0 m, expected 0 to 2.5 m"),
+        ("--tx 1,1 --frequency-ghz 28e9", "frequency_hz is 2.8e+19"),
+        ("--tx 1,1 --max-reflections -1", "max_reflections is -1"),
         ("--tx 1,1 --max-transmissions 13", "max_transmissions is 13"),
         ("--tx 1,1 --wall-gap 0.089", "Give wall_thickness_m"),
         ("--tx 1,1 --wall-thickness 0.013 --wall-gap -1", "wall_gap_m is -1"),
         ("--tx 1,1 --material concret", "Did you mean 'concrete'"),
+        ("--tx 1,1 --tx-power-dbm nan", "tx_power_dbm is nan"),
+        ("--tx 1,1 --threshold-dbm nan", "threshold_dbm is nan"),
+        ("--tx 1,1 --workers 0", "workers is 0"),
+        ("--tx 1,1 --grid 1e-5", "grid is 1e-05, expected 0.01 to 100 m"),
+        ("--tx 1,1 --rx 1,1", "rx (1, 1) m is where tx (1, 1, 1.5) m is"),
         ("--tx 2,2 --tx 1,1,1 --rx 1.001,1,1.002", "Move one of them by 5 mm or more"),
+        ("--tx 1,1 --tx 2,2 --tx 1,1,1.5", "tx (1, 1, 1.5) m is given twice. Leave one of them out."),
         ("--tx 1", "X,Y[,Z]"),
         ("--grid 0.5", "--tx"),
     ],

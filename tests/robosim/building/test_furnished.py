@@ -33,7 +33,7 @@ from slam.sensing.projection import Band, CameraModel, scan_from_depth
 from tests.plans import room
 from tests.slam import beams
 from wireless.paths import Interaction
-from wireless.tracing.scenes import SpaceScene
+from wireless.tracing.scenes import PlanScene, SpaceScene
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 WIDTH, DEPTH, HEIGHT = 6.0, 4.0, 2.5
@@ -397,6 +397,17 @@ def test_a_table_edge_bends_waves_into_its_shadow(building):
     assert (paths.interaction[:, 0] == Interaction.DIFFRACTION).all()
     heights = paths.point[:, 0, 2]
     assert np.any(np.isclose(heights, TABLE.height_m) | np.isclose(heights, TABLE.clearance_m))
+
+
+def test_without_things_a_plan_stays_a_plan(building, caplog):
+    """And a pillar up to the ceiling is still one: the fast engine is left only where it must be, and says so."""
+    caplog.set_level("INFO")
+    assert isinstance(Tracer(building.bare).scene, PlanScene)
+    pillar = make_piece("cupboard", at=(3.0, 2.0), height_m=HEIGHT, material="partition")
+    assert isinstance(Tracer(furnished(pillar)).scene, PlanScene)
+    assert "in space" not in caplog.text
+    Tracer(building)
+    assert "no extruded floor plan: it is traced in space" in caplog.text
 
 
 def test_bare_is_the_building_without_them(building):

@@ -12,8 +12,10 @@ from robosim.cli import main
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.evaluation.ablations import POLICY, configured
 from robosim.evaluation.episodes import make_jobs
+from robosim.evaluation.evaluate import check_policies
 from robosim.evaluation.suite import Suite, SuiteTask
 from robosim.navigation import make_navigator
+from robosim.parts import GOAL
 from robosim.policies.goals import PolicyContext, make_policy
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Simulator, SimulatorConfig
@@ -62,6 +64,15 @@ def test_a_variant_is_replayed_as_it_was_evaluated(tmp_path):
     for job in make_jobs(suite, base, POLICY.names, 1, ""):
         assert job.config == replace(configured(base, job.policy), seed=job.config.seed)
         assert job.name == f"flat/000-{job.policy}-0"
+
+
+def test_variants_run_only_if_asked_for():
+    assert check_policies([]) == tuple(name for name in GOAL.names if name != "explore")
+    assert check_policies(["fused-no-aod", "oracle"]) == ("oracle", "fused-no-aod")
+    with pytest.raises(
+        ValueError, match=r"policies is 'fused-no-aot'\. Did you mean 'fused-no-aod'\? Known: oracle"
+    ):
+        check_policies(["fused-no-aot"])
 
 
 def test_a_variant_is_evaluated(tmp_path):

@@ -11,6 +11,7 @@ from PIL import Image
 
 from robosim.live.client import COVERED, SOFTWARE_NOTICE
 from robosim.live.recordings import read_evaluation
+from robosim.live.search_panel import BY_HAND
 from tests.benchmarks.live import pixel_of
 from tests.plans import room
 
@@ -22,6 +23,12 @@ def wait_for(condition: Callable[[], bool], what: str) -> None:
     while not condition():
         assert time.monotonic() < end, f"waited in vain for {what}"
         time.sleep(0.05)
+
+
+def choose(tab, label: str, option: str) -> None:
+    """Take an option of a list."""
+    tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]").first.click()
+    tab.get_by_role("option", name=option, exact=True).first.click()
 
 
 def press(tab, label: str) -> None:
@@ -145,6 +152,21 @@ def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, wi
     assert searches.searches[0].error == "" and len(recording) == 12
     again = window(explored.url)
     again.get_by_text(recording.ended).wait_for()
+
+
+def test_a_stopped_search_shows_it(explored, quick, window):
+    """No step comes with its end: it waits for a key."""
+    searches = explored.search(quick)
+    tab = window(explored.url)
+    press(tab, "Search")
+    choose(tab, "policy", BY_HAND)
+    press(tab, "Start")
+    tab.get_by_text("coverage").wait_for()
+    count = len(searches.searches[0].recording)
+    tab.keyboard.press("i")
+    wait_for(lambda: len(searches.searches[0].recording) > count, "the decision of the key")
+    press(tab, "Stop")
+    tab.get_by_text("stopped by you").wait_for()
 
 
 def test_start_and_target_are_set_by_clicks(explored, quick, window):
@@ -294,6 +316,19 @@ DROP = """([name, content]) => {
         document.querySelector('canvas[data-engine]').dispatchEvent(
             new DragEvent(kind, {dataTransfer: held, bubbles: true, cancelable: true}));
 }"""
+
+
+def test_a_dropped_file_is_opened(explored, window):
+    """A plan is shown; a bad file is reported, and the page stays."""
+    tab = window(explored.url)
+    tab.get_by_text("the strongest first").wait_for()
+    tab.evaluate(DROP, ["damaged.npy", list(b"nothing")])
+    tab.get_by_text("damaged.npy: ").first.wait_for()
+    content = io.BytesIO()
+    np.save(content, room(5.0, 4.0).occupancy)
+    tab.evaluate(DROP, ["hall.npy", list(content.getvalue())])
+    wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
+    assert explored.radio.settle(LONG_S)
 
 
 def test_the_head_shows_plan_and_assumptions(explored, quick, window):

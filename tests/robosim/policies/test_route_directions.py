@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from robosim.policies import route_directions as module
+from robosim.policies.belief import TargetBelief
 from robosim.policies.route_directions import cell_shares, filled_share, route_directions
 from slam.grid import GridFrame, MapEstimate
 
@@ -111,3 +113,18 @@ def test_shares_equal_counts_cell_by_cell():
         np.add.at(count, (row[inside], column[inside]), 1)
         expected = ((fine.resolution_m / part.resolution_m) ** 2 * count).astype(np.float32)
         assert cell_shares(holds, map_, part).tolist() == expected.tolist()
+
+
+def test_a_map_is_surveyed_once_per_decision(monkeypatch):
+    """Routes are cached for one map, grid and place."""
+    map_, belief, calls = hall(), TargetBelief(np.zeros(2)), []
+    monkeypatch.setattr(module, "route_directions", lambda *a: calls.append(a) or route_directions(*a))
+    first = belief.survey(map_)
+    routes = first.routes(np.zeros(2))
+    assert belief.survey(map_) is first and belief.survey(map_).routes(np.zeros(2)) is routes
+    assert len(calls) == 1
+    first.routes(np.array([1.0, 0.0]))
+    other = belief.survey(hall())
+    assert other is not first and len(calls) == 2
+    belief._grow(np.array([[100.0, 0.0]]))
+    assert belief.survey(other.estimate) is not other

@@ -2,15 +2,37 @@
 
 import numpy as np
 import pytest
+import shapely
 
-from robosim.building.building import make_building
+from robosim.building.building import BuildingConfig, make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.plans.files import read_plan
+from robosim.policies.shortest import TrueMapper
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
-from tests.plans import turned
+from slam.planning.clearance import Clearance
+from tests.plans import turned, two_rooms
+
+
+@pytest.mark.parametrize("degrees", [0.0, 31.0])
+def test_its_map_is_the_building(degrees):
+    """Floor and solid at random places, and how far the nearest wall is, within 3 cm."""
+    plan = turned(two_rooms(0.8), degrees)
+    building = make_building(plan, config=BuildingConfig(tolerance_m=0.0))
+    estimate = TrueMapper(building, lambda: np.zeros(3)).estimate()
+    rng, walls = np.random.default_rng(0), building.free.boundary
+    low, high = np.array(building.free.bounds).reshape(2, 2)
+    places = rng.uniform(low, high, (2000, 2))
+    distance = shapely.distance(walls, shapely.points(places))
+    free = shapely.contains_xy(building.free, *places.T)
+    obstacle = estimate.obstacle_probability[estimate.frame.index(places)] > 0.5
+    sure = distance > 0.08
+    np.testing.assert_array_equal(obstacle[sure], ~free[sure])
+    room = Clearance(estimate.frame, estimate.obstacle_probability > 0.5, estimate.surface_offset_m)
+    near = free & (distance < 0.3)
+    assert np.abs(room.at(places[near]) - distance[near]).max() < 0.03
 
 
 @pytest.mark.parametrize("degrees", [0.0, 45.0])

@@ -60,6 +60,19 @@ def test_pieces_cover_slanted_walls_and_nothing_else(wall_line, tolerance_m, see
     assert overlap == 0 and bare == 0
 
 
+def test_sharp_spikes_become_prisms():
+    """A solid spike of 6 degrees has no room for a rectangle 1 cm thick over a whole side."""
+    outer = [(0, 0), (4, 0), (4, 3), (0, 3)]
+    spike = [(1, 1), (1, 1.1), (2, 1.05)]
+    free = shapely.MultiPolygon([shapely.Polygon(outer, [spike])])
+    solids = wall_solids(free, room())
+    assert len(solids.prisms) >= 1
+    assert all(shapely.Polygon(p).exterior.is_ccw and len(p) == 3 for p in solids.prisms)
+    union = shapely.union_all(solids.polygons())
+    assert union.intersection(free).area < 1e-9
+    assert free.boundary.difference(union.buffer(EXACT_M)).length == 0
+
+
 def test_a_room_is_four_boxes():
     """Greedy growth makes one piece of each straight wall, whatever the number of cells."""
     assert len(wall_solids(free_polygons(room()), room())) == 4

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from robosim.building.building import Building, make_building
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import GAP_M, KinematicWorld
-from slam.actions import FORWARD_M
+from slam.actions import FORWARD_M, TURN_RAD
 from slam.poses import between, compose
 from tests.plans import room
 from tests.robosim.robot.test_world import cluttered, turned_to
@@ -118,6 +118,26 @@ def test_a_long_drive_never_enters_a_wall(hall):
         gaps.append(clearance(hall.building, world.move(AHEAD + rng.normal(0, [0.01, 0.02, 0.1])).pose))
     assert min(gaps) > RADIUS_M
     assert np.sum(np.array(gaps) < RADIUS_M + TOUCH_M) > 20  # it did meet walls
+
+
+def test_slip_does_not_keep_a_robot_from_driving_along_a_wall():
+    """In touch with a wall on its left, slipping left by 2 mm: all of the path ahead, none of the slip."""
+    world = KinematicWorld(make_building(room()))
+    world.reset(np.array([1.0, 3 - RADIUS_M, 0.0]))
+    for k in range(4):
+        motion = world.move(np.array([0.25, 0.002, 0.0]))
+        assert not motion.collided
+        np.testing.assert_allclose(motion.pose, [1.0 + 0.25 * (k + 1), 3 - RADIUS_M, 0.0], atol=1e-8)
+
+
+def test_a_blocked_disk_turns_and_leaves():
+    world = KinematicWorld(make_building(room()))
+    world.reset(turned_to(3.8, 1.5, 0))
+    assert world.move(AHEAD).collided
+    for _ in range(18):
+        assert not world.move(np.array([0.0, 0.0, TURN_RAD])).collided
+    motion = world.move(AHEAD)
+    assert not motion.collided and motion.pose[0] == pytest.approx(4 - RADIUS_M - 0.25, abs=1e-8)
 
 
 def test_driving_follows_the_arc():

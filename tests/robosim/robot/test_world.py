@@ -94,6 +94,18 @@ def test_poses_go_in_and_come_out_exactly():
             assert np.exp(1j * world.pose[2]) == pytest.approx(np.exp(1j * yaw), abs=1e-9)
 
 
+def test_physics_does_not_feel_where_the_plan_lies():
+    """The same drive against a wall at the origin and 10 km away: the same within 1e-6 m."""
+    ends = []
+    for x, y in ((0.0, 0.0), (1e4, -2e4)):
+        world = World(make_building(room(origin=(x, y, 0.0))))
+        world.reset(np.array([x + 3.5, y + 1.5, 0.4]))
+        for wanted in (AHEAD, AHEAD, LEFT):
+            world.move(wanted)
+        ends.append(world.pose - [x, y, 0.0])
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-6)
+
+
 DRIVES = """
 import numpy as np
 from robosim.building.building import make_building
@@ -225,6 +237,16 @@ def test_a_robot_at_a_wall_can_turn_and_leave(name, pushes_deg):
     motion = world.move(AHEAD)
     assert not motion.collided
     assert between(before, motion.pose)[0] == pytest.approx(FORWARD_M, abs=1e-3)
+
+
+def test_slip_into_a_wall_is_stopped_by_it():
+    """A turn that slips 2 cm to the left, with a wall 5 mm to the left: it turns, but slips no further."""
+    world = World(make_building(room()))
+    world.reset(np.array([2.0, 3 - 0.105, 0.0]))
+    motion = world.move(np.array([0.0, 0.02, TURN_RAD]))
+    assert motion.pose[2] == pytest.approx(TURN_RAD, abs=np.radians(0.1))
+    assert motion.pose[1] == pytest.approx(3 - 0.1, abs=1e-3)
+    assert motion.collided and motion.penetration_m < 2e-3
 
 
 def split(boxes: int):

@@ -104,6 +104,17 @@ def test_it_agrees_with_the_linear_resampler_of_scipy_away_from_edges():
     np.testing.assert_array_equal(got[sure], mixed[sure] > 0.5)
 
 
+def test_the_picture_has_the_robot_at_the_middle_of_the_lower_edge():
+    """A lone obstacle 1 m ahead, 0.5 m to the left: row 20 from below, column 10 left of the middle."""
+    nothing = np.zeros((160, 200), bool)
+    obstacle = nothing.copy()
+    obstacle[80 + 10, 100 + 20] = True
+    patch = egocentric_map(_estimate(obstacle, nothing))
+    assert np.argwhere(patch[OBSTACLE]).tolist() == [[32 + 10, 20]]
+    picture = patch[:, ::-1, ::-1].swapaxes(1, 2)
+    assert np.argwhere(picture[OBSTACLE]).tolist() == [[63 - 20, 31 - 10]]
+
+
 def test_beyond_the_map_nothing_is_known():
     """With the robot half a metre from the edge, 10 columns are map and the rest is neither; far away, all is."""
     full = np.ones((160, 200), bool)

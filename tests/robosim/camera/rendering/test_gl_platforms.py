@@ -226,7 +226,6 @@ def test_pyopengl_for_a_display_is_reported():
 import sys, types
 class GLXPlatform: pass
 sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
-from tests.robosim.camera.pictures import room, same
 from robosim.camera.rendering.gl_systems import bind_opengl
 bind_opengl()
 """

@@ -48,3 +48,19 @@ def test_target_is_seen_before_the_wall_in_its_colours():
     assert frame.depth[30:34, 30:34] == pytest.approx(0.84, abs=1e-5)
     box = frame.rgb[26:38, 26:38]
     assert {tuple(colour) for colour in box.reshape(-1, 3).tolist()} == {(0, 0, 0), (255, 255, 255)}
+
+
+def test_it_looks_level_only_and_not_once_closed():
+    building = make_building(read_plan("flat"))
+    camera = make_camera([building.mesh], SMALL, backend="plan")
+    T = camera_pose(np.array([1.0, 1.0, 0.0]), SMALL)
+    tilted = T.copy()
+    c, s = np.cos(0.2), np.sin(0.2)
+    tilted[:3, :3] = T[:3, :3] @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    with pytest.raises(ValueError, match="expected straight down"):
+        camera.render(tilted)
+    with pytest.raises(ValueError, match="4 by 4"):
+        camera.render(np.full((4, 4), np.nan))
+    camera.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        camera.render(T)
