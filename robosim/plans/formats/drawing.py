@@ -67,7 +67,7 @@ def _without_blots(
     dark: Bool[np.ndarray, "h w"], walls: Bool[np.ndarray, "h w"], cells: int
 ) -> Bool[np.ndarray, "h w"]:
     """Walls without small remains of dropped strokes, such as places where strokes of a letter meet."""
-    _, shape = cv2.connectedComponents(dark.astype(np.uint8), connectivity=8)
+    shape = cv2.connectedComponents(dark.astype(np.uint8), connectivity=8)[1].astype(np.int64)
     count, label, stats, _ = cv2.connectedComponentsWithStats(walls.astype(np.uint8), connectivity=8)
     shape_of = np.zeros(count, np.int64)
     shape_of[label[walls]] = shape[walls]

@@ -195,8 +195,8 @@ def _facing_up(triangles: Triangles, height_m: float) -> Triangles:
     length = np.linalg.norm(normals, axis=1)
     surface = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(triangles))
     over = _is_inverted_wall(triangles, normals, length, surface)[surface]
-    level = np.abs(triangles[:, :, 2].mean(axis=1) - height_m) <= _DIP_M
-    level = np.flatnonzero(level & (np.abs(normals[:, 2]) > LEVEL_COSINE * length))
+    at_height = np.abs(triangles[:, :, 2].mean(axis=1) - height_m) <= _DIP_M
+    level = np.flatnonzero(at_height & (np.abs(normals[:, 2]) > LEVEL_COSINE * length))
     air = np.zeros(len(triangles))
     air[level] = area_below_air(triangles, level, SLICE_M[1]) * np.sign(normals[level, 2])
     if air.sum() < 0:
