@@ -15,19 +15,17 @@ References: Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent Tr
 Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotics and Automation Letters 5 (2020).
 """
 
-import heapq
-import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from slam.poses import between, rotation, wrap
+from slam.poses import rotation, wrap
 
 #: Squared error, in variances, at which a loop, or a number of a sighting, begins to lose its weight: 99.9 % of right
 #: ones are below (chi square of three degrees of freedom, and of one).
@@ -45,6 +43,8 @@ _STILL = 1e-5
 #: A place moves in one step by no more than this part of its distance from where it was seen: beyond, bearings are
 #: not linear.
 _PLACE_STEP = 0.5
+#: Distance at which a turn moves points as far as a shift does, for comparing variances of both [m].
+_ARM_M = 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,10 +106,12 @@ class PoseGraph:
         self._known: list[bool] = []
         self._shared = np.zeros(0)
         self._scales = np.zeros(0)
+        self._uncertain: dict[int, Float[np.ndarray, "n 3 3"]] = {}
 
     def add(self, pose: Float[np.ndarray, "3"]) -> int:
         """Add a pose, which something has to hold; its number."""
         self.poses.append(np.asarray(pose, float))
+        self._uncertain.clear()
         return len(self.poses) - 1
 
     def add_place(self, xy: Float[np.ndarray, "2"], *, known: bool = False) -> int:
@@ -122,6 +124,7 @@ class PoseGraph:
         """Add a constraint."""
         self.constraints.append(constraint)
         self.weights.append(1.0)
+        self._uncertain.clear()
 
     def forget_loop(self, first: int, second: int) -> None:
         """Remove loops between two poses."""
@@ -132,6 +135,7 @@ class PoseGraph:
         ]
         self.constraints = [self.constraints[k] for k in others]
         self.weights = [self.weights[k] for k in others]
+        self._uncertain.clear()
 
     def believed(self) -> list[Constraint]:
         """Constraints that are believed more than half."""
@@ -162,6 +166,7 @@ class PoseGraph:
         self.poses = list(state.poses)
         self.places = list(state.places)
         self._shared, self._scales = state.shared, state.scales
+        self._uncertain.clear()
         return float(np.hypot(*(state.poses - before)[:, :2].T).max())
 
     def place_covariance(self, place: int) -> Float[np.ndarray, "2 2"]:
@@ -177,37 +182,50 @@ class PoseGraph:
         state = _State(poses, places, shared, scales)
         return _System(state, self.constraints, self.sightings, np.array(self._known, bool))
 
-    def uncertainty(self, start: int) -> dict[int, Float[np.ndarray, "3 3"]]:
+    def uncertainty(self, start: int) -> Float[np.ndarray, "n 3 3"]:
         """Covariance of each pose in the frame of one of them, at most.
 
-        Along the chain of constraints whose covariances add up to least: what else holds the poses makes it smaller.
+        Along the chain of constraints whose variances add up to least: what else holds the poses makes it smaller.
         Loops that are hardly believed hold nothing.
 
         Args:
             start: The pose in whose frame.
         """
-        neighbours: dict[int, list[tuple[int, Constraint]]] = defaultdict(list)
-        for constraint in self.believed():
-            neighbours[constraint.first].append((constraint.second, constraint))
-            neighbours[constraint.second].append((constraint.first, constraint))
-        found: dict[int, Float[np.ndarray, "3 3"]] = {}
-        queue: list[tuple[float, int, Float[np.ndarray, "3 3"]]] = [(0.0, start, np.zeros((3, 3)))]
-        while queue:
-            _, node, covariance = heapq.heappop(queue)
-            if node in found:
-                continue
-            found[node] = covariance
-            here = between(self.poses[start], self.poses[node])
-            for other, constraint in neighbours[node]:
-                if other in found:
-                    continue
-                step = between(self.poses[node], self.poses[other])
-                own = constraint.covariance
-                if constraint.first != node:  # known in the other's frame
-                    own = _inverted(constraint.pose, own)
-                further = chained(here, covariance, step, own)
-                size = math.sqrt(further[0, 0] + further[1, 1]) + 2 * math.sqrt(further[2, 2])
-                heapq.heappush(queue, (size, other, further))
+        if start in self._uncertain:
+            return self._uncertain[start]
+        poses, n = np.array(self.poses), len(self.poses)
+        held = [c for c, weight in zip(self.constraints, self.weights, strict=True) if weight > _BELIEVED]
+        first, second = np.array([(c.first, c.second) for c in held], int).reshape(-1, 2).T
+        covariance = np.array([c.covariance for c in held]).reshape(-1, 3, 3)
+        size = covariance[:, 0, 0] + covariance[:, 1, 1] + _ARM_M**2 * covariance[:, 2, 2]
+        _, before = dijkstra(
+            csr_matrix((size, (first, second)), shape=(n, n)),
+            directed=False,
+            indices=start,
+            return_predecessors=True,
+        )
+        # Errors as motions of the plane, seen where the chains begin: they add up along a chain.
+        shift = _lever(poses[start, :2] - poses[second, :2]) @ _turned(poses[first, 2])
+        motion = shift @ covariance @ shift.transpose(0, 2, 1)
+        is_linked = before >= 0
+        node = np.flatnonzero(is_linked)
+        order = np.argsort(first * n + second)
+        keys = (first * n + second)[order]
+        here, there = np.minimum(node, before[node]), np.maximum(node, before[node])
+        # A loop's first pose is the later one, that of odometry the earlier one.
+        at = np.searchsorted(keys, here * n + there)
+        other = np.searchsorted(keys, there * n + here)
+        is_forward = keys[np.minimum(at, len(keys) - 1)] == here * n + there
+        edge = order[np.where(is_forward, at, np.minimum(other, len(keys) - 1))]
+        total = np.zeros((n, 3, 3))
+        total[node] = motion[edge]
+        before = np.where(is_linked, before, start)
+        while (before != start).any():
+            total += total[before]
+            before = before[before]
+        back = _turned(-poses[start, 2]) @ _lever(poses[:, :2] - poses[start, :2])
+        found = back @ total @ back.transpose(0, 2, 1)
+        self._uncertain[start] = found
         return found
 
 
@@ -224,12 +242,20 @@ def chained(
     return np.asarray(lever @ covariance @ lever.T + turn @ step_covariance @ turn.T)
 
 
-def _inverted(pose: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    """Covariance of the inverse of a displacement, in the frame at its end."""
-    turn = rotation(pose[2]).T
-    back = turn[:2, :2] @ pose[:2]
-    lever = np.array([[1.0, 0.0, back[1]], [0.0, 1.0, -back[0]], [0.0, 0.0, 1.0]])
-    return np.asarray(lever @ turn @ covariance @ turn.T @ lever.T)
+def _lever(away: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3 3"]:
+    """Motion of a plane at one point to that at another: x, y [m], turn [rad]."""
+    lever = np.tile(np.eye(3), (len(away), 1, 1))
+    lever[:, 0, 2], lever[:, 1, 2] = -away[:, 1], away[:, 0]
+    return lever
+
+
+def _turned(yaw_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3 3"]:
+    """Rotations of the plane, one for each angle."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    turned = np.zeros((*np.shape(yaw_rad), 3, 3))
+    turned[..., 0, 0], turned[..., 0, 1], turned[..., 1, 0], turned[..., 1, 1] = c, -s, s, c
+    turned[..., 2, 2] = 1.0
+    return turned
 
 
 class _State(NamedTuple):

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from slam.matching.levels import SurfaceLevels, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, to_map
+from slam.support.compiled import compiled
 
 #: Part of the strongest curvature of a fit that the noise of normals adds in every direction.
 _OF_NORMALS = 0.02
@@ -59,9 +60,10 @@ class Submap:
     cell_m: float
     """Side of the fine cells [m]."""
     poses: list[Float[np.ndarray, "3"]] = field(default_factory=list)
-    scans: list[ScanPoints] = field(default_factory=list)
     views: list[View] = field(default_factory=list)
     levels: SurfaceLevels = field(init=False)
+    _outline: ScanPoints | None = field(default=None, init=False)
+    _circle: tuple[float, float, float] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.levels = SurfaceLevels(self.cell_m)
@@ -69,15 +71,27 @@ class Submap:
     def add(self, pose: Float[np.ndarray, "3"], scan: ScanPoints, view: View) -> None:
         """Enter a scan at a pose of the submap's frame."""
         self.poses.append(pose)
-        self.scans.append(scan)
         self.views.append(view)
         self.levels.enter(pose, scan)
+        self._outline = self._circle = None
 
     def outline(self) -> ScanPoints:
         """Its surfaces as one scan in its own frame."""
-        points, normals, weights = self.levels.fine.planes()
-        some = np.linspace(0, len(points) - 1, min(_FITTED, len(points))).astype(int)
-        return ScanPoints(points=points[some], normals=normals[some], weights=np.minimum(weights[some], 1.0))
+        if self._outline is None:
+            points, normals, weights = self.levels.fine.planes()
+            some = np.linspace(0, len(points) - 1, min(_FITTED, len(points))).astype(int)
+            few = np.minimum(weights[some], 1.0)
+            self._outline = ScanPoints(points=points[some], normals=normals[some], weights=few)
+        return self._outline
+
+    def circle(self) -> tuple[float, float, float]:
+        """Around most of its surfaces: centre (x, y) and radius [m]."""
+        if self._circle is None:
+            points = self.outline().points
+            x, y = points.mean(axis=0) if len(points) else np.zeros(2)
+            away_m = np.hypot(*(points - [x, y]).T)
+            self._circle = x, y, float(np.percentile(away_m, 80)) if len(points) else 0.0
+        return self._circle
 
 
 def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[np.ndarray, "3 3"]:
@@ -176,14 +190,30 @@ def seen_by(
     """Which points (x, y) [m] views from poses saw a surface at, and which they looked through."""
     same, through = np.zeros(len(points), bool), np.zeros(len(points), bool)
     for pose, view in views:
-        local = to_map(between(pose, np.zeros(3)), points)
-        distance_m = np.hypot(*local.T)
-        beam = np.searchsorted(view.bearing_rad, np.arctan2(local[:, 1], local[:, 0]))
-        within = (beam > 0) & (beam < len(view.bearing_rad))
-        beam = np.clip(beam, 1, len(view.bearing_rad) - 1)
-        left, right = view.range_m[beam - 1], view.range_m[beam]
-        near_m = 0.1 + 0.01 * distance_m
-        off_m = np.minimum(np.abs(left - distance_m), np.abs(right - distance_m))
-        same |= within & (off_m < near_m)
-        through |= within & (distance_m < np.minimum(np.abs(left), np.abs(right)) - 3 * near_m)
+        _look(pose, view.bearing_rad, view.range_m, points, same, through)
     return same, through
+
+
+@compiled
+def _look(
+    pose: np.ndarray,
+    bearing: np.ndarray,
+    reached: np.ndarray,
+    points: np.ndarray,
+    same: np.ndarray,
+    through: np.ndarray,
+) -> None:
+    """Mark the points that beams from a pose saw a surface at, and those they looked through."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    for k in range(len(points)):
+        dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
+        distance_m = np.hypot(dx, dy)
+        beam = np.searchsorted(bearing, np.arctan2(c * dy - s * dx, c * dx + s * dy))
+        if beam == 0 or beam == len(bearing):
+            continue
+        left, right = reached[beam - 1], reached[beam]
+        near_m = 0.1 + 0.01 * distance_m
+        if min(abs(left - distance_m), abs(right - distance_m)) < near_m:
+            same[k] = True
+        if distance_m < min(abs(left), abs(right)) - 3 * near_m:
+            through[k] = True

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from slam.graph.alongside import mirror_image_angle_rad
 from slam.graph.judging import Judge
@@ -111,6 +111,8 @@ _RECENT = 4
 _PULLED = 0.5
 #: Submaps farther away are not matched to [m].
 _AROUND_M = 25.0
+#: Most submaps around that a scan is matched to, the nearest: nearer ones have seen the same surfaces.
+_MOST_AROUND = 40
 
 
 class Tracker:
@@ -318,32 +320,27 @@ class Tracker:
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
         """Submaps that may overlap with a closed one, the most likely first."""
-        uncertain = self.graph.uncertainty(here)
-        near: list[tuple[float, tuple[int, int]]] = []
-        unsure: list[tuple[float, tuple[int, int]]] = []
-        mine = self._circle(here)
-        for there in range(here - 1):
-            theirs, spread = self._circle(there), uncertain[there]
-            gap_m = math.hypot(*(mine[0] - theirs[0]))
-            open_m = 3 * math.sqrt(spread[0, 0] + spread[1, 1])
-            if gap_m - open_m < 0.7 * (mine[1] + theirs[1]):
-                (near if self._together(spread) else unsure).append((gap_m, (here, there)))
-        return [pair for some in (unsure, near) for _, pair in sorted(some)[:_TRIES]]
+        uncertain = self.graph.uncertainty(here)[: max(here - 1, 0)]
+        poses = np.array(self.graph.poses[: here + 1])
+        circles = np.array([submap.circle() for submap in self.submaps[: here + 1]])
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x, y, radius_m = circles.T
+        middle = poses[:, :2] + np.column_stack([c * x - s * y, s * x + c * y])
+        gap_m = np.hypot(*(middle[: len(uncertain)] - middle[here]).T)
+        open_m = 3 * np.sqrt(uncertain[:, 0, 0] + uncertain[:, 1, 1])
+        is_near = gap_m - open_m < 0.7 * (radius_m[: len(uncertain)] + radius_m[here])
+        fits = self._together(uncertain)
+        found = [np.flatnonzero(is_near & some) for some in (~fits, fits)]
+        return [
+            (here, int(there))
+            for some in found
+            for there in some[np.argsort(gap_m[some], kind="stable")[:_TRIES]]
+        ]
 
-    def _together(self, spread: Float[np.ndarray, "3 3"]) -> bool:
-        """Whether two submaps are known to fit each other, by the covariance between them."""
-        wide = math.hypot(spread[0, 0], spread[1, 1]) > self.config.together_m**2
-        return not wide and bool(spread[2, 2] < self.config.together_rad**2)
-
-    def _circle(self, submap: int) -> tuple[Float[np.ndarray, "2"], float]:
-        """Centre (x, y) [m] in `map` and radius [m] of a submap's outline."""
-        points = self.submaps[submap].outline().points
-        anchor = self.graph.poses[submap]
-        if not len(points):
-            return anchor[:2], 0.0
-        middle = points.mean(axis=0)
-        radius_m = float(np.percentile(np.hypot(*(points - middle).T), 80))
-        return compose(anchor, np.array([*middle, 0.0]))[:2], radius_m
+    def _together(self, spread: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
+        """Which submaps are known to fit another, by the covariance between them."""
+        wide = np.hypot(spread[:, 0, 0], spread[:, 1, 1]) > self.config.together_m**2
+        return ~wide & (spread[:, 2, 2] < self.config.together_rad**2)
 
     def _try(self) -> bool:
         """Fit one pair of submaps; whether poses changed."""
@@ -411,11 +408,13 @@ class Tracker:
     def _look_around(self) -> None:
         """Merge the consistent surfaces around."""
         config, last = self.config, len(self.submaps) - 1
-        uncertain = self.graph.uncertainty(last)
-        self._around, self._apart = SurfaceLevels(config.cell_m), False
-        for k, submap in enumerate(self.submaps):
-            away_m = math.hypot(*(self.graph.poses[k] - self.graph.poses[last])[:2])
-            fits = (k in uncertain and self._together(uncertain[k])) or k >= last - 1
-            if away_m < _AROUND_M and fits:
-                self._around.take(submap.levels, self.graph.poses[k])
-            self._apart |= config.loops and away_m < _NEIGHBOUR_M and not fits
+        poses = np.array(self.graph.poses)
+        away_m = np.hypot(*(poses - poses[last])[:, :2].T)
+        fits = self._together(self.graph.uncertainty(last))
+        fits[max(last - 1, 0) :] = True
+        self._apart = config.loops and bool((~fits & (away_m < _NEIGHBOUR_M)).any())
+        around = np.flatnonzero(fits & (away_m < _AROUND_M))
+        nearest = around[np.argsort(away_m[around], kind="stable")[:_MOST_AROUND]]
+        self._around = SurfaceLevels(config.cell_m)
+        for k in np.sort(nearest):
+            self._around.take(self.submaps[k].levels, poses[k])

@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.grid import GridFrame
-from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_from, match_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import to_map, wrap
+from slam.support.compiled import compiled
 
 #: Side of the coarse cells, in fine ones.
 _COARSER = 4
@@ -122,7 +123,7 @@ def matches(
     starts = [predicted]
     if off_m > _COARSER * _FINE_M and len(scan.points):
         starts += _lattice(scan.every(), levels, predicted, _SIGMAS * deviation, arm_m)
-    near = [match_scan(levels.coarse, scan, predicted, covariance, config, start) for start in starts]
+    near = match_from(levels.coarse, scan, predicted, covariance, config, np.array(starts))
     if len(near) > 1:
         near.sort(key=rated, reverse=True)
     distinct: list[Match] = []
@@ -131,7 +132,8 @@ def matches(
             distinct.append(match)
         if len(distinct) == _FITTED:
             break
-    return [match_scan(levels.fine, scan, predicted, covariance, config, match.pose) for match in distinct]
+    found = np.array([match.pose for match in distinct])
+    return match_from(levels.fine, scan, predicted, covariance, config, found)
 
 
 def most_paired(match: Match) -> float:
@@ -167,19 +169,33 @@ def _lattice(
     cells = shift / frame.resolution_m
     # The field with a rim of nothing: what lies outside counts nothing.
     field = np.pad(near, 1)
-    ny, nx = field.shape
-    scores = np.empty((len(turns), len(shift)))
-    for k, turn in enumerate(turns):
-        at = frame.to_cells(to_map(np.array([*predicted[:2], predicted[2] + turn]), some)) + 1
-        column = np.clip((at[:, 0] + cells[:, 0, None]).astype(int), 0, nx - 1)
-        row = np.clip((at[:, 1] + cells[:, 1, None]).astype(int), 0, ny - 1)
-        scores[k] = field[row, column].mean(axis=1)
+    placed = [to_map(np.array([*predicted[:2], predicted[2] + turn]), some) for turn in turns]
+    corners = frame.to_cells(np.array(placed)) + 1
+    scores = np.zeros((len(turns), len(shift)), np.float32)
+    _score(field, corners, cells, scores)
     best: list[np.ndarray] = []
-    for flat in np.argsort(-scores, axis=None)[: 50 * _REFINED]:
-        k, j = divmod(int(flat), len(shift))
-        pose = np.array([*(predicted[:2] + shift[j]), wrap(predicted[2] + turns[k])])
-        if all(math.hypot(*difference(pose, known, arm_m)) > 1.5 * _STEP_M for known in best):
-            best.append(pose)
-        if len(best) == _REFINED:
-            break
+    likely = np.argpartition(-scores, min(50 * _REFINED, scores.size - 1), axis=None)[: 50 * _REFINED]
+    rest = np.column_stack(
+        np.unravel_index(likely[np.argsort(-scores.flat[likely], kind="stable")], scores.shape)
+    )
+    poses = np.column_stack([predicted[:2] + shift[rest[:, 1]], wrap(predicted[2] + turns[rest[:, 0]])])
+    while len(poses) and len(best) < _REFINED:
+        best.append(poses[0])
+        away = poses - poses[0]
+        apart = np.hypot(np.hypot(away[:, 0], away[:, 1]), arm_m * wrap(away[:, 2])) > 1.5 * _STEP_M
+        poses = poses[apart]
     return best
+
+
+@compiled
+def _score(field: np.ndarray, points: np.ndarray, shifts: np.ndarray, scores: np.ndarray) -> None:
+    """Mean of the field at points, of each turn, after each shift; all in cells."""
+    ny, nx = field.shape
+    for turn in range(len(points)):
+        for j in range(len(shifts)):
+            total = 0.0
+            for k in range(len(points[turn])):
+                x, y = points[turn, k, 0] + shifts[j, 0], points[turn, k, 1] + shifts[j, 1]
+                if 0 < x < nx and 0 < y < ny:
+                    total += field[int(y), int(x)]
+            scores[turn, j] = total / len(points[turn])

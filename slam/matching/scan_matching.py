@@ -13,17 +13,17 @@ Left out: matching without overlap, which returns the prediction; the graph (`sl
 Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from slam.matching.surfaces import SurfaceGrid
-from slam.poses import to_map, wrap
+from slam.matching.surfaces import SurfaceGrid, nearest_plane
+from slam.poses import to_map
 from slam.sensing.projection import Scan
 from slam.support.checks import Range, checked
+from slam.support.compiled import compiled
 
 #: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
 #: slanted by no more than this (secant) and a third point lies in line with them within this [m].
@@ -209,7 +209,6 @@ def match_scan(
     predicted: Float[np.ndarray, "3"],
     covariance: Float[np.ndarray, "3 3"],
     config: MatchConfig = MatchConfig(),
-    start: Float[np.ndarray, "3"] | None = None,
 ) -> Match:
     """Pose at which a scan fits the map best, given what odometry predicts.
 
@@ -219,44 +218,132 @@ def match_scan(
         predicted: Pose from odometry: x [m], y [m], yaw [rad].
         covariance: Covariance of the prediction, axes of `map` [m^2, m rad, rad^2].
         config: How far scans are trusted.
-        start: Pose at which to begin, if not at the predicted one.
 
     Returns:
         The pose, which is the prediction itself if the scan finds no surfaces. Where points lie farther from their
         surfaces than they should, the information is less by as much: steps, corners and furniture fit badly.
     """
-    of_points_m = np.full(len(scan.points), config.sigma_m) if scan.sigma_m is None else scan.sigma_m
-    prior = np.linalg.inv(covariance)
-    pose = (predicted if start is None else start).astype(float).copy()
-    nothing = np.zeros(len(scan.points), bool)
-    unmatched = Match(pose=predicted.astype(float), information=np.zeros((3, 3)), paired=nothing)
-    moved_m = math.inf
-    for iteration in range(config.iterations):
-        if iteration == 0 or moved_m > 2e-3:
-            world = to_map(pose, scan.points)
-            mean, normal, found = surfaces.nearest(world, to_map(np.array([0, 0, pose[2]]), scan.normals))
-            if found.sum() < config.min_pairs:
-                return unmatched
-            local, mean, normal = scan.points[found], mean[found], normal[found]
-            weight, variance = scan.weights[found], of_points_m[found] ** 2
-            outlier_m = np.maximum(config.outlier_m, _WILD * of_points_m[found])
-        arm = to_map(np.array([0, 0, pose[2]]), local)
-        residual = (normal * (arm + pose[:2] - mean)).sum(axis=1)
-        trust = weight / (1 + (residual / outlier_m) ** 2) / variance
-        jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
-        departure = pose - predicted
-        departure[2] = wrap(departure[2])
-        weighted = jacobian * trust[:, None]
-        information = weighted.T @ jacobian
-        step = np.linalg.solve(information + prior, weighted.T @ residual + prior @ departure)
-        pose = pose - step
-        # A turn moves points a metre or two away by as many metres per radian.
-        moved_m = math.hypot(step[0], step[1]) + 2 * abs(step[2])
-        if moved_m < 2e-4:
-            break
-    pose[2] = wrap(pose[2])
-    # The variance factor of least squares: squared residuals over what was expected.
-    information /= max(1.0, float((trust * residual**2).sum() / (trust * variance).sum()))
-    paired = np.zeros(len(scan.points), bool)
-    paired[found] = np.abs(residual) < 2 * outlier_m
-    return Match(pose=pose, information=information, paired=paired)
+    return match_from(surfaces, scan, predicted, covariance, config, predicted[None])[0]
+
+
+def match_from(
+    surfaces: SurfaceGrid,
+    scan: ScanPoints,
+    predicted: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "3 3"],
+    config: MatchConfig,
+    starts: Float[np.ndarray, "k 3"],
+) -> list[Match]:
+    """The same from each of some poses: x [m], y [m], yaw [rad]."""
+    sigma_m = np.full(len(scan.points), config.sigma_m) if scan.sigma_m is None else scan.sigma_m
+    poses = np.array(starts, float)
+    information = np.zeros((len(poses), 3, 3))
+    paired = np.zeros((len(poses), len(scan.points)), bool)
+    _match(
+        (scan.points, scan.normals, scan.weights, sigma_m),
+        surfaces.arrays(),
+        predicted.astype(float),
+        np.linalg.inv(covariance),
+        (config.iterations, config.min_pairs, config.outlier_m),
+        poses,
+        information,
+        paired,
+    )
+    return [
+        Match(pose=p, information=i, paired=on) for p, i, on in zip(poses, information, paired, strict=True)
+    ]
+
+
+@compiled
+def _match(
+    scan: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    surfaces: tuple[tuple[float, float, float], np.ndarray, np.ndarray],
+    predicted: np.ndarray,
+    prior: np.ndarray,
+    settings: tuple[int, int, float],
+    poses: np.ndarray,
+    information: np.ndarray,
+    paired: np.ndarray,
+) -> None:
+    """Gauss-Newton steps from each of the poses, which become those found."""
+    points, normals, weights, sigma_m = scan
+    planes = surfaces[2]
+    iterations, min_pairs, least_outlier_m = settings
+    n = len(points)
+    mean, unit, found = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.bool_)
+    residual, trust, slope = np.zeros(n), np.zeros(n), np.empty(3)
+    for start in range(len(poses)):
+        pose, own = poses[start], information[start]
+        moved_m, count = np.inf, 0
+        for iteration in range(iterations):
+            c, s = np.cos(pose[2]), np.sin(pose[2])
+            if iteration == 0 or moved_m > 2e-3:
+                count = 0
+                for k in range(n):
+                    x = pose[0] + c * points[k, 0] - s * points[k, 1]
+                    y = pose[1] + s * points[k, 0] + c * points[k, 1]
+                    facing = c * normals[k, 0] - s * normals[k, 1], s * normals[k, 0] + c * normals[k, 1]
+                    row, dx, dy = nearest_plane(x, y, facing, surfaces)
+                    found[k] = row >= 0
+                    if row >= 0:
+                        mean[k, 0], mean[k, 1] = x + dx, y + dy
+                        unit[k, 0], unit[k, 1] = planes[row, 2], planes[row, 3]
+                        count += 1
+                if count < min_pairs:
+                    break
+            departure = pose - predicted
+            departure[2] = (departure[2] + np.pi) % (2 * np.pi) - np.pi
+            own[:] = 0.0
+            pull = np.zeros(3)
+            for k in range(n):
+                if not found[k]:
+                    continue
+                arm_x, arm_y = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+                residual[k] = unit[k, 0] * (arm_x + pose[0] - mean[k, 0]) + unit[k, 1] * (
+                    arm_y + pose[1] - mean[k, 1]
+                )
+                wild = residual[k] / max(least_outlier_m, _WILD * sigma_m[k])
+                trust[k] = weights[k] / (1 + wild * wild) / (sigma_m[k] * sigma_m[k])
+                slope[0], slope[1] = unit[k, 0], unit[k, 1]
+                slope[2] = unit[k, 1] * arm_x - unit[k, 0] * arm_y
+                for i in range(3):
+                    pull[i] += trust[k] * slope[i] * residual[k]
+                    for j in range(3):
+                        own[i, j] += trust[k] * slope[i] * slope[j]
+            for i in range(3):
+                for j in range(3):
+                    pull[i] += prior[i, j] * departure[j]
+            step = _solved(own + prior, pull)
+            pose -= step
+            # A turn moves points a metre or two away by as many metres per radian.
+            moved_m = np.hypot(step[0], step[1]) + 2 * abs(step[2])
+            if moved_m < 2e-4:
+                break
+        if count < min_pairs:
+            pose[:], own[:] = predicted, 0.0
+            continue
+        pose[2] = (pose[2] + np.pi) % (2 * np.pi) - np.pi
+        # The variance factor of least squares: squared residuals over what was expected.
+        squares, expected = 0.0, 0.0
+        for k in range(n):
+            if found[k]:
+                squares += trust[k] * residual[k] * residual[k]
+                expected += trust[k] * sigma_m[k] * sigma_m[k]
+                paired[start, k] = abs(residual[k]) < 2 * max(least_outlier_m, _WILD * sigma_m[k])
+        own /= max(1.0, squares / expected)
+
+
+@compiled
+def _solved(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Solution of three equations with a positive definite matrix, which changes."""
+    for i in range(3):
+        for j in range(i):
+            factor = matrix[i, j] / matrix[j, j]
+            values[i] -= factor * values[j]
+            for k in range(3):
+                matrix[i, k] -= factor * matrix[j, k]
+    for i in range(2, -1, -1):
+        for j in range(i + 1, 3):
+            values[i] -= matrix[i, j] * values[j]
+        values[i] /= matrix[i, i]
+    return values

@@ -109,73 +109,44 @@ class SurfaceGrid:
         mean = self.frame.to_points(self._cell[usable, ::-1] + 0.5) + self._planes[usable, :2]
         return mean, self._planes[usable, 2:4].astype(float), self._sums[usable, 0].astype(float)
 
-    def nearest(
-        self,
-        points: Float[np.ndarray, "n 2"],
-        normals: Float[np.ndarray, "n 2"],
-    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Bool[np.ndarray, " n"]]:
-        """For each point, the nearest surface of the same orientation, among 3 x 3 cells.
-
-        Returns:
-            Mean point [m] and unit normal of the surface found, and whether one was found.
-        """
-        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
-        mean, unit, found = (
-            np.empty((len(points), 2)),
-            np.empty((len(points), 2)),
-            np.empty(len(points), bool),
-        )
-        _nearest(
-            np.asarray(points, float),
-            np.asarray(normals, float),
-            (x, y, cell_m),
-            self._row,
-            self._planes,
-            mean,
-            unit,
-            found,
-        )
-        return mean, unit, found
+    def arrays(self) -> tuple[tuple[float, float, float], np.ndarray, np.ndarray]:
+        """What `nearest_plane` takes: lower left corner and side of a cell [m], row of each cell, and rows."""
+        return (*self.frame.origin_xy, self.frame.resolution_m), self._row, self._planes
 
 
 @compiled
-def _nearest(
-    points: np.ndarray,
-    normals: np.ndarray,
-    grid: tuple[float, float, float],
-    row_of: np.ndarray,
-    planes: np.ndarray,
-    mean: np.ndarray,
-    unit: np.ndarray,
-    found: np.ndarray,
-) -> None:
-    """For each point, the nearest of the surfaces around that face as it does; the point itself where there is none."""
-    x0, y0, cell_m = grid
+def nearest_plane(
+    x_m: float,
+    y_m: float,
+    facing: tuple[float, float],
+    surfaces: tuple[tuple[float, float, float], np.ndarray, np.ndarray],
+) -> tuple[int, float, float]:
+    """The nearest surface of the same orientation as a point with a unit normal, among 3 x 3 cells.
+
+    Returns:
+        Its row in the planes, -1 if there is none; from the point to its mean: x, y [m].
+    """
+    (x0, y0, cell_m), row_of, planes = surfaces
     ny, nx = row_of.shape
-    for k in range(len(points)):
-        x, y = (points[k, 0] - x0) / cell_m, (points[k, 1] - y0) / cell_m
-        mean[k] = points[k]
-        unit[k] = 0.0
-        found[k] = False
-        # Not a number is near nothing.
-        if not (-1 <= x < nx + 1 and -1 <= y < ny + 1):
-            continue
-        least = np.inf
-        own_x, own_y = int(np.floor(x)), int(np.floor(y))
-        for iy in range(max(own_y - 1, 0), min(own_y + 2, ny)):
-            for ix in range(max(own_x - 1, 0), min(own_x + 2, nx)):
-                if row_of[iy, ix] < 0:
-                    continue
-                plane = planes[row_of[iy, ix]]
-                if not plane[4] > 0 or not plane[2] * normals[k, 0] + plane[3] * normals[k, 1] > 0.7:
-                    continue
-                # From the point to the mean: offsets within the neighbourhood only, small in the planes' float32.
-                dx, dy = plane[0] + (ix + 0.5 - x) * cell_m, plane[1] + (iy + 0.5 - y) * cell_m
-                if dx * dx + dy * dy < least:
-                    least = dx * dx + dy * dy
-                    mean[k, 0], mean[k, 1] = points[k, 0] + dx, points[k, 1] + dy
-                    unit[k, 0], unit[k, 1] = plane[2], plane[3]
-                    found[k] = True
+    x, y = (x_m - x0) / cell_m, (y_m - y0) / cell_m
+    nearest, least, to_x, to_y = -1, np.inf, 0.0, 0.0
+    # Not a number is near nothing.
+    if not (-1 <= x < nx + 1 and -1 <= y < ny + 1):
+        return nearest, to_x, to_y
+    own_x, own_y = int(np.floor(x)), int(np.floor(y))
+    for iy in range(max(own_y - 1, 0), min(own_y + 2, ny)):
+        for ix in range(max(own_x - 1, 0), min(own_x + 2, nx)):
+            row = row_of[iy, ix]
+            if row < 0:
+                continue
+            plane = planes[row]
+            if not plane[4] > 0 or not plane[2] * facing[0] + plane[3] * facing[1] > 0.7:
+                continue
+            # From the point to the mean: offsets within the neighbourhood only, small in the planes' float32.
+            dx, dy = plane[0] + (ix + 0.5 - x) * cell_m, plane[1] + (iy + 0.5 - y) * cell_m
+            if dx * dx + dy * dy < least:
+                nearest, least, to_x, to_y = row, dx * dx + dy * dy, dx, dy
+    return nearest, to_x, to_y
 
 
 @compiled
