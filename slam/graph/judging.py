@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from slam.graph.submaps import View, seen_by
+from slam.graph.submaps import View, Views, seen_by
 from slam.matching.levels import difference
 from slam.matching.scan_matching import Match
 from slam.poses import to_map
@@ -38,11 +38,12 @@ class Judge:
         """Rating of a match by the scan and recent ones: more is better."""
         if not len(self._ends):
             return 0.0
-        confirmed, through = seen_by(self.recent, to_map(match.pose, self._ends))
+        confirmed, through = seen_by(self._recent_views, to_map(match.pose, self._ends))
         against = float((through & ~confirmed).mean())
-        for points in self._recent_ends:
-            same, through = seen_by([(match.pose, self.view)], points)
-            against += float((through & ~same).mean()) / len(self._recent_ends)
+        ends, of_scan = self._recent_ends
+        if len(ends):
+            same, through = seen_by(Views.of([(match.pose, self.view)]), ends)
+            against += float((of_scan * (through & ~same)).sum())
         agrees = float(match.paired.mean()) + float(confirmed.mean())
         away = difference(match.pose, self.predicted, 1.0)
         return (
@@ -54,7 +55,13 @@ class Judge:
         return self.view.ends()
 
     @cached_property
-    def _recent_ends(self) -> list[Float[np.ndarray, "m 2"]]:
-        """Points of recent scans in `map` [m]."""
+    def _recent_views(self) -> Views:
+        return Views.of(self.recent)
+
+    @cached_property
+    def _recent_ends(self) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, " m"]]:
+        """Points of recent scans in `map` [m], and weights with which each scan counts the same."""
         ends = [to_map(pose, view.ends()) for pose, view in self.recent]
-        return [points for points in ends if len(points)]
+        ends = [points for points in ends if len(points)] or [np.zeros((0, 2))]
+        shares = [np.full(len(points), 1 / max(len(points), 1) / len(ends)) for points in ends]
+        return np.concatenate(ends), np.concatenate(shares)

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from slam.poses import rotation, wrap
 
@@ -39,7 +39,7 @@ _BELIEVED = 0.5
 #: Least weight of what distances have in common: what says nothing of it leaves it where it is.
 _LEAST = 1e-6
 #: The solver stops when no pose moves by more [m, rad].
-_STILL = 1e-5
+_STILL = 1e-4
 #: A place moves in one step by no more than this part of its distance from where it was seen: beyond, bearings are
 #: not linear.
 _PLACE_STEP = 0.5
@@ -106,6 +106,7 @@ class PoseGraph:
         self._known: list[bool] = []
         self._shared = np.zeros(0)
         self._scales = np.zeros(0)
+        self._seen_weights, self._scale_weights = np.ones((2, 0)), np.ones(0)
         self._uncertain: dict[int, Float[np.ndarray, "n 3 3"]] = {}
 
     def add(self, pose: Float[np.ndarray, "3"]) -> int:
@@ -155,14 +156,26 @@ class PoseGraph:
             return 0.0
         before = np.array(self.poses)
         system = self._system()
-        state, convex = system.state, min(2 * system.worst(system.state), _MOST_CONVEX)
+        # What was not believed before remains so, unless the poses themselves change its weight.
+        seen = np.pad(
+            self._seen_weights,
+            ((0, 0), (0, len(self.sightings) - self._seen_weights.shape[1])),
+            constant_values=1.0,
+        )
+        alike = np.pad(
+            self._scale_weights, (0, len(self.places) - len(self._scale_weights)), constant_values=1.0
+        )
+        believed = np.concatenate([self.weights, seen.ravel(), alike]) > _BELIEVED
+        state, convex = system.state, min(2 * system.worst(system.state, believed), _MOST_CONVEX)
         while convex > 1.0:
             state = system.minimised(state, system.weighed(state, convex), _FEW_STEPS)
             convex /= _STEP
         state = system.minimised(state, system.weighed(state), _MOST_STEPS)
         for _ in range(_SETTLING if system.doubtful.any() else 0):
             state = system.minimised(state, system.weighed(state), _FEW_STEPS)
-        self.weights = system.weighed(state)[: len(self.constraints)].tolist()
+        bounds = np.cumsum([len(self.constraints), 2 * len(self.sightings)])
+        weights, seen, self._scale_weights = np.split(system.weighed(state), bounds)
+        self.weights, self._seen_weights = weights.tolist(), seen.reshape(2, -1)
         self.poses = list(state.poses)
         self.places = list(state.places)
         self._shared, self._scales = state.shared, state.scales
@@ -316,15 +329,20 @@ class _System:
         rows = np.concatenate([place[np.repeat(columns, n, axis=1)].ravel() for columns, n in shapes])
         across = np.concatenate([place[np.tile(columns, (1, n))].ravel() for columns, n in shapes])
         self._is_free_pair = (rows >= 0) & (across >= 0)
-        self._at_free = rows[self._is_free_pair], across[self._is_free_pair]
+        # Numbers of the matrix in the order of its columns, and to which of them each number of a block adds.
+        size = self.size = int(self._free.sum())
+        entries, self._entry = np.unique(
+            across[self._is_free_pair] * size + rows[self._is_free_pair], return_inverse=True
+        )
+        self._rows, self._starts = entries % size, np.searchsorted(entries, size * np.arange(size + 1))
 
     def weighed(self, state: _State, convex: float = 1.0) -> Float[np.ndarray, " k"]:
         """Weight of each measurement under Geman and McClure's kernel, made so much more convex."""
         return np.where(self.doubtful, (convex / (self._over(state) + convex)) ** 2, 1.0)
 
-    def worst(self, state: _State) -> float:
-        """Largest squared error of what may be wrong, over that at which it begins to lose its weight."""
-        return float(self._over(state)[self.doubtful].max(initial=0.0))
+    def worst(self, state: _State, believed: Bool[np.ndarray, " k"]) -> float:
+        """Largest squared error of what is believed and may be wrong, over that at which it begins to lose weight."""
+        return float(self._over(state)[self.doubtful & believed].max(initial=0.0))
 
     def _over(self, state: _State) -> Float[np.ndarray, " k"]:
         error, _ = _errors(state.poses, self._first, self._second, self._measured)
@@ -337,7 +355,7 @@ class _System:
         for _ in range(steps):
             hessian, gradient = self._normal(state, weights)
             step = np.zeros(len(self._free))
-            step[self._free] = splu(hessian).solve(-gradient[self._free])
+            step[self._free] = _factorised(hessian).solve(-gradient[self._free])
             shift = step[: state.poses.size].reshape(-1, 3)
             others = step[state.poses.size :]
             far = self._short_enough(state, others[: state.places.size].reshape(-1, 2))
@@ -359,7 +377,7 @@ class _System:
         rows = self.state.poses.size + 2 * place + np.arange(2)
         columns[rows] = np.eye(2)
         spread = np.zeros_like(columns)
-        spread[self._free] = splu(hessian).solve(columns[self._free])
+        spread[self._free] = _factorised(hessian).solve(columns[self._free])
         return np.asarray(spread[rows])
 
     def _normal(self, state: _State, weights: Float[np.ndarray, " k"]) -> tuple[csc_matrix, np.ndarray]:
@@ -380,9 +398,8 @@ class _System:
         prior = np.concatenate([np.ones(len(state.shared)), weights[count + 2 * sightings :] + _LEAST])
         gradient[self._priors] += prior * np.concatenate([state.shared, state.scales])
         values.append(prior)
-        size = int(self._free.sum())
-        entries = np.concatenate(values)[self._is_free_pair]
-        return csc_matrix((entries, self._at_free), shape=(size, size)), gradient
+        entries = np.bincount(self._entry, np.concatenate(values)[self._is_free_pair])
+        return csc_matrix((entries, self._rows, self._starts), shape=(self.size, self.size)), gradient
 
     def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 9"]]:
         """Errors of bearings and distances, in standard deviations, and their derivatives."""
@@ -425,6 +442,11 @@ class _System:
         np.minimum.at(nearest, self._place, np.maximum(gap, 0.1))
         length = np.hypot(*step.T)
         return np.asarray(step * np.minimum(1.0, _PLACE_STEP * nearest / np.maximum(length, 1e-12))[:, None])
+
+
+def _factorised(hessian: csc_matrix) -> SuperLU:
+    """Of a symmetric, positive definite matrix."""
+    return splu(hessian, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def _gaps(

@@ -10,11 +10,12 @@ References: Hess et al., Real-time loop closure in 2D lidar SLAM, ICRA 2016 (sub
 matching, ICRA 2009; Censi, An accurate closed-form estimate of ICP's covariance, ICRA 2007.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from slam.matching.levels import SurfaceLevels, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
@@ -177,43 +178,68 @@ def _judged(one: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[i
     seen = contradicted = 0
     for surfaces, viewer, place in ((one, other, pose), (other, one, back)):
         some = np.unique(np.linspace(0, len(viewer.poses) - 1, _VIEWS).astype(int))
-        views = [(viewer.poses[k], viewer.views[k]) for k in some]
+        views = Views.of([(viewer.poses[k], viewer.views[k]) for k in some])
         same, against = seen_by(views, to_map(place, surfaces.outline().points))
         seen += int(same.sum())
         contradicted += int((against & ~same).sum())
     return seen, seen / max(seen + contradicted, 1)
 
 
+class Views(NamedTuple):
+    """Views from some poses, one after another."""
+
+    poses: Float[np.ndarray, "v 3"]
+    bounds: Int[np.ndarray, " v+1"]
+    """Where the beams of each begin and end."""
+    bearing_rad: Float[np.ndarray, " w"]
+    range_m: Float[np.ndarray, " w"]
+
+    @classmethod
+    def of(cls, views: Sequence[tuple[Float[np.ndarray, "3"], View]]) -> "Views":
+        """From poses and what was seen there."""
+        return cls(
+            np.array([pose for pose, _ in views]).reshape(-1, 3),
+            np.cumsum([0, *(len(view.range_m) for _, view in views)]),
+            np.concatenate([[], *(view.bearing_rad for _, view in views)]),
+            np.concatenate([[], *(view.range_m for _, view in views)]),
+        )
+
+
 def seen_by(
-    views: Iterable[tuple[Float[np.ndarray, "3"], View]], points: Float[np.ndarray, "n 2"]
+    views: Views, points: Float[np.ndarray, "n 2"]
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Which points (x, y) [m] views from poses saw a surface at, and which they looked through."""
+    """Which points (x, y) [m] views saw a surface at, and which they looked through."""
     same, through = np.zeros(len(points), bool), np.zeros(len(points), bool)
-    for pose, view in views:
-        _look(pose, view.bearing_rad, view.range_m, points, same, through)
+    _look(*views, points, same, through)
     return same, through
 
 
 @compiled
 def _look(
-    pose: np.ndarray,
-    bearing: np.ndarray,
-    reached: np.ndarray,
+    poses: np.ndarray,
+    bounds: np.ndarray,
+    bearings: np.ndarray,
+    ranges: np.ndarray,
     points: np.ndarray,
     same: np.ndarray,
     through: np.ndarray,
 ) -> None:
-    """Mark the points that beams from a pose saw a surface at, and those they looked through."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    for k in range(len(points)):
-        dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
-        distance_m = np.hypot(dx, dy)
-        beam = np.searchsorted(bearing, np.arctan2(c * dy - s * dx, c * dx + s * dy))
-        if beam == 0 or beam == len(bearing):
-            continue
-        left, right = reached[beam - 1], reached[beam]
-        near_m = 0.1 + 0.01 * distance_m
-        if min(abs(left - distance_m), abs(right - distance_m)) < near_m:
-            same[k] = True
-        if distance_m < min(abs(left), abs(right)) - 3 * near_m:
-            through[k] = True
+    for view in range(len(poses)):
+        pose = poses[view]
+        bearing, reached = (
+            bearings[bounds[view] : bounds[view + 1]],
+            ranges[bounds[view] : bounds[view + 1]],
+        )
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        for k in range(len(points)):
+            dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
+            distance_m = np.hypot(dx, dy)
+            beam = np.searchsorted(bearing, np.arctan2(c * dy - s * dx, c * dx + s * dy))
+            if beam == 0 or beam == len(bearing):
+                continue
+            left, right = reached[beam - 1], reached[beam]
+            near_m = 0.1 + 0.01 * distance_m
+            if min(abs(left - distance_m), abs(right - distance_m)) < near_m:
+                same[k] = True
+            if distance_m < min(abs(left), abs(right)) - 3 * near_m:
+                through[k] = True
