@@ -222,21 +222,16 @@ class PoseGraph:
         motion = shift @ covariance @ shift.transpose(0, 2, 1)
         is_linked = before >= 0
         node = np.flatnonzero(is_linked)
-        order = np.argsort(first * n + second)
-        keys = (first * n + second)[order]
-        here, there = np.minimum(node, before[node]), np.maximum(node, before[node])
-        # A loop's first pose is the later one, that of odometry the earlier one.
-        at = np.searchsorted(keys, here * n + there)
-        other = np.searchsorted(keys, there * n + here)
-        is_forward = keys[np.minimum(at, len(keys) - 1)] == here * n + there
-        edge = order[np.where(is_forward, at, np.minimum(other, len(keys) - 1))]
+        keys = np.minimum(first, second) * n + np.maximum(first, second)
+        order = np.argsort(keys)
+        wanted = np.minimum(node, before[node]) * n + np.maximum(node, before[node])
         total = np.zeros((n, 3, 3))
-        total[node] = motion[edge]
+        total[node] = motion[order[np.searchsorted(keys[order], wanted)]]
         before = np.where(is_linked, before, start)
         while (before != start).any():
             total += total[before]
             before = before[before]
-        back = _turned(-poses[start, 2]) @ _lever(poses[:, :2] - poses[start, :2])
+        back = rotation(-poses[start, 2]) @ _lever(poses[:, :2] - poses[start, :2])
         found = back @ total @ back.transpose(0, 2, 1)
         self._uncertain[start] = found
         return found
@@ -262,12 +257,11 @@ def _lever(away: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3 3"]:
     return lever
 
 
-def _turned(yaw_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3 3"]:
-    """Rotations of the plane, one for each angle."""
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    turned = np.zeros((*np.shape(yaw_rad), 3, 3))
-    turned[..., 0, 0], turned[..., 0, 1], turned[..., 1, 0], turned[..., 1, 1] = c, -s, s, c
-    turned[..., 2, 2] = 1.0
+def _turned(yaw_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
+    """Rotations of the plane."""
+    c, s, n = np.cos(yaw_rad), np.sin(yaw_rad), len(yaw_rad)
+    turned = np.zeros((n, 3, 3))
+    turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 0], turned[:, 1, 1], turned[:, 2, 2] = c, -s, s, c, 1.0
     return turned
 
 
