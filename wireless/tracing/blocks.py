@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
+from wireless.support.compiled import delayed_signals
 from wireless.tracing.table import Table
 
 #: Transmitters and receivers of a block. A block of a detailed plan takes some 50 MB while it is traced.
@@ -40,11 +41,11 @@ def trace_blocks(
     stopped = threading.Event()
 
     def run(block: tuple[slice, slice]) -> list[Table]:
-        tables = []
-        for table in trace(*block):
-            if stopped.is_set():
-                break
-            tables.append(_packed(table))
+        tables: list[Table] = []
+        found = iter(trace(*block))
+        while len(tables) < block[0].stop - block[0].start and not stopped.is_set():
+            with delayed_signals():  # once, not for each of the loops that a short link calls
+                tables.append(_packed(next(found)))
         return tables
 
     threads = min(available_cores() if workers is None else workers, len(blocks))
