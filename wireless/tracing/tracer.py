@@ -223,7 +223,7 @@ class Tracer:
             self._scattering = self._rough(self.scene, materials, of_face)
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
-        """Layers of walls of each material, see `wireless.em.fields.fresnel`."""
+        """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
         c = self.config
         rows = [
             wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
