@@ -9,11 +9,14 @@ once: a single link pays for no threads.
 import itertools
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
 from wireless.support.compiled import delayed_signals
 from wireless.tracing.table import Table
+
+T = TypeVar("T")
 
 #: Transmitters and receivers of a block. A block of a detailed plan takes some 50 MB while it is traced.
 BLOCK_TX, BLOCK_RX = 16, 512
@@ -27,6 +30,29 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def in_threads(
+    run: Callable[..., T], *parts: Sequence[Any], workers: int | None, stop: Callable[[], None] | None = None
+) -> list[T]:
+    """Results of a function for each of some parts in turn.
+
+    Args:
+        run: The function.
+        parts: Its arguments, a sequence for each.
+        workers: Threads; None for one on each available core.
+        stop: Called if a part fails, or at Ctrl-C: the pool waits for its threads, which need not finish their parts.
+    """
+    threads = min(available_cores() if workers is None else workers, len(parts[0]))
+    if threads <= 1:
+        return list(map(run, *parts))
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            return list(pool.map(run, *parts))
+        except BaseException:
+            if stop is not None:
+                stop()
+            raise
 
 
 def trace_blocks(
@@ -48,18 +74,7 @@ def trace_blocks(
                 tables.append(_packed(next(found)))
         return tables
 
-    threads = min(available_cores() if workers is None else workers, len(blocks))
-    if threads <= 1:
-        done = [run(block) for block in blocks]
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            try:
-                done = list(pool.map(run, blocks))
-            except (
-                BaseException
-            ):  # Ctrl-C: the pool waits for its threads, which need not finish their blocks
-                stopped.set()
-                raise
+    done = in_threads(run, blocks, workers=workers, stop=stopped.set)
     rows: Rows = [[] for _ in range(n_tx)]
     for (txs, rxs), tables in zip(blocks, done, strict=True):
         for i, table in zip(range(txs.start, txs.stop), tables, strict=True):
