@@ -26,7 +26,7 @@ from scipy.constants import speed_of_light
 from robosim.building.extrusion import PLACED
 from robosim.building.faces import KINDS, Faces
 from robosim.support.files import whole_file
-from wireless.em.fields import fresnel
+from wireless.em.fresnel import fresnel
 from wireless.em.materials import WALLS, Material, wall_row
 
 #: Colour of each kind of face (red, green, blue, opacity), in the order of `KINDS`.

@@ -80,11 +80,14 @@ def check_folder(folder: Path, command: str) -> None:
 
 def _exists(path: Path) -> bool:
     try:
-        return path.exists() or path.is_symlink()
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
     except OSError as error:
         raise FolderError(
             f"out is {str(path)[:200]!r}, which cannot be a folder ({error.strerror}). Choose another."
         ) from error
+    return True
 
 
 def _make(folder: Path) -> list[Path]:

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.constants import speed_of_light
 
+from tests.wireless.em.plane_waves import cavity_wall, reflection, slab
 from wireless.em.diffraction import boundary_term
-from wireless.em.fresnel import cavity_wall, reflection, slab
 from wireless.em.materials import permittivity
 
 #: Ratio of a wall over the sine of the angle to it.

@@ -9,7 +9,7 @@ import pytest
 
 from tests.benchmarks.edge_laws import Faces, Wedges, laws
 from tests.wireless.em.full_wave import diffracted, traced
-from wireless.em.fresnel import reflection
+from tests.wireless.em.plane_waves import reflection
 
 MATERIALS = {"drywall": 2.94 - 0.0787j, "concrete": 5.24 - 0.402j}
 SOURCES_DEG = (20.0, 55.0, 110.0)

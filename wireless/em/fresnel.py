@@ -11,127 +11,93 @@ Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both ratio
 go to -1 at grazing incidence; at normal incidence they are opposite, since TM then counts the reflected field
 along the direction that is mirrored.
 
-Layers that differ are put together in `wireless.em.fields`.
+Layers that differ are put together from the last to the first.
 
 Left out: roughness, diffuse scattering, walls that end.
 Reference: Recommendation ITU-R P.2040-4 (09/2025), equations (37), (43) and (44).
 """
 
 import numpy as np
-from jaxtyping import Complex, Float
-from scipy.constants import speed_of_light
+from jaxtyping import Complex
 
-#: Of reflection and transmission: r_te, r_tm, t_te, t_tm.
-Ratios = tuple[
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-]
+from wireless.support.compiled import compiled
 
 
-def reflection(
-    cos_i: Float[np.ndarray, "*batch"], eps: complex | Complex[np.ndarray, "*batch"]
-) -> tuple[Complex[np.ndarray, "*batch"], Complex[np.ndarray, "*batch"]]:
-    """Fresnel reflection ratios of a half-space met from vacuum.
+@compiled
+def fresnel(
+    cos_i: float, wall: Complex[np.ndarray, " l"], wavenumber: float
+) -> tuple[complex, complex, complex, complex]:
+    """Ratios r_te, r_tm, t_te, t_tm of a wall for one ray: fields behind it over those before it.
 
-    Args:
-        cos_i: Cosine of the angle between ray and wall normal, in [0, 1].
-        eps: Relative permittivity, Im(eps) <= 0.
-
-    Returns:
-        r_te, r_tm: Reflected over incident electric field. Square the magnitude for power.
-
-    Raises:
-        ValueError: If a cosine is not in [0, 1], or Im(eps) > 0, which would be a wall with gain.
+    A wall is the relative permittivity and thickness [m] of each of its layers in turn, zeros beyond the last
+    (`wireless.em.materials.wall_row`). One layer of thickness 0 stands for a half-space. Transmission ratios are over
+    the field that would be there without the wall.
     """
-    p = _normal_wavenumber(cos_i, eps)
-    return _ratio(cos_i - p, cos_i + p), _ratio(eps * cos_i - p, eps * cos_i + p)
+    eps, thickness_m = wall[0], wall[1].real
+    p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j)
+    if p.imag > 0:
+        p = -p
+    te, tm = cos_i + p, eps * cos_i + p
+    r_te = (cos_i - p) / te if te != 0 else 0j
+    r_tm = (eps * cos_i - p) / tm if tm != 0 else 0j
+    if thickness_m == 0:
+        return r_te, r_tm, 0j, 0j
+    several = len(wall) > 2 and wall[2] != 0
+    if several and not _is_cavity(wall):
+        return _stack(cos_i, wall, wavenumber)
+    once, free = np.exp(-1j * wavenumber * thickness_m * p), np.exp(1j * wavenumber * thickness_m * cos_i)
+    many_te, many_tm = 1 - r_te**2 * once**2, 1 - r_tm**2 * once**2
+    t_te, t_tm = (1 - r_te**2) * once / many_te, (1 - r_tm**2) * once / many_tm
+    r_te, r_tm = r_te * (1 - once**2) / many_te, r_tm * (1 - once**2) / many_tm
+    if not several:
+        return r_te, r_tm, t_te * free, t_tm * free
+    # What is over the free field needs no phase of the gap: it is that of the free field too.
+    around = np.exp(-2j * wavenumber * wall[3].real * cos_i)
+    many_te, many_tm = 1 - r_te**2 * around, 1 - r_tm**2 * around
+    in_te = t_te**2 / many_te if many_te != 0 else 0j  # grazing: nothing gets in
+    in_tm = t_tm**2 / many_tm if many_tm != 0 else 0j
+    return r_te * (1 + in_te * around), r_tm * (1 + in_tm * around), in_te * free**2, in_tm * free**2
 
 
-def slab(
-    cos_i: Float[np.ndarray, "*batch"],
-    eps: complex | Complex[np.ndarray, "*batch"],
-    thickness_m: float,
-    frequency_hz: float,
-) -> Ratios:
-    """Reflection and transmission ratios of a single layer in vacuum.
-
-    Args:
-        cos_i: Cosine of the angle between ray and wall normal, in [0, 1].
-        eps: Relative permittivity of the layer, Im(eps) <= 0.
-        thickness_m: Thickness of the layer.
-        frequency_hz: Frequency of the wave.
-
-    Returns:
-        r_te, r_tm: Reflected over incident electric field, both at the face that the wave meets.
-        t_te, t_tm: Field at the other face over incident field at the nearest point of the first face. A ray
-            drawn straight on has the phase -k d cos(i) of that distance in vacuum already: subtract it there.
-
-    Raises:
-        ValueError: If thickness or frequency are not positive, a cosine is not in [0, 1], or Im(eps) > 0.
-    """
-    for name, value in (("thickness_m", thickness_m), ("frequency_hz", frequency_hz)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}, expected a positive number.")
-    k = 2 * np.pi * frequency_hz / speed_of_light
-    once = np.exp(-1j * k * thickness_m * _normal_wavenumber(cos_i, eps))
-    half_te, half_tm = reflection(cos_i, eps)
-    reflected = [r * (1 - once**2) / (1 - r**2 * once**2) for r in (half_te, half_tm)]
-    through = [(1 - r**2) * once / (1 - r**2 * once**2) for r in (half_te, half_tm)]
-    return reflected[0], reflected[1], through[0], through[1]
+@compiled
+def _is_cavity(wall: Complex[np.ndarray, " l"]) -> bool:
+    """Whether a wall is two equal layers with air between, for which there is a closed form."""
+    three = len(wall) >= 6 and wall[4] != 0 and (len(wall) == 6 or wall[6] == 0)
+    return three and wall[2] == 1 and wall[0] == wall[4] and wall[1] == wall[5]
 
 
-def cavity_wall(
-    cos_i: Float[np.ndarray, "*batch"],
-    eps: complex | Complex[np.ndarray, "*batch"],
-    thickness_m: float,
-    gap_m: float,
-    frequency_hz: float,
-) -> Ratios:
-    """Reflection and transmission ratios of two equal layers with air between, such as two plasterboards.
-
-    Args:
-        cos_i: Cosine of the angle between ray and wall normal, in [0, 1].
-        eps: Relative permittivity of the layers.
-        thickness_m: Thickness of each layer.
-        gap_m: Width of the air between.
-        frequency_hz: Frequency of the wave.
-
-    Returns:
-        r_te, r_tm, t_te, t_tm: As of `slab`, for the whole wall.
-
-    Raises:
-        ValueError: As of `slab`, or if the gap is negative.
-    """
-    if not (np.isfinite(gap_m) and gap_m >= 0):
-        raise ValueError(f"gap_m is {gap_m}, expected 0 or more.")
-    r_te, r_tm, t_te, t_tm = slab(cos_i, eps, thickness_m, frequency_hz)
-    once = np.exp(-2j * np.pi * frequency_hz / speed_of_light * gap_m * cos_i)
-    in_te, in_tm = (_ratio(t**2, 1 - r**2 * once**2) for r, t in ((r_te, t_te), (r_tm, t_tm)))
-    return r_te * (1 + in_te * once**2), r_tm * (1 + in_tm * once**2), in_te * once, in_tm * once
-
-
-def _normal_wavenumber(
-    cos_i: Float[np.ndarray, "*batch"], eps: complex | Complex[np.ndarray, "*batch"]
-) -> Complex[np.ndarray, "*batch"]:
-    """sqrt(eps - sin^2 i): wavenumber in the wall along its normal, over that of vacuum; decays inwards."""
-    if not np.all((cos_i >= 0) & (cos_i <= 1)):
-        raise ValueError(
-            f"cos_i reaches from {np.min(cos_i)} to {np.max(cos_i)}, expected [0, 1]: turn the normal "
-            "towards the incoming ray."
-        )
-    if not np.all(np.imag(eps) <= 0):
-        raise ValueError(
-            f"Im(eps) is {np.max(np.imag(eps))}, expected at most 0: fields vary as exp(+j omega t), "
-            "where losses are negative."
-        )
-    p = np.sqrt(eps - (1 - cos_i**2) + 0j)
-    return np.where(p.imag > 0, -p, p)
-
-
-def _ratio(
-    above: Complex[np.ndarray, "*batch"], below: Complex[np.ndarray, "*batch"]
-) -> Complex[np.ndarray, "*batch"]:
-    """Quotient, 0 where both are 0: a wave along a wall's face."""
-    return np.divide(above, below, out=np.zeros_like(above), where=below != 0)
+@compiled
+def _stack(
+    cos_i: float, wall: Complex[np.ndarray, " l"], wavenumber: float
+) -> tuple[complex, complex, complex, complex]:
+    """`fresnel` of any layers, from the last to the first (Parratt, Physical Review 95, 359, 1954)."""
+    # With s and 1 + s of each boundary, what lies behind it with R and T, R' = (s + R) / (1 + s R) and T' = (1 + s) T /
+    # (1 + s R); each layer then turns R by twice its phase and T by once. Of TM this is the magnetic field.
+    count = len(wall) // 2
+    while wall[2 * count - 2] == 0:
+        count -= 1
+    # Behind the last layer is air, as before the first.
+    p_behind, eps_behind, total_m = cos_i + 0j, 1.0 + 0j, 0.0
+    r_te, r_tm, t_te, t_tm = 0j, 0j, 1 + 0j, 1 + 0j
+    for j in range(count, -1, -1):
+        eps = wall[2 * j - 2] if j else 1.0 + 0j
+        p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j) if j else cos_i + 0j
+        if p.imag > 0:
+            p = -p
+        te, tm = p + p_behind, eps_behind * p + eps * p_behind
+        s_te = (p - p_behind) / te if te != 0 else 0j
+        s_tm = (eps_behind * p - eps * p_behind) / tm if tm != 0 else 0j
+        many_te, many_tm = 1 + s_te * r_te, 1 + s_tm * r_tm
+        # Grazing: nothing gets in.
+        t_te = (1 + s_te) * t_te / many_te if many_te != 0 else 0j
+        t_tm = (1 + s_tm) * t_tm / many_tm if many_tm != 0 else 0j
+        r_te = (s_te + r_te) / many_te if many_te != 0 else s_te
+        r_tm = (s_tm + r_tm) / many_tm if many_tm != 0 else s_tm
+        if j:
+            thickness_m = wall[2 * j - 1].real
+            once = np.exp(-1j * wavenumber * thickness_m * p)
+            r_te, r_tm, t_te, t_tm = r_te * once**2, r_tm * once**2, t_te * once, t_tm * once
+            total_m += thickness_m
+        p_behind, eps_behind = p, eps
+    free = np.exp(1j * wavenumber * total_m * cos_i)
+    return r_te, r_tm, t_te * free, t_tm * free

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from wireless.em.fields import fresnel
+from wireless.em.fresnel import fresnel
 from wireless.support.compiled import compiled
 
 #: Bins over the cosine of the angle of incidence, and samples in each.

@@ -14,6 +14,8 @@ nodes, such as at the rim of an array's view, do no harm. The top is where the s
 found to machine precision.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Complex
 
@@ -23,24 +25,31 @@ from wireless.support.compiled import compiled
 MAX_HALVINGS = 40
 
 
-@compiled
-def place(
-    table: Complex[np.ndarray, "nodes dims"],
-    round_trip: bool,
-    x: float,
-    point: Complex[np.ndarray, " dims"],
-    slope: Complex[np.ndarray, " dims"],
-) -> None:
-    """Point and slope of a curve.
+class Curve(NamedTuple):
+    """A curve as a table."""
 
-    Args:
-        table: Nodes of the curve, 3 to an interval; one more at the end of one that is not closed.
-        round_trip: Whether the curve is closed: the last interval ends at the first node.
-        x: Coordinate, in intervals.
-        point: Where the point goes.
-        slope: Where its derivative goes.
-    """
-    nodes = len(table)
+    table: Complex[np.ndarray, "nodes dims"]
+    """Nodes, 3 to an interval; one more at the end of a curve that is not closed."""
+    round_trip: bool
+    """Whether the curve is closed: the last interval ends at the first node."""
+    parts: int
+    """Parts that have oscillators of their own."""
+    step: float
+    """Half the width of a bracket around a top [intervals]."""
+
+
+class Spot(NamedTuple):
+    """A place on a curve."""
+
+    point: Complex[np.ndarray, " dims"]
+    slope: Complex[np.ndarray, " dims"]
+    """Derivative of the point by the coordinate in intervals."""
+
+
+@compiled
+def place(curve: Curve, x: float, spot: Spot) -> None:
+    """Put the point and the slope of a curve at a coordinate, in intervals, into `spot`."""
+    table, round_trip, nodes = curve.table, curve.round_trip, len(curve.table)
     n = nodes // 3
     j = int(np.floor(x))
     if not round_trip:
@@ -64,27 +73,19 @@ def place(
     a, b = table[first].view(np.float64), table[first + 1].view(np.float64)
     c = table[first + 2].view(np.float64)
     e = table[last].view(np.float64)
-    at, along = point.view(np.float64), slope.view(np.float64)
+    at, along = spot.point.view(np.float64), spot.slope.view(np.float64)
     for d in range(len(at)):
         at[d] = w[0] * a[d] + w[1] * b[d] + w[2] * c[d] + w[3] * e[d]
         along[d] = s[0] * a[d] + s[1] * b[d] + s[2] * c[d] + s[3] * e[d]
 
 
 @compiled
-def gain(
-    table: Complex[np.ndarray, "nodes dims"],
-    round_trip: bool,
-    parts: int,
-    v: Complex[np.ndarray, "dims others"],
-    x: float,
-    point: Complex[np.ndarray, " dims"],
-    slope: Complex[np.ndarray, " dims"],
-) -> tuple[float, float]:
+def gain(curve: Curve, v: Complex[np.ndarray, "dims others"], x: float, spot: Spot) -> tuple[float, float]:
     """S at x, and the slope of its logarithm."""
-    place(table, round_trip, x, point, slope)
-    norm, norm_slope, total, total_slope = 0.0, 0.0, 0.0, 0.0
-    ports = len(point) // parts
-    for g in range(parts):
+    place(curve, x, spot)
+    norm, norm_slope, total, total_slope, (point, slope) = 0.0, 0.0, 0.0, 0.0, spot
+    ports = len(point) // curve.parts
+    for g in range(curve.parts):
         for d in range(g * ports, (g + 1) * ports):
             c, s = point[d], slope[d]
             norm += c.real * c.real + c.imag * c.imag
@@ -107,43 +108,29 @@ def gain(
 
 
 @compiled
-def climb(
-    table: Complex[np.ndarray, "nodes dims"],
-    round_trip: bool,
-    parts: int,
-    v: Complex[np.ndarray, "dims others"],
-    x: float,
-    step: float,
-    n_steps: int,
-    point: Complex[np.ndarray, " dims"],
-    slope: Complex[np.ndarray, " dims"],
-) -> float:
-    """Coordinate of the top near x; the curve's point there is left in `point`.
+def climb(curve: Curve, v: Complex[np.ndarray, "dims others"], x: float, n_steps: int, spot: Spot) -> float:
+    """Coordinate of the top near x; the curve's point there is left in `spot`.
 
     Args:
-        table: Nodes of the curve (`place`).
-        round_trip: Whether the curve is closed.
-        parts: Number of parts of the curve.
+        curve: The curve.
         v: The tensor contracted with the other coordinates.
         x: Where to start, in intervals.
-        step: Half the width of a bracket around a top.
         n_steps: How many steps before and after x to look first.
-        point: Room for the curve's point.
-        slope: Room for its slope.
+        spot: Takes the point.
     """
-    end = len(table) // 3
+    round_trip, step, end = curve.round_trip, curve.step, len(curve.table) // 3
     best, top, rise = -1.0, x, 0.0
     for i in range(-n_steps, n_steps + 1):
         at = x + i * step
         if round_trip or 0 <= at <= end:
-            value, steep = gain(table, round_trip, parts, v, at, point, slope)
+            value, steep = gain(curve, v, at, spot)
             if value > best:
                 best, top, rise = value, at, steep
     low, high = (top, top + step) if rise > 0 else (top - step, top)
     if not round_trip:
         low, high = max(low, 0.0), min(high, float(end))
     edge = high if rise > 0 else low
-    edge_value, steep = gain(table, round_trip, parts, v, edge, point, slope)
+    edge_value, steep = gain(curve, v, edge, spot)
     if steep * rise >= 0:  # no top in the bracket: take the better end
         top = edge if edge_value > best else top
     else:
@@ -152,7 +139,7 @@ def climb(
         side = 0
         for _ in range(MAX_HALVINGS):
             top = (low * d_high - high * d_low) / (d_high - d_low)
-            _, steep = gain(table, round_trip, parts, v, top, point, slope)
+            _, steep = gain(curve, v, top, spot)
             if steep > 0:
                 change, low, d_low = top - low, top, steep
                 if side > 0:
@@ -165,5 +152,5 @@ def climb(
                 side = -1
             if change < tolerance or high - low < tolerance:
                 break
-    place(table, round_trip, top, point, slope)
+    place(curve, top, spot)
     return float(top % end) if round_trip else float(top)

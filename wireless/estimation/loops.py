@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Float32, Int
 
-from wireless.estimation.climb import climb, place
+from wireless.estimation.climb import Curve, Spot, climb, place
 from wireless.estimation.look import best_look
 from wireless.estimation.residual import (
     Layout,
@@ -42,16 +42,12 @@ SETTLED_ROUGHLY, FAINT = 0.03, 1e-3
 class Curves(NamedTuple):
     """What a path looks like along each coordinate, and the grid on which paths are first looked for."""
 
-    rx: Complex[np.ndarray, "rx_nodes rx"]
-    """Receive signature by azimuth."""
-    tx: Complex[np.ndarray, "tx_nodes tx"]
-    """Transmit signature by azimuth."""
-    late: Complex[np.ndarray, "delay_nodes window"]
+    rx: Curve
+    """Receive signature by azimuth, array by array."""
+    tx: Curve
+    """Transmit signature by azimuth, array by array."""
+    late: Curve
     """Pulse by delay."""
-    rx_part: Int[np.ndarray, " rx_arrays1"]
-    """Where each receive array's dimensions begin, and an end."""
-    tx_part: Int[np.ndarray, " tx_arrays1"]
-    """Likewise at the transmitter."""
     rx_grid: Complex[np.ndarray, "rx_arrays rx_looks ports"]
     """Unit signatures of each receive array at the azimuths first looked at, conjugate; 0 for none."""
     tx_grid: Complex[np.ndarray, "tx_arrays tx_looks ports"]
@@ -66,21 +62,14 @@ class Curves(NamedTuple):
     """Intervals of the delay's curve to a sample."""
     late_zero: float
     """Where on the delay's curve the first delay of the window lies [intervals]."""
-    rx_step: float
-    """Intervals of the receive curve between azimuths first looked at."""
-    tx_step: float
-    """Likewise at the transmitter."""
 
 
 class Scratch(NamedTuple):
-    """Room for one path's curves and their slopes."""
+    """Room for one path: where it is on its curves, its pattern, and both before it was refined."""
 
-    rx: Complex[np.ndarray, " rx"]
-    tx: Complex[np.ndarray, " tx"]
-    late: Complex[np.ndarray, " window"]
-    rx_slope: Complex[np.ndarray, " rx"]
-    tx_slope: Complex[np.ndarray, " tx"]
-    late_slope: Complex[np.ndarray, " window"]
+    rx: Spot
+    tx: Spot
+    late: Spot
     old_late: Complex[np.ndarray, " window"]
     pattern: Float32[np.ndarray, "2 pattern"]
     old_pattern: Float32[np.ndarray, "2 pattern"]
@@ -160,42 +149,23 @@ def _refine(
     """Climb along delay, arrival and departure in turn; `look` steps around at first."""
     # Complex sizes of the path in each pair of arrays, of one absolute value, go to `size`; its energy is returned. A
     # path that is `inside` is off the tensor, and counts as in it.
-    v = along_late(x, s.pattern, s.late, inside, len(size))
-    for k in range(len(s.late)):
-        s.old_late[k] = s.late[k]
-    at[0] = climb(curves.late, False, 1, v, at[0], 0.25 * curves.late_step, 2 * look, s.late, s.late_slope)
-    z = without_late(x, s.late, s.pattern, s.old_late, inside)
+    late = s.late.point
+    v = along_late(x, s.pattern, late, inside, len(size))
+    for k in range(len(late)):
+        s.old_late[k] = late[k]
+    at[0] = climb(curves.late, v, at[0], 2 * look, s.late)
+    z = without_late(x, late, s.pattern, s.old_late, inside)
     for again in range(2):
         n_steps = 2 * look if again == 0 else 0
-        v = _by_arrival(z, s.tx, curves.layout)
-        at[1] = climb(
-            curves.rx,
-            True,
-            curves.layout.rx_arrays,
-            v,
-            at[1],
-            0.25 * curves.rx_step,
-            n_steps,
-            s.rx,
-            s.rx_slope,
-        )
-        v = _by_departure(z, s.rx, curves.layout)
-        at[2] = climb(
-            curves.tx,
-            True,
-            curves.layout.tx_arrays,
-            v,
-            at[2],
-            0.25 * curves.tx_step,
-            n_steps,
-            s.tx,
-            s.tx_slope,
-        )
+        v = _by_arrival(z, s.tx.point, curves.layout)
+        at[1] = climb(curves.rx, v, at[1], n_steps, s.rx)
+        v = _by_departure(z, s.rx.point, curves.layout)
+        at[2] = climb(curves.tx, v, at[2], n_steps, s.tx)
     energy = _sizes(v, curves, s, size)
     # Number by number: for rows numba would compile a message for shapes that differ, too.
     for k in range(s.pattern.shape[1]):
         s.old_pattern[0, k], s.old_pattern[1, k] = s.pattern[0, k], s.pattern[1, k]
-    pattern_of(s.rx, s.tx, size, curves.layout, s.pattern)
+    pattern_of(s.rx.point, s.tx.point, size, curves.layout, s.pattern)
     return energy
 
 
@@ -204,17 +174,17 @@ def _sizes(
     v: Complex[np.ndarray, "tx rx_arrays"], curves: Curves, s: Scratch, size: Complex[np.ndarray, " pairs"]
 ) -> float:
     """Sizes and energy of a path, from the tensor contracted with delay and arrival at unit norm."""
-    n_tx = len(curves.tx_part) - 1
-    unit = _unit(s.tx)
+    n_tx, ports = curves.layout.tx_arrays, curves.layout.tx_ports
+    unit = _unit(s.tx.point)
     total = 0.0
     for i in range(len(size)):
         q = 0j
-        for t in range(curves.tx_part[i % n_tx], curves.tx_part[i % n_tx + 1]):
-            q += np.conj(s.tx[t]) * v[t, i // n_tx]
+        for t in range(i % n_tx * ports, (i % n_tx + 1) * ports):
+            q += np.conj(s.tx.point[t]) * v[t, i // n_tx]
         q *= unit
         total += abs(q)
         size[i] = q / abs(q) if abs(q) > 0 else 0j
-    norm = unit * _unit(s.late) * _unit(s.rx)
+    norm = unit * _unit(s.late.point) * _unit(s.rx.point)
     for i in range(len(size)):
         size[i] *= total * norm
     return total * total
@@ -233,7 +203,7 @@ def _round(
     """Refine each path once with the others taken off; x is the residual before and after."""
     for p in range(n):
         energy[p] = _refine(x, curves, at[p], 0, s[p], size[p], True)
-        exchange(x, s[p].old_late, s[p].old_pattern, s[p].late, s[p].pattern)
+        exchange(x, s[p].old_late, s[p].old_pattern, s[p].late.point, s[p].pattern)
 
 
 @compiled
@@ -259,14 +229,11 @@ def _settle(
 
 @compiled
 def _scratch(curves: Curves) -> Scratch:
-    n, m, w = curves.rx.shape[1], curves.tx.shape[1], curves.late.shape[1]
+    n, m, w = curves.rx.table.shape[1], curves.tx.table.shape[1], curves.late.table.shape[1]
     return Scratch(
-        np.zeros(n, np.complex128),
-        np.zeros(m, np.complex128),
-        np.zeros(w, np.complex128),
-        np.zeros(n, np.complex128),
-        np.zeros(m, np.complex128),
-        np.zeros(w, np.complex128),
+        Spot(np.zeros(n, np.complex128), np.zeros(n, np.complex128)),
+        Spot(np.zeros(m, np.complex128), np.zeros(m, np.complex128)),
+        Spot(np.zeros(w, np.complex128), np.zeros(w, np.complex128)),
         np.zeros(w, np.complex128),
         np.zeros((2, n * m), np.float32),
         np.zeros((2, n * m), np.float32),
@@ -276,11 +243,11 @@ def _scratch(curves: Curves) -> Scratch:
 @compiled
 def _start(curves: Curves, at: Float[np.ndarray, "3"], s: Scratch) -> None:
     """Put the curves of a path where it was detected."""
-    alike = np.ones((len(curves.rx_part) - 1) * (len(curves.tx_part) - 1), np.complex128)
-    place(curves.late, False, at[0], s.late, s.late_slope)
-    place(curves.rx, True, at[1], s.rx, s.rx_slope)
-    place(curves.tx, True, at[2], s.tx, s.tx_slope)
-    pattern_of(s.rx, s.tx, alike, curves.layout, s.pattern)
+    alike = np.ones(curves.layout.rx_arrays * curves.layout.tx_arrays, np.complex128)
+    place(curves.late, at[0], s.late)
+    place(curves.rx, at[1], s.rx)
+    place(curves.tx, at[2], s.tx)
+    pattern_of(s.rx.point, s.tx.point, alike, curves.layout, s.pattern)
 
 
 @compiled
@@ -316,8 +283,7 @@ def find_paths(
         count: Where their numbers go.
     """
     most = at.shape[1]
-    pairs = (len(curves.rx_part) - 1) * (len(curves.tx_part) - 1)
-    size = np.zeros((most, pairs), np.complex128)
+    size = np.zeros((most, curves.layout.rx_arrays * curves.layout.tx_arrays), np.complex128)
     s = [_scratch(curves) for _ in range(most)]
     for i in range(len(tensor)):
         x = laid_out(tensor[i], curves.layout)
@@ -329,10 +295,10 @@ def find_paths(
             energy[i, n] = _refine(x, curves, at[i, n], 0, s[n], size[n], False)
             if energy[i, n] < threshold or (n >= wanted and energy[i, n] < FAINT * _most(energy[i, :n])):
                 break
-            take_off(x, s[n].late, s[n].pattern)
+            take_off(x, s[n].late.point, s[n].pattern)
             n += 1
             share = SETTLED_SHARE if n <= wanted else SETTLED_ROUGHLY
             _settle(x, curves, n, at[i], size, energy[i], s, share)
         count[i] = n
         for p in range(n):
-            seen[i, p] = 1 / (_unit(s[p].rx) * _unit(s[p].tx)) ** 2
+            seen[i, p] = 1 / (_unit(s[p].rx.point) * _unit(s[p].tx.point)) ** 2

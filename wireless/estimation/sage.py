@@ -14,7 +14,6 @@ for maxima of many energies of Gaussian noise.
 Left out: elevation (paths are taken to be level).
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,13 +22,14 @@ from jaxtyping import Complex, Float, Int
 
 from wireless.estimates import PathEstimates, wrapped
 from wireless.estimation import climb, look, loops, residual
+from wireless.estimation.climb import Curve
 from wireless.estimation.loops import Curves, find_paths
 from wireless.estimation.residual import Layout
 from wireless.sounding import draw
 from wireless.sounding import sounder as sounder_module
 from wireless.sounding.sounder import Rays, Sounder
 from wireless.support.cached_array import cached_array
-from wireless.tracing.blocks import available_cores
+from wireless.tracing.blocks import in_threads
 
 #: Intervals of a full turn, and of a sample, on the curves of paths.
 TURN_INTERVALS, SAMPLE_INTERVALS = 360, 20
@@ -102,8 +102,11 @@ class SageEstimator:
             self.sounder.tx.beam_array,
             self.sounder.rx.platform.face_rad,
         )
-        looks = repr((config, beams.tolist(), arrays, NOISE_LINKS)).encode()
-        values = [np.ascontiguousarray(one).tobytes() for one in (self.tx_basis, *self.curves)]
+        c, steps = self.curves, [curve[1:] for curve in self.curves[:3]]
+        numbers = c.layout, c.late_step, c.late_zero, steps
+        looks = repr((config, beams.tolist(), arrays, NOISE_LINKS, numbers)).encode()
+        tables = c.rx.table, c.tx.table, c.late.table, c.rx_grid, c.tx_grid, c.rx_start, c.tx_start
+        values = [np.ascontiguousarray(one).tobytes() for one in (self.tx_basis, *tables)]
 
         def learn() -> Float[np.ndarray, " links"]:
             none = np.zeros((NOISE_LINKS, 1))
@@ -133,14 +136,7 @@ class SageEstimator:
             out = at[links], energy[links], seen[links], count[links]
             find_paths(small, self.curves, threshold, self.n_paths, *out)
 
-        starts = range(0, n, BLOCK_LINKS)
-        threads = min(available_cores() if self.workers is None else self.workers, len(starts))
-        if threads <= 1:
-            for start in starts:
-                run(start)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(run, starts))
+        in_threads(run, range(0, n, BLOCK_LINKS), workers=self.workers)
         return at, energy, seen, count
 
 
@@ -201,11 +197,11 @@ def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "n_basis beams"]) ->
     rx_grid, rx_start = _looks(rx, rx_part, rx_step)
     tx_grid, tx_start = _looks(tx, tx_part, tx_step)
     return Curves(
-        rx=np.ascontiguousarray(rx),
-        tx=np.ascontiguousarray(tx),
-        late=sounder.pulse(np.arange(-half, half + 1) - late[:, None]),
-        rx_part=rx_part,
-        tx_part=tx_part,
+        rx=Curve(np.ascontiguousarray(rx), True, len(rx_grid), 0.25 * rx_step),
+        tx=Curve(np.ascontiguousarray(tx), True, len(tx_grid), 0.25 * tx_step),
+        late=Curve(
+            sounder.pulse(np.arange(-half, half + 1) - late[:, None]), False, 1, 0.25 * SAMPLE_INTERVALS
+        ),
         rx_grid=rx_grid,
         tx_grid=tx_grid,
         rx_start=rx_start,
@@ -213,6 +209,4 @@ def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "n_basis beams"]) ->
         layout=Layout(rx_grid.shape[2], tx_grid.shape[2], len(rx_grid), len(tx_grid)),
         late_step=float(SAMPLE_INTERVALS),
         late_zero=float(APRON * SAMPLE_INTERVALS),
-        rx_step=float(rx_step),
-        tx_step=float(tx_step),
     )

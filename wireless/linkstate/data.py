@@ -9,12 +9,14 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
+from wireless.formats.link_records import LinkRecords
 from wireless.formats.link_records import read_links as read_records
-from wireless.formats.mmwrobotnav_measurements import find_measurements, read_measurements
+from wireless.formats.mmwrobotnav_measurements import Measurements, find_measurements, read_measurements
 from wireless.linkstate.tokens import COLUMNS, make_tokens
 from wireless.support.reading import reading
 
@@ -56,15 +58,12 @@ class Links:
         return np.isin(self.building, buildings)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Unit:
+class _Unit(NamedTuple):
     """Links of one transmitter."""
 
     building: str
     tokens: Float32[np.ndarray, "n 5 5"]
-    state: UInt8[np.ndarray, " n"]
-    position: Float32[np.ndarray, "n 2"]
-    tx_position: Float32[np.ndarray, "2"]
+    links: LinkRecords | Measurements
 
 
 def read_links(data: Path) -> Links:
@@ -74,14 +73,16 @@ def read_links(data: Path) -> Links:
         ValueError: If a file is missing or damaged.
     """
     units = _data_set(data) if is_data_set(data) else _public(data)
-    names = tuple(sorted({unit.building for unit in units}))
+    names, count = tuple(sorted({unit.building for unit in units})), [len(unit.tokens) for unit in units]
     return Links(
         tokens=np.concatenate([unit.tokens for unit in units]),
-        state=np.concatenate([unit.state for unit in units]),
-        building=np.concatenate([np.full(len(u.state), names.index(u.building)) for u in units]),
-        transmitter=np.concatenate([np.full(len(unit.state), i) for i, unit in enumerate(units)]),
-        position=np.concatenate([unit.position for unit in units]),
-        tx_position=np.concatenate([np.tile(unit.tx_position, (len(unit.state), 1)) for unit in units]),
+        state=np.concatenate([unit.links.state for unit in units]),
+        building=np.repeat([names.index(unit.building) for unit in units], count),
+        transmitter=np.repeat(np.arange(len(units)), count),
+        position=np.concatenate([unit.links.rx_position[:, :2].astype(np.float32) for unit in units]),
+        tx_position=np.repeat(
+            [unit.links.tx_position[:2].astype(np.float32) for unit in units], count, axis=0
+        ),
         names=names,
     )
 
@@ -97,11 +98,7 @@ def _public(data: Path) -> list[_Unit]:
     for name, number in find_measurements(data):
         links = read_measurements(data, name, number)
         tokens = make_tokens(links.aoa_az, links.snr_db, aod_rad=links.aod_az, peak=links.peak_fraction)
-        position = links.rx_position.astype(np.float32)
-        tx_position = links.tx_position[:2].astype(np.float32)
-        units.append(
-            _Unit(building=name, tokens=tokens, state=links.state, position=position, tx_position=tx_position)
-        )
+        units.append(_Unit(name, tokens, links))
     return units
 
 
@@ -120,15 +117,5 @@ def _data_set(data: Path) -> list[_Unit]:
         links = read_records(unit)
         paths = links.estimates
         tokens = make_tokens(paths.aoa_rad, paths.snr_db, aod_rad=paths.aod_rad, delay_s=paths.delay_s)
-        position = links.rx_position[:, :2].astype(np.float32)
-        tx_position = links.tx_position[:2].astype(np.float32)
-        units.append(
-            _Unit(
-                building=links.plan,
-                tokens=tokens,
-                state=links.state,
-                position=position,
-                tx_position=tx_position,
-            )
-        )
+        units.append(_Unit(links.plan, tokens, links))
     return units

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from wireless.estimates import wrapped
 from wireless.linkstate.tokens import AOA, AOD, COLUMNS, DELAY, N_PATHS, PEAK, SNR
 
 #: SNR is in units of this [dB] and within these limits; peaks in units of 10, delays in 100 ns up to 5.
@@ -40,7 +41,7 @@ def path_and_pair_features(
     there = np.isfinite(tokens[..., SNR])
     x = np.nan_to_num(tokens, nan=0.0)
     snr = x[..., SNR].clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
-    path = [snr, snr - snr[:, :1], np.exp(snr) / 10, _logistic((snr - 0.5) * 7), _logistic((snr - 0.2) * 10)]
+    path = [snr, snr - snr[:, :1], np.exp(snr) / 10, logistic((snr - 0.5) * 7), logistic((snr - 0.2) * 10)]
     path += _facing(x[..., AOA])
     arrival = _differences(x[..., AOA])
     pair = [np.cos(arrival), abs(arrival) / math.pi, _bump(arrival, 4), _bump(arrival, 15), _plain(snr)]
@@ -126,6 +127,11 @@ def moments(tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]) -> Floa
     return np.stack(features, 1).astype(np.float32)
 
 
+def moment_count(inputs: Sequence[str]) -> int:
+    """Number of moments."""
+    return moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
+
+
 def place_features(
     probability: Float[np.ndarray, "routes places 4"],
     tokens: Float32[np.ndarray, "routes places 5 5"],
@@ -154,11 +160,6 @@ def place_feature_count(inputs: Sequence[str]) -> int:
     return place_features(np.ones((1, 1, 4)), tokens, np.zeros((1, 1)), inputs).shape[-1]
 
 
-def wrapped(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """The same angles in [-pi, pi)."""
-    return np.mod(angle + math.pi, 2 * math.pi) - math.pi
-
-
 def _departure_features(
     a: Float32[np.ndarray, "n 5"], d: Float32[np.ndarray, "n 5"], arrival: Float32[np.ndarray, "n 5 5"]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -181,7 +182,8 @@ def _departure_features(
     return path, pair
 
 
-def _logistic(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
+def logistic(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
+    """From 0 far below zero to 1 far above."""
     return 1 / (1 + np.exp(-x))
 
 

@@ -17,12 +17,14 @@ from jaxtyping import Float32
 
 from wireless.linkstate.features import (
     feature_counts,
+    logistic,
+    moment_count,
     moments,
     path_and_pair_features,
     place_feature_count,
     scaled_estimates,
 )
-from wireless.linkstate.tokens import COLUMNS, N_PATHS
+from wireless.linkstate.tokens import N_PATHS
 
 #: Trained numbers by their names.
 Weights = Mapping[str, np.ndarray]
@@ -114,7 +116,7 @@ def moments_logits(
 
 def moments_shapes(inputs: Sequence[str]) -> Shapes:
     """Shapes of its weights."""
-    n = moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
+    n = moment_count(inputs)
     of_norm = {"norm.running_mean": (n,), "norm.running_var": (n,), "norm.num_batches_tracked": ()}
     return of_norm | _published_shapes(n)
 
@@ -136,8 +138,8 @@ def route_step(
     given = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]
     recurrent = weights["memory.weight_hh_l0"] @ before + weights["memory.bias_hh_l0"]
     (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(given, 3), np.split(recurrent, 3)
-    update = _logistic(update_x + update_h)
-    new = np.tanh(new_x + _logistic(reset_x + reset_h) * new_h)
+    update = logistic(update_x + update_h)
+    new = np.tanh(new_x + logistic(reset_x + reset_h) * new_h)
     memory = (1 - update) * new + update * before
     return features[:N_STATES] + _dense(weights, "out", np.concatenate([seen, memory])), memory
 
@@ -210,10 +212,6 @@ def _normalised(weights: Weights, name: str, x: Float32[np.ndarray, "n 5 f"]) ->
 
 def _relu(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
     return np.maximum(x, 0)
-
-
-def _logistic(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
-    return 1 / (1 + np.exp(-x))
 
 
 def _count(weights: Weights, name: str) -> int:

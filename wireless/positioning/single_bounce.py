@@ -55,12 +55,7 @@ class MeasuredPaths:
 
     def chosen(self, which: Bool[np.ndarray, " n"] | slice) -> "MeasuredPaths":
         """Some of the paths."""
-        return MeasuredPaths(
-            known_xy=self.known_xy[which],
-            known_rad=self.known_rad[which],
-            own_rad=self.own_rad[which],
-            length_m=self.length_m[which],
-        )
+        return MeasuredPaths(**{name: values[which] for name, values in vars(self).items()})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -76,7 +76,7 @@ def _strongest(cells: Complex[np.ndarray, "n_basis beams"], ports: int) -> float
 
 
 @compiled
-def _find_candidates(
+def find_candidates(
     tau: Float[np.ndarray, "links rays"],
     reach: Float[np.ndarray, "links rays"],
     a: Complex[np.ndarray, "links rays n_basis"],
@@ -84,11 +84,18 @@ def _find_candidates(
     ports: int,
     noise_reach: float,
     n: int,
-    first: Int[np.ndarray, " links"],
-    kind: Int[np.ndarray, "links zone"],
-    n_noise: Int[np.ndarray, " links"],
-) -> None:
-    bound = np.empty(kind.shape[1])
+) -> Candidates:
+    """Which delays paths may win at, be seen at, or leave to noise."""
+    longest = 0.0
+    for i in range(len(tau)):
+        least, largest = np.inf, -np.inf
+        for p in range(tau.shape[1]):
+            if reach[i, p] > NOTHING:
+                least, largest = min(least, tau[i, p]), max(largest, tau[i, p])
+        longest = max(longest, largest - least)
+    zone = min(int(longest) + 2 * MARGIN + 3, n)
+    first, n_noise = np.zeros(len(tau), np.int64), np.zeros(len(tau), np.int64)
+    kind, bound = np.zeros((len(tau), zone), np.int64), np.empty(zone)
     for i in range(len(tau)):
         last = -1
         n_noise[i] = n
@@ -116,28 +123,7 @@ def _find_candidates(
                 n_noise[i] -= 1
         if sure > noise_reach:
             n_noise[i] = 0
-
-
-def find_candidates(
-    tau: Float[np.ndarray, "links rays"],
-    reach: Float[np.ndarray, "links rays"],
-    a: Complex[np.ndarray, "links rays n_basis"],
-    b: Complex[np.ndarray, "links rays beams"],
-    ports: int,
-    noise_reach: float,
-    n: int,
-) -> Candidates:
-    """Which delays paths may win at, be seen at, or leave to noise."""
-    is_above = reach > NOTHING
-    low = np.min(tau, axis=1, where=is_above, initial=np.inf)
-    high = np.max(tau, axis=1, where=is_above, initial=-np.inf)
-    longest = np.max(high - low, where=is_above.any(axis=1), initial=0.0)
-    zone = min(int(longest) + 2 * MARGIN + 3, n)
-    found = Candidates(
-        np.zeros(len(tau), np.int64), np.zeros((len(tau), zone), np.int64), np.zeros(len(tau), np.int64)
-    )
-    _find_candidates(tau, reach, a, b, ports, noise_reach, n, found.first, found.kind, found.n_noise)
-    return found
+    return Candidates(first, kind, n_noise)
 
 
 @compiled
@@ -197,9 +183,7 @@ def draw_windows(
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
     rival: Float[np.ndarray, " links"],
-    first: Int[np.ndarray, " links"],
-    kind: Int[np.ndarray, "links zone"],
-    n_noise: Int[np.ndarray, " links"],
+    found: Candidates,
     n: int,
     rng: np.random.Generator,
     out: Complex[np.ndarray, "links window n_basis beams"],
@@ -213,14 +197,12 @@ def draw_windows(
         b: Responses of the beams.
         ports: Dimensions of one receive array.
         rival: Energy of the strongest cell of all delays that are noise; 0 for none.
-        first: First delay of those that are looked at.
-        kind: What each of them is.
-        n_noise: Number of noise delays.
+        found: Delays that are looked at.
         n: Samples of the waveform.
         rng: Source of noise.
         out: Where windows go.
     """
-    half = out.shape[1] // 2
+    half, (first, kind, n_noise) = out.shape[1] // 2, found
     zone = kind.shape[1]
     for i in range(len(tau)):
         top, best = -1, rival[i]

@@ -20,7 +20,6 @@ ports of a line, 4 of the 16 of the reference's plane.
 Left out: Doppler, carrier offset, quantisation, phase noise.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Annotated
@@ -34,7 +33,7 @@ from wireless.estimates import PathEstimates
 from wireless.paths import Paths
 from wireless.sounding.draw import draw_windows, find_candidates
 from wireless.support.ranges import Range, checked
-from wireless.tracing.blocks import available_cores
+from wireless.tracing.blocks import in_threads
 
 #: Thermal noise at 290 K.
 NOISE_DBM_PER_HZ = -174.0
@@ -288,13 +287,7 @@ class Sounder:
             mine = self.clocks(rays[links], stream) if clocks is None else clocks[links]
             self._measure_block(rays[links], mine, stream, out[links])
 
-        threads = min(available_cores() if workers is None else workers, len(starts))
-        if threads <= 1:
-            for start, stream in zip(starts, streams, strict=True):
-                run(start, stream)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(run, starts, streams))
+        in_threads(run, starts, streams, workers=workers)
         return out
 
     def _measure_block(self, rays: Rays, clocks: Clocks, rng: np.random.Generator, out: np.ndarray) -> None:
@@ -315,4 +308,4 @@ class Sounder:
         with np.errstate(divide="ignore"):
             tail = -np.expm1(np.log(rng.random(len(rays))) / np.maximum(found.n_noise * n_cells, 1))
         rival = np.where(found.n_noise > 0, gammainccinv(n_basis, tail), 0.0)
-        draw_windows(tau, reach, a, b, n_basis, rival, *found, self.config.n_samples, rng, out)
+        draw_windows(tau, reach, a, b, n_basis, rival, found, self.config.n_samples, rng, out)

@@ -9,8 +9,9 @@ it imports. Folders are in `NUMBA_CACHE_DIR` or in the user's cache folder (`XDG
 writable, each process compiles the loops that it calls. A checksum detects damaged files. A file lock lets one
 process compile a function while others wait.
 
-Signals are delayed until a loop returns. Numba does not check whether creating the returned Python objects fails: the
-KeyboardInterrupt of Ctrl-C, raised there, would end the process with a segmentation fault.
+Signals are delayed until a loop returns; `delayed_signals` prepares that once for several loops. Numba does not check
+whether creating the returned Python objects fails: the KeyboardInterrupt of Ctrl-C, raised there, would end the process
+with a segmentation fault.
 
 This file is in `slam` and in `wireless`, since neither imports the other; a test compares them.
 """
@@ -82,10 +83,12 @@ class Loop:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the machine code."""
         # Python handles signals in the main thread only.
-        if _signals.are_delayed or threading.current_thread() is not threading.main_thread():
-            return (self._dispatcher or self.dispatcher)(*args, **kwargs)
-        with _signals:
-            return (self._dispatcher or self.dispatcher)(*args, **kwargs)
+        if _signals.are_delayed:
+            _signals.let_in()
+        elif threading.current_thread() is threading.main_thread():
+            with _signals:
+                return (self._dispatcher or self.dispatcher)(*args, **kwargs)
+        return (self._dispatcher or self.dispatcher)(*args, **kwargs)
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
@@ -343,3 +346,13 @@ class _Signals:
 
 
 _signals = _Signals()
+
+
+@contextmanager
+def delayed_signals() -> Iterator[None]:
+    """Delay signals until the next loop starts or the block ends: setting handlers takes longer than a short loop."""
+    if _signals.are_delayed or threading.current_thread() is not threading.main_thread():
+        yield
+    else:
+        with _signals:
+            yield

@@ -9,10 +9,14 @@ once: a single link pays for no threads.
 import itertools
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
+from wireless.support.compiled import delayed_signals
 from wireless.tracing.table import Table
+
+T = TypeVar("T")
 
 #: Transmitters and receivers of a block. A block of a detailed plan takes some 50 MB while it is traced.
 BLOCK_TX, BLOCK_RX = 16, 512
@@ -28,6 +32,29 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
+def in_threads(
+    run: Callable[..., T], *parts: Sequence[Any], workers: int | None, stop: Callable[[], None] | None = None
+) -> list[T]:
+    """Results of a function for each of some parts in turn.
+
+    Args:
+        run: The function.
+        parts: Its arguments, a sequence for each.
+        workers: Threads; None for one on each available core.
+        stop: Called if a part fails, or at Ctrl-C: the pool waits for its threads, which need not finish their parts.
+    """
+    threads = min(available_cores() if workers is None else workers, len(parts[0]))
+    if threads <= 1:
+        return list(map(run, *parts))
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            return list(pool.map(run, *parts))
+        except BaseException:
+            if stop is not None:
+                stop()
+            raise
+
+
 def trace_blocks(
     n_tx: int, n_rx: int, trace: Callable[[slice, slice], Iterable[Table]], workers: int | None = None
 ) -> Rows:
@@ -40,25 +67,14 @@ def trace_blocks(
     stopped = threading.Event()
 
     def run(block: tuple[slice, slice]) -> list[Table]:
-        tables = []
-        for table in trace(*block):
-            if stopped.is_set():
-                break
-            tables.append(_packed(table))
+        tables: list[Table] = []
+        found = iter(trace(*block))
+        while len(tables) < block[0].stop - block[0].start and not stopped.is_set():
+            with delayed_signals():  # once, not for each of the loops that a short link calls
+                tables.append(_packed(next(found)))
         return tables
 
-    threads = min(available_cores() if workers is None else workers, len(blocks))
-    if threads <= 1:
-        done = [run(block) for block in blocks]
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            try:
-                done = list(pool.map(run, blocks))
-            except (
-                BaseException
-            ):  # Ctrl-C: the pool waits for its threads, which need not finish their blocks
-                stopped.set()
-                raise
+    done = in_threads(run, blocks, workers=workers, stop=stopped.set)
     rows: Rows = [[] for _ in range(n_tx)]
     for (txs, rxs), tables in zip(blocks, done, strict=True):
         for i, table in zip(range(txs.start, txs.stop), tables, strict=True):

@@ -24,7 +24,7 @@ from wireless.geometry.occlusion import make_tree
 from wireless.geometry.reachable_sides import Backs
 from wireless.geometry.shooting import Bent, Shooter
 from wireless.geometry.space import Space
-from wireless.tracing.ray_search import bend, reflect
+from wireless.tracing.ray_search import trace_candidates
 from wireless.tracing.reachable import (
     EdgeChains,
     OpenChains,
@@ -35,7 +35,6 @@ from wireless.tracing.reachable import (
     place_edges,
 )
 from wireless.tracing.space_engine import seen_edges
-from wireless.tracing.space_paths import make_links, make_workspace, table_of
 from wireless.tracing.table import Setting, Table
 
 #: Everything is tried where a patch takes at most the time of so many rays; else what is next to the pairs that rays
@@ -83,14 +82,8 @@ class Candidates:
 
     def trace(self, tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]) -> Iterator[Table]:
         """Strongest paths from each transmitter to receivers, around the space's origin [m]."""
-        space, setting = self._space, self._setting
         for one in tx:
-            reach = self._reach(one)
-            links, work = make_links(setting, one, rx), make_workspace(setting)
-            reflect(space, setting, links, reach.chains, self._most, work)
-            if reach.edges is not None:
-                bend(space, setting, links, reach.edges, self._most, work)
-            yield table_of(space, setting, links, work)
+            yield trace_candidates(self._space, self._setting, one, rx, *self._reach(one), self._most)
 
     def _reach(self, tx: Point) -> Reach:
         """What a transmitter may reach, as remembered or found now."""

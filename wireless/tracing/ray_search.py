@@ -28,12 +28,15 @@ from wireless.tracing.space_paths import (
     Workspace,
     left_by_mirrors,
     link_of,
+    make_links,
+    make_workspace,
     name_path,
     path_sight,
+    table_of,
     try_path,
     weigh_path,
 )
-from wireless.tracing.table import Setting
+from wireless.tracing.table import Setting, Table
 
 #: Edges of a link whose bounds are found closely at once: those behind are spared if the list fills up.
 _LOT = 64
@@ -89,7 +92,7 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
 
 
 @compiled
-def reflect(
+def _reflect(
     space: Space, setting: Setting, links: Links, chains: OpenChains, most: Reflected, work: Workspace
 ) -> None:
     """Enter the paths over patches into the lists of all links."""
@@ -199,7 +202,7 @@ def _bounds(
 
 
 @compiled
-def bend(
+def _bend(
     space: Space, setting: Setting, links: Links, edges: EdgeChains, most: Reflected, work: Workspace
 ) -> None:
     """Enter the paths over edges into the lists of all links."""
@@ -225,3 +228,22 @@ def bend(
                 edges.edge[some], edges.near[some], edges.far[some], bound[best_first], bare[best_first]
             )
             links.found[r] = _enter(space, setting, link, rows, work, links.found[r])
+
+
+@compiled
+def trace_candidates(
+    space: Space,
+    setting: Setting,
+    tx: Point,
+    rx: Float[np.ndarray, "r 3"],
+    chains: OpenChains,
+    edges: EdgeChains | None,
+    most: Reflected,
+) -> Table:
+    """Strongest paths from one transmitter to many receivers over what it may reach; `edges` is None for no edges."""
+    # One loop, as numba takes some 10 us to make each record that Python sees.
+    links, work = make_links(setting, tx, rx), make_workspace(setting)
+    _reflect(space, setting, links, chains, most, work)
+    if edges is not None:
+        _bend(space, setting, links, edges, most, work)
+    return table_of(space, setting, links, work)

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from wireless.em.fields import REFLECTION, SCATTERING, fresnel
+from wireless.em.fields import REFLECTION, SCATTERING
+from wireless.em.fresnel import fresnel
 from wireless.em.scattering import lobe, lobe_integral
 from wireless.geometry.array_types import Point
 from wireless.support.compiled import compiled

@@ -78,14 +78,6 @@ class PlanScene:
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
     ) -> Rows:
         """Paths of each transmitter, to receivers in blocks."""
-        low, high = self.extruded.low_m, self.extruded.high_m
-        for name, points in (("tx", tx), ("rx", rx)):
-            z = points[:, 2]
-            if not self.holds(points):
-                raise ValueError(
-                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
-                    "floor and ceiling. Trace other points with scene='space'."
-                )
         around_tx, around_rx = self._located(tx[:, :2]), self.locate(rx[:, :2])
         region = self._only_region(np.concatenate([around_tx[1], around_rx[1]]))
         layers, setting = self._passable(region)
@@ -103,10 +95,15 @@ class PlanScene:
 
         return trace_plans(layers, setting, limits, (tx, around_tx), (rx, around_rx), visible, workers)
 
-    def holds(self, points: Points) -> bool:
-        """Whether points lie between floor and ceiling."""
-        z = points[:, 2]
-        return bool(np.all((z >= self.extruded.low_m) & (z <= self.extruded.high_m)))
+    def misplaced(self, points: Points) -> str:
+        """What is wrong with points, around the origin, that do not lie between floor and ceiling; empty if all do."""
+        z, low, high = points[:, 2], self.extruded.low_m, self.extruded.high_m
+        if np.all((z >= low) & (z <= high)):
+            return ""
+        return (
+            f"heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between floor and ceiling. "
+            "Trace other points with scene='space'."
+        )
 
     def seen_targets(self, point: Point, targets: Points, around: Around) -> Bool[np.ndarray, " n"]:
         """Which targets a point sees directly, of whom the triangles around each are given."""
@@ -219,6 +216,10 @@ class SpaceScene:
             return trace_blocks(len(tx), len(rx), trace, workers)
         candidates = self._candidates(setting.max_through)
         return trace_blocks(len(tx), len(rx), lambda txs, rxs: candidates.trace(tx[txs], rx[rxs]), workers)
+
+    def misplaced(self, points: Points) -> str:
+        """Nothing: points may lie anywhere."""
+        return ""
 
     def _passing(self, points: Points) -> Setting:
         """The setting for some points: paths that pass a closed surface once do not end on the side they began on."""

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION, fresnel
+from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
+from wireless.em.fresnel import fresnel
 from wireless.geometry.array_types import Point
 from wireless.geometry.occlusion import (
     FREE,

@@ -89,25 +89,20 @@ class StackScene:
         order = np.lexsort((found, of))
         return np.searchsorted(of[order], np.arange(len(points) + 1)), found[order]
 
-    def holds(self, points: Points) -> bool:
-        """Whether points, around the origin, lie in rooms and off the floors and ceilings between storeys."""
+    def misplaced(self, points: Points) -> str:
+        """What is wrong with points, around the origin, that do not lie in rooms; empty if all do."""
         start, triangle = self._around(points)
-        return bool((np.diff(start) > 0).all() and self.room[triangle].all())
+        if (np.diff(start) > 0).all() and self.room[triangle].all():
+            return ""
+        return (
+            "positions in slabs or walls, outside, or at the height of a floor or ceiling between storeys, "
+            "expected within rooms. Trace them with scene='space'."
+        )
 
     def tables(
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
     ) -> Rows:
-        """Paths of each transmitter, to receivers in blocks.
-
-        Raises:
-            ValueError: If a point lies in no room.
-        """
-        for name, points in (("tx", tx), ("rx", rx)):
-            if not self.holds(points):
-                raise ValueError(
-                    f"{name} has positions in slabs or walls, outside, or at the height of a floor or ceiling "
-                    "between storeys, expected within rooms. Trace them with scene='space'."
-                )
+        """Paths of each transmitter, to receivers in blocks."""
         layers, setting = self.layers, self._setting
         has_rims = len(layers.outline.edge_gap_rad) > layers.outline.n_corners
         rim = layers.level_m[1:-1] if has_rims else np.empty(0)

@@ -19,7 +19,7 @@ class Setting(NamedTuple):
     """What paths are made of, and how many are listed."""
 
     walls: Complex[np.ndarray, "n l"]
-    """Layers of each wall, then of floor and ceiling, see `wireless.em.fields.fresnel`."""
+    """Layers of each wall, then of floor and ceiling, see `wireless.em.fresnel.fresnel`."""
     half: Bool[np.ndarray, " n"]
     """Which of these are one of the two faces of a wall."""
     low_m: float

@@ -223,7 +223,7 @@ class Tracer:
             self._scattering = self._rough(self.scene, materials, of_face)
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
-        """Layers of walls of each material, see `wireless.em.fields.fresnel`."""
+        """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
         c = self.config
         rows = [
             wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
@@ -293,27 +293,28 @@ class Tracer:
             ValueError: If there are no points, or one is not finite, kilometres away, or with scene='plan' not
                 between floor and ceiling, or there is no worker.
         """
-        tx, rx = np.asarray(tx, float), np.asarray(rx, float)
+        tx, rx, scene = np.asarray(tx, float), np.asarray(rx, float), self.scene
         for name, points in (("tx", tx), ("rx", rx)):
             if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
                 raise ValueError(
                     f"{name} has shape {points.shape}, expected (n, 3), one or more finite positions [m]."
                 )
-            far = np.abs(points - self.scene.origin).max()
+            far = np.abs(points - scene.origin).max()
             if far >= REACH_M:
                 raise ValueError(
                     f"{name} has a position {far:g} m from the middle of the mesh, expected under {REACH_M:g} m."
                 )
         if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
-        scene = self.scene
-        if self.config.scene == "auto" and not (
-            isinstance(scene, SpaceScene) or all(scene.holds(points - scene.origin) for points in (tx, rx))
-        ):
-            logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
-            if self._scattering is not None:
-                raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_SPACE}")
-            scene = self._in_space()
+        for name, points in (("tx", tx), ("rx", rx)):
+            if wrong := self.scene.misplaced(points - self.scene.origin):
+                if self.config.scene != "auto":
+                    raise ValueError(f"{name} has {wrong}")
+                logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
+                if self._scattering is not None:
+                    raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_SPACE}")
+                scene = self._in_space()
+                break
         tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
         if self._scattering is not None:
             tables = self._scattering.added(

@@ -10,7 +10,7 @@ from robosim.building.building import KINDS, BuildingConfig, make_building
 from robosim.building.extrusion import PLACED
 from robosim.building.mesh_export import KIND_COLOURS, export_mesh, export_mitsuba, itu_slab
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from wireless.em.fresnel import reflection, slab
+from tests.wireless.em.plane_waves import reflection, slab
 from wireless.em.materials import Layer, Material, permittivity
 
 FLOAT32_M = 1e-5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.constants import mu_0, speed_of_light
 
-from wireless.em.fresnel import cavity_wall, reflection, slab
+from tests.wireless.em.plane_waves import cavity_wall, reflection, slab
 from wireless.em.materials import permittivity, properties
 
 CARRIER_HZ = 28e9
@@ -16,7 +16,7 @@ def transfer_matrices(angle, layers, frequency_hz, polarisation):
 
     E and H along the faces before and after obey [E0, H0] = M [E1, H1]; impedances are over that of vacuum,
     TE: 1 / (n cos), TM: cos / n. For TM the result is turned to the sign custom of the electric field used by
-    `wireless.em.fresnel`, in which a mirrored normal wave counts as positive.
+    `tests.wireless.em.plane_waves`, in which a mirrored normal wave counts as positive.
     """
     z0 = {"te": 1 / np.cos(angle), "tm": np.cos(angle)}[polarisation]
     m = np.eye(2)

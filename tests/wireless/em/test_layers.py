@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.wireless.em.plane_waves import cavity_wall, slab
 from tests.wireless.em.test_fresnel import CARRIER_HZ, transfer_matrices
-from wireless.em.fields import fresnel
-from wireless.em.fresnel import cavity_wall, slab
+from wireless.em.fresnel import fresnel
 from wireless.em.materials import WALLS, Layer, Material, permittivity, wall_row
 from wireless.tracing.tracer import Tracer, TracerConfig
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wireless.em.fresnel import reflection
+from tests.wireless.em.plane_waves import reflection
 from wireless.em.materials import MATERIALS, Layer, Material, check_material, permittivity, properties
 
 CARRIER_HZ = 28e9

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.wireless.em.test_layers import FIVE, THREE
-from wireless.em.fields import _face_ratios, fresnel
+from wireless.em.fields import _face_ratios
+from wireless.em.fresnel import fresnel
 from wireless.em.materials import WALLS, wall_row
 from wireless.em.reflected import by_face, by_mirror, most_reflected
 

@@ -6,8 +6,13 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import wireless.support.compiled
 from tests.wireless.support.mini_package import output_of, start
+from wireless.geometry.convex import area_of
+from wireless.support.compiled import delayed_signals
 
 #: A loop of a second whose result numba makes by calling Python, and Ctrl-C in it or in its compiling.
 INTERRUPTED = """
@@ -92,6 +97,26 @@ def test_signals_wait_until_a_loop_is_through(mini):
     Left alone, it is raised where numba makes an array of the result, and the process ends with signal 11.
     """
     assert output_of(start(mini, INTERRUPTED)).split() == ["whole"]
+
+
+def test_several_loops_delay_signals_once_and_only_to_the_next_loop():
+    """A signal between two loops is raised where the second starts, one after the last loop at the end of the block."""
+    triangle, before, raised_late = np.eye(3, 2), signal.getsignal(signal.SIGINT), False
+    with pytest.raises(KeyboardInterrupt), delayed_signals():
+        delaying = signal.getsignal(signal.SIGINT)
+        assert delaying != before
+        area_of(triangle, 3)
+        assert signal.getsignal(signal.SIGINT) == delaying
+        signal.raise_signal(signal.SIGINT)
+        raised_late = True
+        area_of(triangle, 3)
+        raise SystemExit("not interrupted")
+    assert raised_late and signal.getsignal(signal.SIGINT) is before
+    with pytest.raises(KeyboardInterrupt), delayed_signals():
+        area_of(triangle, 3)
+        signal.raise_signal(signal.SIGINT)
+        raised_late = "at the end"
+    assert raised_late == "at the end" and signal.getsignal(signal.SIGINT) is before
 
 
 def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():

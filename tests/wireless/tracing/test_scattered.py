@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from wireless.em.fresnel import reflection
+from tests.wireless.em.plane_waves import reflection
 from wireless.em.materials import Layer, Material, permittivity
 from wireless.em.scattering import lobe, lobe_integral
 from wireless.paths import Interaction, LinkState

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from wireless.em.fresnel import cavity_wall, reflection, slab
+from tests.wireless.em.plane_waves import cavity_wall, reflection, slab
 from wireless.em.materials import permittivity
 from wireless.paths import Interaction
 from wireless.tracing.tracer import SceneError, Tracer, TracerConfig
@@ -186,8 +186,8 @@ def test_unusable_input_is_named(extruded):
 def test_walls_let_through_what_layers_do(extruded, angle_deg, thickness, gap):
     """Two parallel walls: the straight path has t of each; off by default, and then nothing arrives.
 
-    Vertical fields are TE and horizontal ones TM. Judge: the layers of `wireless.em.fresnel`, less the phase of
-    the path through the wall, which a ray drawn straight on has already. To 1e-8.
+    Vertical fields are TE and horizontal ones TM. Judge: the layers of `tests.wireless.em.plane_waves`, less the phase
+    of the path through the wall, which a ray drawn straight on has already. To 1e-8.
     """
     walls = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]]
     across = np.array([np.tan(np.radians(angle_deg)), 1.0, 0.0]) * 3

@@ -16,14 +16,19 @@ systems in dynamic environments", IEEE TWC 2020.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from wireless.linkstate.features import feature_counts, moments, path_and_pair_features, scaled_estimates
+from wireless.linkstate.features import (
+    feature_counts,
+    moment_count,
+    moments,
+    path_and_pair_features,
+    scaled_estimates,
+)
 from wireless.linkstate.forward import N_STATES, Weights
-from wireless.linkstate.tokens import COLUMNS, N_PATHS
+from wireless.linkstate.tokens import N_PATHS
 
 
 class RelationNetwork(nn.Module):
@@ -101,16 +106,12 @@ class MomentsNetwork(nn.Module):
     def __init__(self, inputs: Sequence[str]) -> None:
         super().__init__()
         self.inputs = tuple(inputs)
-        self.norm = nn.BatchNorm1d(_moment_count(inputs), affine=False)
+        self.norm = nn.BatchNorm1d(moment_count(inputs), affine=False)
         self.layers = _published_layers(self.norm.num_features)
 
     def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
         """Logits of the states."""
         return self.layers(self.norm(torch.from_numpy(moments(tokens.numpy(), self.inputs))))
-
-
-def _moment_count(inputs: Sequence[str]) -> int:
-    return moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
 
 
 def weights_of(network: nn.Module) -> Weights:

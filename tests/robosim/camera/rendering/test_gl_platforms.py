@@ -230,4 +230,4 @@ from robosim.camera.rendering.gl_systems import bind_opengl
 bind_opengl()
 """
     )
-    assert "set PYOPENGL_PLATFORM=osmesa before Python starts" in result.stderr
+    assert f"set PYOPENGL_PLATFORM={default_system()} before Python starts" in result.stderr
