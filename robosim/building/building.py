@@ -25,8 +25,17 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
-from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
-from robosim.building.faces import KINDS, Faces, plain_mesh
+from robosim.building.extrusion import (
+    FURNITURE,
+    KINDS,
+    PLACED,
+    WALL,
+    Faces,
+    Solid,
+    extrude,
+    plain_mesh,
+    pockets,
+)
 from robosim.building.footprint import filled, footprint
 from robosim.building.outline import TOLERANCE_M, closed_passages, free_cells, to_map_exactly
 from robosim.building.wall_materials import cut_at_materials, materials_behind

@@ -21,9 +21,17 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
-from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
-from robosim.building.faces import Faces, plain_mesh
-from robosim.building.rings import polygons_of, rings_of, triangulated
+from robosim.building.extrusion import (
+    CEILING,
+    FLOOR,
+    FURNITURE,
+    WALL,
+    Faces,
+    plain_mesh,
+    polygons_of,
+    rings_of,
+    triangulated,
+)
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan

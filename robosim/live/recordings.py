@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robosim.evaluation.rows import read_job_episode, read_job_head
+from robosim.evaluation.episodes import read_job_episode, read_job_head
 from robosim.recording.episode_file import EPISODE, RecordedEpisode, read_episode
 from robosim.recording.step_codec import decode_belief, decode_map, decode_step
 from robosim.step import Step
