@@ -20,13 +20,7 @@ from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
 from robosim.episode_log import EpisodeLog
 from robosim.navigation import Navigator, control_of, make_navigator
-from robosim.parts import (
-    ClassifierPart,
-    ControllerPart,
-    ExplorerPart,
-    GoalPart,
-    MapperPart,
-)
+from robosim.parts import ClassifierPart, ControllerPart, ExplorerPart, GoalPart, MapperPart
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy

@@ -51,6 +51,14 @@ def together(polygons: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
     return shapely.MultiPolygon(list(shapely.orient_polygons(list(polygons))))
 
 
+def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
+    """Straight pieces of the boundary of free space: both ends x, y [m], with free space on the left."""
+    rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(free)))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    starts = np.flatnonzero(ring[1:] == ring[:-1])
+    return np.stack([points[starts], points[starts + 1]], axis=1)
+
+
 def triangulated(polygons: shapely.Geometry) -> Float[np.ndarray, "n 3 2"]:
     """Counter-clockwise triangles that fill polygons, with no vertices but theirs."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))

@@ -31,6 +31,7 @@ import shapely
 from jaxtyping import Bool, Float, Int
 
 from robosim.building.building import Building
+from robosim.building.extrusion import wall_segments
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.index_ranges import index_ranges
 
@@ -194,14 +195,6 @@ class WallSolids:
     def polygons(self) -> list[shapely.Polygon]:
         """All pieces, seen from above."""
         return [*shapely.polygons(_corners(self.boxes)), *map(shapely.Polygon, self.prisms)]
-
-
-def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
-    """Straight pieces of the boundary of free space: both ends x, y [m], with free space on the left."""
-    rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(free)))
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    starts = np.flatnonzero(ring[1:] == ring[:-1])
-    return np.stack([points[starts], points[starts + 1]], axis=1)
 
 
 def solids(building: Building, height_m: float) -> WallSolids:

@@ -37,7 +37,7 @@ from robosim.plans.floorplan import (
 )
 from robosim.plans.formats.drawing import without_frame, without_strokes
 from robosim.support.arrays_in import opened_image, silenced
-from robosim.support.files import whole_file
+from robosim.support.files import write_whole
 from robosim.support.reading import reading
 
 _BLANK = rb"(?:\s|#[^\r\n]*[\r\n])+"
@@ -260,9 +260,3 @@ def colours_of(count: int) -> list[tuple[int, int, int]]:
 def write_pgm(plan: FloorPlan, path: str | Path) -> None:
     """Write the occupancy as a P5 graymap (free 254, occupied 0, unknown 205), whole or not at all."""
     write_whole(Path(path), encode_pgm(GREY[plan.occupancy[::-1]]))
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write bytes to a file that appears whole or not at all; its folder is created if it is missing."""
-    with whole_file(path) as partial:
-        partial.write_bytes(content)

@@ -46,10 +46,10 @@ from robosim.plans.formats.plan_image import (
     three_states,
     write_pgm,
     write_png,
-    write_whole,
 )
 from robosim.plans.formats.ros_header import RosHeader, read_header
 from robosim.plans.storey_plans import is_storeys
+from robosim.support.files import write_whole
 from robosim.support.reading import shown
 
 #: Ranges of greys that may mean unknown, those of map_saver first.
