@@ -160,11 +160,7 @@ class Training:
         return {
             "weights": {name: value.detach() for name, value in self.weights.items()},
             "optimiser": self._optimiser.state_dict(),
-            "epoch": self.epoch,
-            "difficulty": self.difficulty,
-            "seconds": self.seconds,
-            "curve": self.curve,
-            "best": self.best,
+            **{name: getattr(self, name) for name in ("epoch", "difficulty", "seconds", "curve", "best")},
         }
 
     def restore(self, stored: dict[str, Any]) -> None:
