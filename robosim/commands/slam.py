@@ -44,7 +44,7 @@ def slam(
     from robosim.drawing.plots import draw_maps, draw_trajectories
     from robosim.logs.log_files import read_log
     from robosim.logs.log_mapping import make_log_plan, map_log
-    from robosim.logs.robot_log import compare_trajectories, count_filled_cells
+    from robosim.logs.trajectory_scores import compare_trajectories, count_filled_cells
     from robosim.plans.files import write_ros
     from robosim.support.files import write_json
     from robosim.support.tum import write_tum

@@ -18,7 +18,8 @@ from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.drawing.plan_view import bar_m
 from robosim.episode_log import EpisodeLog
-from robosim.logs.robot_log import RobotLog, align_trajectory
+from robosim.logs.robot_log import RobotLog
+from robosim.logs.trajectory_scores import align_trajectory
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import Runs
 from robosim.support.colours import FURNISHING, WALL

@@ -11,7 +11,7 @@ from evo.tools import file_interface
 from robosim.cli import main
 from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
-from robosim.logs.robot_log import align_trajectory, compare_trajectories, count_filled_cells
+from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
 from robosim.support.reading import FileError

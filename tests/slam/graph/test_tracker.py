@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robosim.logs.robot_log import compare_trajectories
+from robosim.logs.trajectory_scores import compare_trajectories
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose
