@@ -281,7 +281,7 @@ def _video() -> str:
 
 
 def _mapper() -> str:
-    from robosim.support.assets import shipped_network
+    from robosim.support.installation import shipped_network
     from slam.networks.files import load_mapper
     from slam.networks.map_network import MapPredictor
     from slam.sensing.egocentric import AHEAD

@@ -20,20 +20,13 @@ from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
 from robosim.episode_log import EpisodeLog
 from robosim.navigation import Navigator, control_of, make_navigator
-from robosim.parts import (
-    ClassifierPart,
-    ControllerPart,
-    ExplorerPart,
-    GoalPart,
-    MapperPart,
-)
+from robosim.parts import ClassifierPart, ControllerPart, ExplorerPart, GoalPart, MapperPart
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy
 from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
 from robosim.policies.shortest import Shortest, TrueMapper
-from robosim.radio.bearings import bearings_of
-from robosim.radio.measurement import Interpreter, check_classifier
+from robosim.radio.measurement import Interpreter, bearings_of, check_classifier
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Decision, Step, Truth
 from robosim.support.checks import SEED, STEPS, checked

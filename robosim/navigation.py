@@ -17,8 +17,8 @@ from robosim.robot.calibration import open_floor, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
-from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.from_dict import from_dict
+from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import Part
 from slam.control.controller import ControlConfig, LocalPolicy
 from slam.control.learned import LearnedController, load_steering

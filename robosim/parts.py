@@ -10,8 +10,8 @@ to do says its protocol:
     PHYSICS      physics                 robosim.robot.motion.Physics
     ROBOT        robot                   robosim.robot.robots.RobotConfig
     CAMERA       camera                  robosim.camera.model.Camera
-    LIDAR        2D lidar                robosim.lidar.lidar.Lidar
-    RECOGNISER   recogniser              robosim.camera.recognition.Recogniser
+    LIDAR        2D lidar                robosim.lidar.Lidar
+    RECOGNISER   recogniser              robosim.camera.target.Recogniser
     TERMINAL     antennas of one end     wireless.antennas.codebook.Terminal
     ESTIMATOR    path estimator          wireless.estimation.estimators.PathEstimator
     CLASSIFIER   link-state classifier   wireless.linkstate.classifier.LinkStateClassifier
@@ -23,7 +23,7 @@ This module imports none of them: it is what the command line knows before it kn
 
 from typing import Annotated
 
-from robosim.support.assets import shipped_weights
+from robosim.support.installation import shipped_weights
 from robosim.support.parts import Kind, Part
 from wireless.em.materials import MATERIALS, WALLS
 
@@ -112,10 +112,10 @@ LIDAR = Kind(
     "2D lidar",
     {
         "none": "",  # the robot has none: nothing is made
-        "rplidar-a1": "robosim.lidar.lidars:rplidar_a1",
-        "lds-01": "robosim.lidar.lidars:lds_01",
-        "ust-10lx": "robosim.lidar.lidars:ust_10lx",
-        "ring-64": "robosim.lidar.lidars:ring_64",
+        "rplidar-a1": "robosim.lidar:rplidar_a1",
+        "lds-01": "robosim.lidar:lds_01",
+        "ust-10lx": "robosim.lidar:ust_10lx",
+        "ring-64": "robosim.lidar:ring_64",
     },
     has=("scan", "true_scan"),
     made_from="a list of meshes and a LidarConfig",
@@ -123,8 +123,8 @@ LIDAR = Kind(
 RECOGNISER = Kind(
     "recogniser",
     {
-        "marker": "robosim.camera.recognition:MarkerRecogniser",
-        "perfect": "robosim.camera.recognition:PerfectRecogniser",
+        "marker": "robosim.camera.target:MarkerRecogniser",
+        "perfect": "robosim.camera.target:PerfectRecogniser",
     },
     has=("find",),
     made_from="a CameraConfig",
@@ -158,7 +158,7 @@ MATERIAL = Kind(
     has=("name", "layers"),
     made_from="nothing",
     suffixes=(".yaml", ".yml"),
-    from_file="robosim.building.material_file:read_material",
+    from_file="robosim.building.wall_materials:read_material",
 )
 READER = Kind(
     "reader of floor plans",

@@ -16,10 +16,9 @@ from robosim.building.building import Building
 from robosim.camera.cameras import make_camera
 from robosim.camera.depth_noise import DepthNoise
 from robosim.camera.model import Camera, CameraConfig, camera_pose
-from robosim.camera.recognition import Recogniser
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.camera.target import target_mesh
-from robosim.lidar.lidar import Lidar, LidarConfig
+from robosim.camera.target import Recogniser, target_mesh
+from robosim.lidar import Lidar, LidarConfig
 from robosim.parts import (
     CAMERA,
     LIDAR,

@@ -25,8 +25,17 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
-from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
-from robosim.building.faces import KINDS, Faces, plain_mesh
+from robosim.building.extrusion import (
+    FURNITURE,
+    KINDS,
+    PLACED,
+    WALL,
+    Faces,
+    Solid,
+    extrude,
+    plain_mesh,
+    pockets,
+)
 from robosim.building.footprint import filled, footprint
 from robosim.building.outline import TOLERANCE_M, closed_passages, free_cells, to_map_exactly
 from robosim.building.wall_materials import cut_at_materials, materials_behind
@@ -277,28 +286,21 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
     """A building of one or several storeys with meshes placed in it, whose faces come last."""
     if not furnishings:
         return bare
-    vertices, faces = [np.asarray(bare.mesh.vertices)], [np.asarray(bare.mesh.faces)]
-    kind, material = [bare.face_kind], [bare.face_material]
-    materials = list(bare.materials)
-    first = len(bare.mesh.vertices)
-    for one in furnishings:
-        made_of = material_of(one.material, f"material of {one.name}")
-        if made_of not in materials:
-            materials.append(made_of)
-        bodies = one.bodies
-        vertices.append(bodies.vertices)
-        faces.append(bodies.faces + first)
-        kind.append(np.full(len(bodies.faces), PLACED, np.uint8))
-        material.append(np.full(len(bodies.faces), materials.index(made_of), np.uint8))
-        first += len(bodies.vertices)
-    count = sum(map(len, faces[1:]))
-    logger.info("%d things of %d faces are placed in the building", len(furnishings), count)
+    made_of = [material_of(one.material, f"material of {one.name}") for one in furnishings]
+    materials = tuple(dict.fromkeys([*bare.materials, *made_of]))
+    bodies = [one.bodies for one in furnishings]
+    vertices = [np.asarray(bare.mesh.vertices), *(one.vertices for one in bodies)]
+    first = np.cumsum([len(some) for some in vertices[:-1]])
+    faces = [np.asarray(bare.mesh.faces), *(one.faces + at for one, at in zip(bodies, first, strict=True))]
+    counts = [len(one.faces) for one in bodies]
+    material = np.repeat(np.array([materials.index(one) for one in made_of], np.uint8), counts)
+    logger.info("%d things of %d faces are placed in the building", len(furnishings), sum(counts))
     return replace(
         bare,
         mesh=plain_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
-        face_kind=np.concatenate(kind),
-        materials=tuple(materials),
-        face_material=np.concatenate(material),
+        face_kind=np.concatenate([bare.face_kind, np.full(sum(counts), PLACED, np.uint8)]),
+        materials=materials,
+        face_material=np.concatenate([bare.face_material, material]),
         furnishings=furnishings,
     )
 

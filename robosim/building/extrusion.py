@@ -1,9 +1,9 @@
-"""From free polygons to a closed shell of triangles: floor, ceiling, walls and lids over low islands.
+"""Faces of a building by kind and material, and their making from free polygons: a closed shell of triangles.
 
-The polygons are triangulated with no vertices but their own (constrained Delaunay, GEOS), so that each wall
-stands on the edge of exactly one floor triangle, and there are no T-junctions. Where polygons touch at a
-point, the triangles around that point form several fans. Each fan has a vertex of its own, so that every edge
-of the shell has exactly two faces.
+The shell is made of floor, ceiling, walls and lids over low islands. The polygons are triangulated with no vertices
+but their own (constrained Delaunay, GEOS), so that each wall stands on the edge of exactly one floor triangle, and
+there are no T-junctions. Where polygons touch at a point, the triangles around that point form several fans. Each fan
+has a vertex of its own, so that every edge of the shell has exactly two faces.
 
 Horizontal units are those of the polygons. Best are cells of the plan, in which points on one line are so
 exactly; rounding would leave triangles of nearly no area along straight walls.
@@ -11,15 +11,125 @@ exactly; rounding would leave triangles of nearly no area along straight walls.
 Left out: vertices in the middle of another ring's edge, which the outlines of plans do not have.
 """
 
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float, Int, UInt8
+import trimesh
+from jaxtyping import Bool, Float, Int, Num, UInt8
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from robosim.building.rings import triangulated
+from robosim.plans.furnishings.furnishing import Furnishing
+from wireless.em.materials import Material
+
+
+def rings_of(free: shapely.MultiPolygon) -> tuple[np.ndarray, Int[np.ndarray, " n"]]:
+    """The closed lines of polygons, and which polygon each belongs to; its outer line comes first."""
+    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    return rings, owner
+
+
+def polygons_of(
+    points: Sequence[Num[np.ndarray, "_ 2"]], owner: Int[np.ndarray, " n"]
+) -> shapely.MultiPolygon:
+    """Polygons from the corners of their closed lines, in the order of `rings_of`; valid or not.
+
+    The last corner need not repeat the first; `owner` is the polygon that each line belongs to.
+    """
+    ring_of = np.repeat(np.arange(len(points)), [len(corners) for corners in points])
+    return together(
+        shapely.polygons(shapely.linearrings(np.concatenate(points), indices=ring_of), indices=owner)
+    )
+
+
+def together(polygons: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
+    """The polygons as one, with free space on the left of each ring."""
+    return shapely.MultiPolygon(list(shapely.orient_polygons(list(polygons))))
+
+
+def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
+    """Straight pieces of the boundary of free space: both ends x, y [m], with free space on the left."""
+    rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(free)))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    starts = np.flatnonzero(ring[1:] == ring[:-1])
+    return np.stack([points[starts], points[starts + 1]], axis=1)
+
+
+def triangulated(polygons: shapely.Geometry) -> Float[np.ndarray, "n 3 2"]:
+    """Counter-clockwise triangles that fill polygons, with no vertices but theirs."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))
+    points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    side, other = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    # All turn in the same direction, which rounding would hide for the thinnest alone.
+    clockwise = (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum() < 0
+    return points[:, ::-1] if clockwise else points
+
+
+#: Kinds of faces, which `face_kind` is an index of, as in `robosim.building.extrusion`.
+KINDS = ("wall", "floor", "ceiling", "furniture", "placed")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Faces:
+    """A mesh whose faces know their kind and material, in `map`."""
+
+    mesh: trimesh.Trimesh
+    """All faces, with normals into free space, those of walls, floor and ceiling first; of these, vertices are corners
+    of walls only. Faces of placed meshes that close no volume may have either orientation."""
+    face_kind: UInt8[np.ndarray, " n_faces"]
+    """Kind of each face: index into `KINDS`; rims of slabs between storeys are walls."""
+    materials: tuple[str | Material, ...]
+    """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
+    face_material: UInt8[np.ndarray, " n_faces"]
+    """Material of each face: index into `materials`."""
+    furnishings: tuple[Furnishing, ...] = ()
+    """Meshes placed in it, with heights above the lowest floor, in the order of their faces."""
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lowest and highest x, y, z [m] in `map`."""
+        return self.mesh.bounds
+
+    @property
+    def digest(self) -> str:
+        """A text that changes with any vertex, face or material."""
+        seen = hashlib.sha256()
+        for array in (self.mesh.vertices, self.mesh.faces, self.face_material):
+            seen.update(np.ascontiguousarray(array, float).tobytes())
+        named = (one if isinstance(one, str) else repr(one) for one in self.materials)
+        seen.update("|".join(named).encode())
+        return seen.hexdigest()[:16]
+
+    def submesh(self, *kinds: str) -> trimesh.Trimesh:
+        """The faces of some kinds, as a mesh of their own."""
+        if unknown := [kind for kind in kinds if kind not in KINDS]:
+            raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
+        return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
+
+    def of_material(self, material: str) -> trimesh.Trimesh:
+        """The faces of one radio material, as a mesh of their own."""
+        names = list(map(str, self.materials))
+        if material not in names:
+            raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")
+        return self._part(self.face_material == names.index(material))
+
+    def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
+        used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)
+        return plain_mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
+
+
+def plain_mesh(
+    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], metadata: dict[str, object]
+) -> trimesh.Trimesh:
+    """Mesh whose vertices stay as they are, unmerged and in order."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False, metadata=dict(metadata))
+    mesh.units = "m"
+    return mesh
+
 
 #: Kinds of faces; the last is of placed meshes, which are not extruded.
 WALL, FLOOR, CEILING, FURNITURE, PLACED = range(5)

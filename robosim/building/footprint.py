@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.plans.formats.mesh_raster import cut, section
+from robosim.plans.formats.raster import cut, section
 from robosim.plans.furnishings.furnishing import Bodies
 
 #: Robots drive over lower things: rugs, doorsills [m].

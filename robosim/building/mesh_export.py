@@ -23,8 +23,7 @@ import trimesh
 from jaxtyping import Complex, Float
 from scipy.constants import speed_of_light
 
-from robosim.building.extrusion import PLACED
-from robosim.building.faces import KINDS, Faces
+from robosim.building.extrusion import KINDS, PLACED, Faces
 from robosim.support.files import whole_file
 from wireless.em.fresnel import fresnel
 from wireless.em.materials import WALLS, Material, wall_row

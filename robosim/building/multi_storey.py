@@ -21,9 +21,18 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
-from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
-from robosim.building.faces import Faces, plain_mesh
-from robosim.building.rings import polygons_of, rings_of, triangulated
+from robosim.building.extrusion import (
+    CEILING,
+    FLOOR,
+    FURNITURE,
+    WALL,
+    Faces,
+    plain_mesh,
+    polygons_of,
+    rings_of,
+    triangulated,
+    wall_segments,
+)
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
@@ -130,7 +139,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             _level(free[i], above, high, CEILING, own or config.building.material("ceiling")),
         ]
         if i < len(opening):
-            rim = _upright(_segments(opening[i]), high, plan.floor_m(i + 1))
+            rim = _upright(wall_segments(opening[i]), high, plan.floor_m(i + 1))
             of_rim = own or material_of(config.slab_material, "slab_material")
             parts.append((rim, np.full(len(rim), WALL), [of_rim] * len(rim)))
     corner, kind = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:2])
@@ -220,14 +229,6 @@ def _with_corners(area: shapely.MultiPolygon, others: list[shapely.MultiPolygon]
     return polygons_of(outlines, owner)
 
 
-def _segments(area: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
-    """Sides of polygons, free space on their left."""
-    rings, _ = rings_of(area)
-    outlines = [shapely.get_coordinates(ring) for ring in rings]
-    sides = [np.stack([one[:-1], one[1:]], axis=1) for one in outlines]
-    return np.concatenate([np.empty((0, 2, 2)), *sides])
-
-
 def _upright(segments: Float[np.ndarray, "n 2 2"], low: float, high: float) -> Float[np.ndarray, "m 3 3"]:
     """Two triangles over each segment, normals to its left."""
     a, b = segments[:, 0], segments[:, 1]
@@ -237,7 +238,7 @@ def _upright(segments: Float[np.ndarray, "n 2 2"], low: float, high: float) -> F
 
 def _walls(alone: Building, free: shapely.MultiPolygon, low: float, high: float) -> _Part:
     """Walls around a storey, each of the kind and material that it has in the storey alone."""
-    segments = _segments(free)
+    segments = wall_segments(free)
     upright = np.flatnonzero(np.isin(alone.face_kind, (WALL, FURNITURE)))
     corner = alone.mesh.vertices[alone.mesh.faces[upright]][:, :, :2]
     # Seen from above a face is a line, from its leftmost corner to the one farthest from it.

@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from robosim.building.rings import polygons_of, rings_of, together
+from robosim.building.extrusion import polygons_of, rings_of, together
 from robosim.building.straight import straightened
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import Range, check_number

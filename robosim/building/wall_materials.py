@@ -1,16 +1,34 @@
-"""Materials of walls, if a plan has them cell by cell: a wall has that of the cells behind it.
+"""Materials of walls: those that a plan has cell by cell, and layers of a wall from a YAML file.
 
-Walls are cut where that changes, so that each has one material. All is in cell coordinates (column, row).
+A wall has the material of the cells behind it. Walls are cut where that changes, so that each has one material. All
+is in cell coordinates (column, row).
+
+A file of layers is for walls that no table has:
+
+    name: insulated
+    layers:                  # from face to face, the same from both sides
+      - {material: plasterboard, thickness_m: 0.013}
+      - {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}
+      - {material: plasterboard, thickness_m: 0.013}
+    scattering: 0.3          # coefficient S of its faces, if the tracer scatters
+    lobe: 4                  # exponent of the scattered lobe
+
+Only `layers` are needed.
 """
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
-from robosim.building.rings import polygons_of, rings_of
+from robosim.building.extrusion import polygons_of, rings_of
 from robosim.plans.floorplan import FloorPlan
+from robosim.support.from_dict import from_dict
+from robosim.support.reading import reading
+from robosim.support.text_in import check_object, parse_yaml
+from wireless.em.materials import Material
 
 #: Samples of a wall per cell, and distances behind it [cells]: the first cell with a material counts.
 _PLACES, _BEHIND = 4, (0.3, 0.6, 0.9)
@@ -48,3 +66,10 @@ def materials_behind(
         here[inside] = plan.material[iy[inside], ix[inside]]
         found = np.where(found == 0, here, found)
     return found
+
+
+def read_material(path: Path) -> Material:
+    """A wall of layers from a YAML file; its name is the file's if the file has none in it."""
+    remedy = "Give layers from face to face, such as layers: [{material: glass, thickness_m: 0.006}]."
+    with reading(path, "the layers of a wall", remedy) as file:
+        return from_dict(Material, {"name": path.stem, **check_object(parse_yaml(file.read()))})

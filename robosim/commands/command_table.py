@@ -16,13 +16,13 @@ from robosim.support.checks import check_arguments
 #: Commands by their words, each as `module:function` of this package.
 COMMANDS = {
     "episode": "episode:episode",
-    "replay": "replay:replay",
-    "view": "replay:view",
+    "replay": "live:replay",
+    "view": "live:view",
     "live": "live:live",
     "evaluate": "evaluate:evaluate",
     "plan": "scenes:plan",
-    "trace": "trace:trace",
-    "dataset": "dataset:dataset",
+    "trace": "links:trace",
+    "dataset": "links:dataset",
     "generate": "scenes:generate",
     "collect": "collect:collect",
     "collect-searches": "collect:collect_searches",
@@ -34,9 +34,9 @@ COMMANDS = {
     "train link-state": "train:link_state",
     "train mapper": "train:mapper",
     "train pose": "train:pose",
-    "train explorer": "train_policies:explorer",
-    "train steering": "train_policies:steering",
-    "train search": "train_policies:search",
+    "train explorer": "train:explorer",
+    "train steering": "train:steering",
+    "train search": "train:search",
 }
 #: Commands of two words by their first.
 GROUPS = {"train": "Train networks"}

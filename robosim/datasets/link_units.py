@@ -1,11 +1,14 @@
 """Units of a data set of links: one transmitter of one building, traced, sounded and estimated.
 
 A unit depends on its own settings and seed alone, and one thread computes it: neither the number of workers nor the
-order of units changes a byte. The worker process returns its files as bytes. The table of links is written last, so a
-unit with a table is complete.
+order of units changes a byte. The worker process returns its files as bytes, those in formats of others included: CSV
+files of mmwRobotNav and DeepMIMO v4 scenarios. The table of links is written last, so a unit with a table is complete.
 """
 
 import io
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,8 +16,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TimeRemainingColumn
+from rich.text import Text
 
-from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
@@ -22,11 +27,97 @@ from robosim.radio.receivers import STEP_M, ReceiverGrid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part, to_dict
+from robosim.support.progress import text_column
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.estimation.sage import SageEstimator
+from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
 from wireless.formats.link_records import link_table, write_links
+from wireless.formats.mmwrobotnav_csv import estimated_csv, traced_csv
+from wireless.paths import Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
+
+#: Folder below which `deepmimo.load` looks for scenarios.
+SCENARIOS = "deepmimo_scenarios"
+#: Contents of files by their names.
+Files = dict[str, bytes]
+
+
+def csv_files(
+    scene: RadioScene, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
+) -> Files:
+    """`NAME_Tx_K.csv` with traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` with its estimates."""
+    config, start = scene.config, f"{scene.building.plan.name}_Tx_{tx + 1}"
+    power = {"tx_power_dbm": config.tx_power_dbm, "threshold_db": config.threshold_db}
+    files = {f"{start}.csv": traced_csv(paths, tx, grid.cell, grid.shape, **power)}
+    if estimates is not None:
+        state = paths.link_state(config.threshold_db)[tx]
+        content = estimated_csv(estimates, grid.position, state, grid.cell, grid.shape)
+        files[f"{start}_beam_search.csv"] = content
+    return files
+
+
+def transmitters_file(name: str, transmitters: Float[np.ndarray, "n 3"]) -> Files:
+    """`NAME_tx_pos.csv`, the places of transmitters [m]."""
+    rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(transmitters)]
+    return {f"{name}_tx_pos.csv": ("\n".join([",x,y,z", *rows]) + "\n").encode("ascii")}
+
+
+def deepmimo_folder(out: Path, name: str) -> Path:
+    """Folder of the scenario of a building."""
+    return out / SCENARIOS / scenario_name(name)
+
+
+def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
+    """Files of a transmitter in a scenario."""
+    return transmitter_files(paths, tx, horizontal=scene.config.tracer.polarisation == "horizontal")
+
+
+def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
+    """The other files of a scenario, which are written last: they complete it."""
+    return scene_files(
+        mesh=scene.whole.mesh,
+        materials=scene.whole.materials,
+        face_material=scene.face_material,
+        frequency_hz=scene.config.frequency_hz,
+        config=scene.config.tracer,
+        n_tx=n_tx,
+        n_rx=n_rx,
+        n_rx_active=n_rx_active,
+    )
+
+
+class LinkProgress:
+    """Counts finished links and shows them in a bar."""
+
+    def __init__(self, progress: Progress, bar: TaskID, out: Path) -> None:
+        self._progress, self._bar, self._out = progress, bar, out
+        self._start, self._done = time.perf_counter(), 0
+        self._found: int | None = None
+
+    def report(self, done: int, total: int) -> None:
+        """Set the number of finished links; the first call gives those of earlier runs."""
+        if self._found is None:
+            self._found = done
+            if done > 0:
+                line = f"{self._out} holds {done} of the {total} links; resuming from there."
+                self._progress.console.print(Text(line))
+        self._done = done
+        self._progress.update(self._bar, completed=done)
+
+    def timing(self) -> dict[str, float]:
+        """Number of links of this run, and seconds since its start."""
+        return {"links": self._done - (self._found or 0), "seconds": time.perf_counter() - self._start}
+
+
+@contextmanager
+def link_progress(console: Console, total: int, out: Path) -> Iterator[LinkProgress]:
+    """A bar while links are traced."""
+    bars = (SpinnerColumn(), text_column("{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn())
+    columns = (*bars, TimeRemainingColumn())
+    with Progress(*columns, console=console, refresh_per_second=4, speed_estimate_period=600) as progress:
+        yield LinkProgress(progress, progress.add_task("links", total=total), out)
+
 
 Format = Literal["mmwrobotnav", "deepmimo"]
 Headings = Literal["fixed", "random"]

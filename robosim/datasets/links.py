@@ -21,15 +21,18 @@ from jaxtyping import Float
 from rich.console import Console
 
 from robosim.building.multi_storey import Storeys
-from robosim.datasets.link_formats import deepmimo_folder, deepmimo_scene, transmitters_file
-from robosim.datasets.link_progress import LinkProgress, link_progress
 from robosim.datasets.link_units import (
     MMWROBOTNAV,
+    LinkProgress,
     LinkSetConfig,
     Site,
+    deepmimo_folder,
+    deepmimo_scene,
+    link_progress,
     make_unit,
     plain_config,
     stream,
+    transmitters_file,
     unit_path,
 )
 from robosim.plans.floorplan import FloorPlan, MapError

@@ -23,15 +23,16 @@ from jaxtyping import Float, Int
 from rich.console import Console
 
 from robosim.building.multi_storey import Storeys
-from robosim.datasets.link_formats import (
+from robosim.datasets.link_units import (
+    Site,
     csv_files,
     deepmimo_folder,
     deepmimo_paths,
     deepmimo_scene,
+    link_progress,
+    prepare_site,
     transmitters_file,
 )
-from robosim.datasets.link_progress import link_progress
-from robosim.datasets.link_units import Site, prepare_site
 from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_rays
 from robosim.drawing.storeys_picture import plot_storeys
 from robosim.plans.floorplan import FloorPlan

@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.building.building import Building
-from robosim.plans.formats.scanline import winding_numbers
-from robosim.robot.collision import wall_segments
+from robosim.building.extrusion import wall_segments
+from robosim.plans.formats.raster import winding_numbers
 from slam.sensing.egocentric import AHEAD
 from wireless.support.compiled import compiled
 

@@ -1,29 +1,95 @@
-"""Plots of results: episodes, plans, robot logs, and errors of odometry."""
+"""Plots of results: episodes, plans, robot logs, and errors of odometry; legend, scale bar and north of plans."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach
-from robosim.drawing.plan_marks import explain, map_keys, wall_keys
+from robosim.drawing.plan_view import bar_m
 from robosim.episode_log import EpisodeLog
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import align_trajectory
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import Runs
+from robosim.support.colours import FURNISHING, WALL
 from robosim.support.figures import save_figure
 from slam.grid import MapEstimate
 from wireless.support.axes import axes_in_metres
 from wireless.support.counting import counted
+
+#: Height of the strip below a plan over the plan's size.
+_STRIP = 0.08
+
+
+def wall_keys(furnished: bool) -> list[Artist]:
+    """Legend entries of `Building.draw_walls`, of a building with or without furnishings."""
+    walls: list[Artist] = [Line2D([], [], color=WALL, lw=1.5, label="true walls")]
+    return [*walls, Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if furnished else walls
+
+
+def map_keys() -> list[Artist]:
+    """Legend entries of a robot's map."""
+    shades = (("floor seen", "1.0"), ("obstacle seen", "0.15"), ("not seen", "0.85"))
+    return [Patch(facecolor=shade, edgecolor="0.5", lw=0.5, label=label) for label, shade in shades]
+
+
+def heading(text: str) -> Artist:
+    """A heading in a legend."""
+    return Line2D([], [], ls="", label=text)
+
+
+def explain(
+    axes: Axes, keys: Sequence[Artist], title: str | None = None, *, after: Sequence[Artist] = ()
+) -> None:
+    """Add a legend next to a plan, and a scale bar and a north arrow below it; the axes have their final limits.
+
+    The legend has the entries `keys`, those of the labelled artists, and `after`.
+    """
+    drawn, _ = axes.get_legend_handles_labels()
+    inside = axes.get_legend()
+    if inside is not None:
+        inside.remove()
+    axes.figure.legend(
+        handles=[*keys, *drawn, *after],
+        loc="outside right upper",
+        fontsize=8,
+        frameon=False,
+        title=title,
+        title_fontsize=8,
+    )
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    strip = _STRIP * max(east - west, north - south)
+    axes.set_ylim(south - strip, north)
+    length, y = bar_m(east - west), south - 0.62 * strip
+    x, tick = west + 0.3 * strip, 0.12 * strip
+    for ends in (
+        ([x, x + length], [y, y]),
+        ([x, x], [y - tick, y + tick]),
+        ([x + length, x + length], [y - tick, y + tick]),
+    ):
+        axes.plot(*ends, color="0.1", lw=1.6, zorder=9, solid_capstyle="butt")
+    axes.annotate(f"{length:g} m", (x + length / 2, y + tick), ha="center", va="bottom", fontsize=8, zorder=9)
+    at = x + length + 0.8 * strip
+    axes.annotate(
+        "",
+        (at, y + 0.45 * strip),
+        (at, y - 0.25 * strip),
+        arrowprops={"arrowstyle": "-|>", "color": "0.1", "lw": 1.2},
+        zorder=9,
+    )
+    axes.annotate("N (+y)", (at + 0.2 * strip, y), va="center", fontsize=8, zorder=9)
+
 
 #: Okabe and Ito's colours (2008), for parts of the floor from the largest on, and a grey for the rest.
 _PARTS = ("#009E73", "#E69F00", "#CC79A7", "#0072B2", "#D55E00", "#F0E442")

@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 
 from robosim.environments.config import Sense
-from robosim.environments.places import route_action
+from robosim.environments.sources import route_action
 from robosim.environments.target_search import TargetSearch
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.installation import DISTRIBUTION, missing_extra, package_version

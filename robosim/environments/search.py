@@ -18,9 +18,8 @@ from jaxtyping import Float, UInt8
 from robosim.drawing.plan_view import BriefPicture
 from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
-from robosim.environments.places import Place, shared_place
 from robosim.environments.rewards import NO_SNR_DB, WORTH, weighted
-from robosim.environments.sources import Source, TaskSpec
+from robosim.environments.sources import Place, Source, TaskSpec, shared_place
 from robosim.parts import LIDAR
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter

@@ -27,7 +27,7 @@ from gymnasium import spaces
 from jaxtyping import Float, UInt8
 
 from robosim.environments.config import SearchConfig
-from robosim.lidar.lidar import Lidar
+from robosim.lidar import Lidar
 from robosim.plans.floorplan import FloorPlan
 from robosim.simulator import Observation, SimulatorConfig
 from slam.poses import between

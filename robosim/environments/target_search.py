@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
-from robosim.environments.places import Place
 from robosim.environments.search import Search, make_spaces
-from robosim.environments.sources import source_of
+from robosim.environments.sources import Place, source_of
 from robosim.simulator import SimulatorConfig
 
 

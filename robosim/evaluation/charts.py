@@ -18,7 +18,7 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import PercentFormatter
 
-from robosim.drawing.plan_marks import explain, heading, wall_keys
+from robosim.drawing.plots import explain, heading, wall_keys
 from robosim.evaluation.search_scores import CLASSES, Estimate, Summary
 from robosim.policies.reason import GoalKind
 from robosim.recording.episode_file import RecordedEpisode

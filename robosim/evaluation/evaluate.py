@@ -24,16 +24,14 @@ from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
-from robosim.evaluation.episodes import draw_plan, make_jobs, run_jobs
+from robosim.evaluation.episodes import draw_plan, make_jobs, read_job_head, run_jobs
 from robosim.evaluation.report import Evaluation, summary_rows, write_results
-from robosim.evaluation.rows import read_job_head
 from robosim.evaluation.search_scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
 from robosim.plans.files import find_plans, read_plan
 from robosim.policies.goals import SEEKERS
-from robosim.support.assets import assets_dir
 from robosim.support.files import plain
-from robosim.support.installation import package_version
+from robosim.support.installation import assets_dir, package_version
 from robosim.support.parts import to_dict
 from robosim.support.progress import unit_progress
 from robosim.support.reading import PACKAGES, read_bytes

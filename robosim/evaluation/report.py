@@ -24,12 +24,11 @@ from rich.console import Console
 
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart, trajectories_figure
-from robosim.evaluation.episodes import Failure, Job
-from robosim.evaluation.rows import read_job_episode
+from robosim.evaluation.episodes import Failure, Job, read_job_episode
 from robosim.evaluation.search_scores import Compared, Estimate, Summary, compared, subject_of
-from robosim.support.assets import shipped_plans
 from robosim.support.figures import save_figure
 from robosim.support.files import plain, whole_file, write_json, write_whole
+from robosim.support.installation import shipped_plans
 from robosim.support.progress import unit_progress
 from robosim.support.workers import Workers
 from wireless.support.counting import counted

@@ -60,7 +60,7 @@ def compared(rows: Sequence[Mapping[str, Any]]) -> list[Compared]:
         own = next((i for i in episodes if rows[i]["policy"] == subject), None)
         others = [i for i in episodes if i != own]
         seekers = [i for i in others if rows[i]["policy"] not in BARS]
-        rival = min(seekers or others, key=lambda i: _steps(rows[i]), default=None)
+        rival = min(seekers or others, key=lambda i: steps_to_arrival(rows[i]), default=None)
         loss = math.nan if own is None or rival is None else _loss(rows[own], rows[rival])
         found.append(Compared(plan, task, repeat, own, rival, tuple(episodes), loss))
     return sorted(found, key=lambda one: _order(one, rows))
@@ -73,12 +73,13 @@ def _order(one: Compared, rows: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
     return *place, math.inf if math.isnan(one.loss) else -one.loss, one.plan, one.task, one.repeat
 
 
-def _steps(row: Mapping[str, Any]) -> float:
+def steps_to_arrival(row: Mapping[str, Any]) -> float:
+    """Steps of an episode until the robot arrived; infinite if it did not."""
     return math.inf if row["arrived_at_step"] is None else float(row["arrived_at_step"])
 
 
 def _loss(own: Mapping[str, Any], rival: Mapping[str, Any]) -> float:
-    steps, others = _steps(own), _steps(rival)
+    steps, others = steps_to_arrival(own), steps_to_arrival(rival)
     return math.nan if math.isinf(steps) and math.isinf(others) else steps / max(others, 1.0)
 
 
@@ -134,7 +135,7 @@ def score(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     scored = []
     for row in rows:
         key = _key(row)
-        at = np.inf if row["arrived_at_step"] is None else float(row["arrived_at_step"])
+        at = steps_to_arrival(row)
         added = {
             "difficulty": classes[key],
             "oracle_steps": oracle[key],
@@ -154,8 +155,7 @@ def steps_of(rows: Sequence[Mapping[str, Any]], policy: str) -> dict[TaskKey, fl
     steps: dict[TaskKey, list[float]] = defaultdict(list)
     for row in rows:
         if row["policy"] == policy:
-            at = row["arrived_at_step"]
-            steps[_key(row)].append(np.inf if at is None else float(at))
+            steps[_key(row)].append(steps_to_arrival(row))
     return {key: float(np.quantile(own, 0.5, method="inverted_cdf")) for key, own in steps.items()}
 
 

@@ -32,10 +32,10 @@ from robosim.building.reach import Reach
 from robosim.parts import READER
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FARTHEST_M
-from robosim.support.assets import shipped_plans
 from robosim.support.checks import SEED, check_choice, check_number, check_some, checked
 from robosim.support.files import whole_file
 from robosim.support.from_dict import from_dict
+from robosim.support.installation import shipped_plans
 from robosim.support.parts import check_code_allowed
 from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, parse_json, parse_yaml

@@ -18,9 +18,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robosim.generator.canvas import Canvas, Rect
-from robosim.generator.furniture_cells import structure
+from robosim.generator.furniture_cells import furnish, structure
 from robosim.generator.layout import Layout, lay_out
-from robosim.generator.place_cells import furnish
 from robosim.generator.place_groups import place_pieces
 from robosim.generator.subdivision import STYLES
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan

@@ -1,9 +1,9 @@
 """Furniture of true height, by the kind of room, placed without blocking passages.
 
 The pieces are those of `robosim.generator.furniture_cells`, here as meshes (`robosim.plans.furnishings.pieces`),
-several for a table with its chairs. A group is tried at a few random places by the rules of
-`robosim.generator.place_cells`, as if all of it stood on the floor. It also keeps a distance of a cell to the walls,
-which may stand half a cell off the drawn ones, and a gap to other pieces.
+several for a table with its chairs. A group is tried at a few random places by the same rules, as if all of it stood on
+the floor. It also keeps a distance of a cell to the walls, which may stand half a cell off the drawn ones, and a gap to
+other pieces.
 """
 
 from collections.abc import Callable
@@ -14,9 +14,8 @@ import shapely
 from jaxtyping import Bool
 
 from robosim.generator.canvas import Canvas, Polygon, Rect
-from robosim.generator.furniture_cells import Entry, turn
+from robosim.generator.furniture_cells import Entry, Space, turn
 from robosim.generator.layout import Layout
-from robosim.generator.place_cells import Space
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import make_piece
 

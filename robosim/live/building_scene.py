@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
-from robosim.drawing.marks import bar_m
+from robosim.drawing.plan_view import bar_m
 from robosim.live.scene_nodes import FLOOR, NO_SHADOW, WALL, WALL_EDGE, add_lines
 
 if TYPE_CHECKING:

@@ -11,13 +11,12 @@ import numpy as np
 
 from robosim.episode import EpisodeConfig
 from robosim.live.building_scene import FIELD_DEG, BuildingScene, light, view_of_all
-from robosim.live.client import COVERED
 from robosim.live.link_model import LinkModel
 from robosim.live.page_html import page_head
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.results_panel import ResultsPanel
 from robosim.live.search_panel import SearchPanel
-from robosim.live.server import close_server, open_server
+from robosim.live.server import COVERED, close_server, open_server
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import StoreysPlan
 from robosim.radio.scene import RadioConfig

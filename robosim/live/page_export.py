@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robosim.live.building_scene import FIELD_DEG, light, view_of_all
-from robosim.live.client import SOFTWARE, before_client
 from robosim.live.page_html import search_legend
 from robosim.live.recordings import Recording
 from robosim.live.scene_nodes import NO_SHADOW
 from robosim.live.search_view import SearchView
-from robosim.live.server import HOST, close_server, open_server
+from robosim.live.server import HOST, SOFTWARE, before_client, close_server, open_server
 from robosim.support.files import write_whole
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from jaxtyping import Float
 from robosim.drawing.plan_view import building_rings
 from robosim.live.building_scene import BuildingScene
 from robosim.live.latest_worker import LatestWorker, close_all
-from robosim.live.link_model import WALL_MATERIALS, LinkModel
-from robosim.live.own_plan import ENDINGS, SCALED, plan_of
+from robosim.live.link_model import ENDINGS, SCALED, WALL_MATERIALS, LinkModel, plan_of
 from robosim.live.page_html import arrival_table, map_legend, path_table, radio_legend, sentence
 from robosim.live.radio_view import MapKind, RadioView, Terminal, radio_maps
 from robosim.radio.scene import RadioConfig

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robosim.evaluation.rows import read_job_episode, read_job_head
+from robosim.evaluation.episodes import read_job_episode, read_job_head
+from robosim.evaluation.search_scores import steps_to_arrival
 from robosim.recording.episode_file import EPISODE, RecordedEpisode, read_episode
 from robosim.recording.step_codec import decode_belief, decode_map, decode_step
 from robosim.step import Step
@@ -139,11 +140,11 @@ def read_evaluation(folder: Path) -> list[EvaluatedEpisode]:
     rows = [(read_job_head(path).row, path) for path in files]
     fastest: dict[tuple[Any, ...], float] = {}
     for row, _ in rows:
-        fastest[_task(row)] = min(fastest.get(_task(row), math.inf), _steps(row))
+        fastest[_task(row)] = min(fastest.get(_task(row), math.inf), steps_to_arrival(row))
     episodes = []
     for row, path in rows:
         least = fastest[_task(row)]
-        relative = math.nan if math.isinf(least) else _steps(row) / max(least, 1.0)
+        relative = math.nan if math.isinf(least) else steps_to_arrival(row) / max(least, 1.0)
         episodes.append(EvaluatedEpisode(row, path, relative))
     # Tasks that another policy completed come before those that none did.
     return sorted(
@@ -158,10 +159,6 @@ def read_evaluation(folder: Path) -> list[EvaluatedEpisode]:
 
 def _task(row: Mapping[str, Any]) -> tuple[Any, ...]:
     return row["plan"], row["task"], row["repeat"]
-
-
-def _steps(row: Mapping[str, Any]) -> float:
-    return float(row["arrived_at_step"]) if row["arrived"] else math.inf
 
 
 def _make_recording(episode: RecordedEpisode, title: str) -> Recording:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robosim.live.client import LIST, OPTION
 from robosim.live.latest_worker import LatestWorker, close_all
 from robosim.live.page_html import block, table
 from robosim.live.player import Player
 from robosim.live.recordings import EvaluatedEpisode, is_episode, read_evaluation, read_recording
+from robosim.live.server import LIST, OPTION
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:

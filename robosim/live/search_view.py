@@ -7,13 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.drawing.picture import ANTICIPATING_PALETTE, status_line
-from robosim.drawing.plan_view import (
-    ESTIMATE_ORANGE,
-    OBSTACLE_BLACK,
-    PATH_PURPLE,
-    TARGET_RED,
-    TRUE_GREEN,
-)
+from robosim.drawing.plan_view import ESTIMATE_ORANGE, OBSTACLE_BLACK, PATH_PURPLE, TARGET_RED, TRUE_GREEN
 from robosim.layers import BLOCKED, FREE, GUESS, GUESS_LEVELS, OBSTACLE, TOP_LEVEL, Layer
 from robosim.live.building_scene import STEP_M, BuildingScene
 from robosim.live.radio_view import arrival_fan, ray_segments

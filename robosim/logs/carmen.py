@@ -18,9 +18,9 @@ import gzip
 import io
 import logging
 import math
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -46,23 +46,19 @@ _OUT_OF_ORDER = 0.1
 _RIGID = 0.02
 
 
-@dataclass(eq=False)
-class _Lines:
-    """Contents of the lines, in their order."""
+class _Scan(NamedTuple):
+    """A line with a laser scan."""
 
-    lines: list[int] = field(default_factory=list)
-    """Line of each scan."""
-    ranges: list[Float[np.ndarray, " w"]] = field(default_factory=list)
-    bearings: list[Float[np.ndarray, " w"]] = field(default_factory=list)
-    laser: list[Float[np.ndarray, "3"]] = field(default_factory=list)
-    robot: list[Float[np.ndarray, "3"]] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
-    displacement: list[Float[np.ndarray, "3"]] = field(default_factory=list)
+    line: int
+    bearings: Float[np.ndarray, " w"]
+    ranges: Float[np.ndarray, " w"]
+    laser: Float[np.ndarray, "3"]
+    robot: Float[np.ndarray, "3"]
+    time: float
+    displacement: Float[np.ndarray, "3"] = np.zeros(3)
     """Displacement by ODOM lines since the scan before."""
-    n_odometry: list[int] = field(default_factory=list)
+    n_odometry: int = 0
     """Number of these lines."""
-    resets: int = 0
-    """Scans after which odometry was reset to the scan's pose."""
 
 
 def read_carmen(path: Path) -> RobotLog:
@@ -75,14 +71,15 @@ def read_carmen(path: Path) -> RobotLog:
                 packed = unpacked.read(_MOST_BYTES + 1)
             if len(packed) > _MOST_BYTES:
                 raise ValueError(f"it unpacks to more than {_MOST_BYTES} bytes")
-        lines = _parse(packed.decode("ascii", "replace"))
-        if len(lines.ranges) < 2:
-            raise ValueError(f"{len(lines.ranges)} scans in it, expected two at least")
-        return _log(path, lines)
+        scans, resets = _parse(packed.decode("ascii", "replace"))
+        if len(scans) < 2:
+            raise ValueError(f"{len(scans)} scans in it, expected two at least")
+        return _log(path, scans, resets)
 
 
-def _parse(text: str) -> _Lines:
-    lines, rows = _Lines(), text.splitlines()
+def _parse(text: str) -> tuple[list[_Scan], int]:
+    """Scans in their order, and the number of those after which odometry was reset to the scan's pose."""
+    scans, resets, rows = list[_Scan](), 0, text.splitlines()
     last: Float[np.ndarray, 3] | None = None
     step, n_odometry, is_fresh = np.zeros(3), 0, False
     for number, line in enumerate(rows, 1):
@@ -98,32 +95,19 @@ def _parse(text: str) -> _Lines:
                 break  # a recording may be cut off anywhere
             raise
         if kind == "ODOM":
-            if is_fresh and np.array_equal(pose, lines.robot[-1]):
-                lines.resets += 1
+            if is_fresh and np.array_equal(pose, scans[-1].robot):
+                resets += 1
             elif last is not None and not np.array_equal(pose, last) and not _was_reset(last, pose):
                 step, n_odometry = compose(step, between(last, pose)), n_odometry + 1
             last, is_fresh = pose, False
         elif kind in ("FLASER", "ROBOTLASER1"):
-            bearings, ranges, laser, robot, time = scan
-            lines.bearings.append(bearings)
-            lines.ranges.append(ranges)
-            lines.laser.append(laser)
-            lines.robot.append(robot)
-            lines.times.append(time)
-            lines.lines.append(number)
-            lines.displacement.append(step)
-            lines.n_odometry.append(n_odometry)
-            last, step, n_odometry, is_fresh = robot, np.zeros(3), 0, True
-    return lines
+            scans.append(scan._replace(displacement=step, n_odometry=n_odometry))
+            last, step, n_odometry, is_fresh = scan.robot, np.zeros(3), 0, True
+    return scans, resets
 
 
 def _was_reset(before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]) -> bool:
     return math.hypot(after[0] - before[0], after[1] - before[1]) > _RESET_M
-
-
-_Scan = tuple[
-    Float[np.ndarray, " w"], Float[np.ndarray, " w"], Float[np.ndarray, "3"], Float[np.ndarray, "3"], float
-]
 
 
 def _flaser(words: list[str], line: int) -> _Scan:
@@ -131,7 +115,8 @@ def _flaser(words: list[str], line: int) -> _Scan:
     ranges = _numbers(words[2 : 2 + count], count, line)
     poses = _numbers(words[2 + count : 8 + count], 6, line)
     step = math.pi / (count - 1 if count % 2 else count)
-    return -math.pi / 2 + step * np.arange(count), ranges, poses[:3], poses[3:], _time(words[8 + count :])
+    bearings, time = -math.pi / 2 + step * np.arange(count), _time(words[8 + count :])
+    return _Scan(line, bearings, ranges, poses[:3], poses[3:], time)
 
 
 def _robotlaser(words: list[str], line: int) -> _Scan:
@@ -144,7 +129,7 @@ def _robotlaser(words: list[str], line: int) -> _Scan:
     rest = words[10 + count + remissions :]
     poses = _numbers(rest[:6], 6, line)
     ranges = np.where(ranges >= longest, np.inf, ranges)
-    return start + step * np.arange(count), ranges, poses[:3], poses[3:], _time(rest[11:])
+    return _Scan(line, start + step * np.arange(count), ranges, poses[:3], poses[3:], _time(rest[11:]))
 
 
 def _numbers(words: list[str], count: int, line: int) -> Float[np.ndarray, " n"]:
@@ -169,19 +154,22 @@ def _time(words: list[str]) -> float:
     return value if abs(value) < 1e12 else math.nan
 
 
-def _log(path: Path, lines: _Lines) -> RobotLog:
-    count = len(lines.ranges[0])
-    for line, scan in zip(lines.lines, lines.ranges, strict=True):
-        if len(scan) != count:
-            raise ValueError(f"line {line} has another number of beams than others: {len(scan)}, not {count}")
-    check_bearings(lines.lines, lines.bearings)
-    ranges, laser, robot = np.array(lines.ranges), np.array(lines.laser), np.array(lines.robot)
+def _log(path: Path, scans: list[_Scan], resets: int) -> RobotLog:
+    count = len(scans[0].ranges)
+    for scan in scans:
+        if (found := len(scan.ranges)) != count:
+            raise ValueError(
+                f"line {scan.line} has another number of beams than others: {found}, not {count}"
+            )
+    check_bearings([scan.line for scan in scans], [scan.bearings for scan in scans])
+    ranges, laser, robot = (np.array([scan[k] for scan in scans]) for k in (2, 3, 4))
     finite = ranges[np.isfinite(ranges)]
     longest_m = min(_LONGEST * float(finite.max(initial=_FARTHEST_M)), _FARTHEST_M)
     ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
     reference: Float[np.ndarray, "n 3"] | None
-    if lines.resets > 0.5 * len(laser):
-        displacement, known, reference = np.array(lines.displacement), np.array(lines.n_odometry) > 0, laser
+    if resets > 0.5 * len(laser):
+        displacement, reference = np.array([scan.displacement for scan in scans]), laser
+        known = np.array([scan.n_odometry > 0 for scan in scans])
     else:
         apart = np.array([between(b, a) for a, b in zip(laser, robot, strict=True)])
         drifts = _spread(apart) > _RIGID
@@ -193,12 +181,12 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
         # A pose that never changes was not filled in.
         reference = laser if drifts and _spread(laser) > 0 else None
     displacement[0] = 0.0
-    times = _rising(path, np.array(lines.times))
+    times = _rising(path, np.array([scan.time for scan in scans]))
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
     return RobotLog(
         name=name,
         file=path,
-        bearing_rad=lines.bearings[0],
+        bearing_rad=scans[0].bearings,
         range_m=ranges,
         displacement=displacement,
         known=known,

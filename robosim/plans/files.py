@@ -9,7 +9,7 @@
 - ``.npy``: NumPy array; needs the resolution (`robosim.plans.formats.plan_array`);
 - ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`).
 
-A bare name is a plan that comes with the package (`robosim.support.assets`). Further readers are those of
+A bare name is a plan that comes with the package (`robosim.support.installation`). Further readers are those of
 `robosim.parts.READER`. `write_ros` and `write_png` write.
 """
 
@@ -23,12 +23,11 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from robosim.parts import READER
-from robosim.plans.floorplan import FloorPlan, MapError, check_resolution
+from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions, check_resolution
 from robosim.plans.formats.plan_array import plan_from_array
 from robosim.plans.formats.plan_image import write_png
 from robosim.plans.formats.ros_map import write_ros
-from robosim.plans.reading_options import ReadingOptions
-from robosim.support.assets import shipped_plans
+from robosim.support.installation import shipped_plans
 from robosim.support.parts import Part, part_name
 from robosim.support.reading import FileError, expanded, reading, reason_of, shown
 from robosim.support.text_in import MOST_JSON
@@ -75,7 +74,7 @@ def read_plan(path: str | Path, *, reader: Part = "auto", **options: Any) -> Flo
     Args:
         path: The file, or the name of a shipped plan.
         reader: Reader, of `robosim.parts.READER`; "auto" chooses by the file's ending.
-        **options: Fields of `robosim.plans.reading_options.ReadingOptions`: resolution_m, floor_height_m, slice_m, up,
+        **options: Fields of `robosim.plans.floorplan.ReadingOptions`: resolution_m, floor_height_m, slice_m, up,
             unit_m, ground_m, thinnest_wall_m, allow_large, map_reading.
 
     Returns:

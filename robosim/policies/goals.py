@@ -19,6 +19,7 @@ A `.safetensors` file of `robosim train search` is a policy like the last.
 Reference: arXiv 2110.14789 for all but `shortest`, `fused` and `learned`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -176,20 +177,14 @@ def visual(context: PolicyContext) -> Visual:
     return Visual(context.explorer)
 
 
-def snr(context: PolicyContext) -> Wireless:
-    """The policy `snr`."""
-    trusted = LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER
-    return Wireless(context.explorer, trusted)
+def _follower(*trusted: LinkState) -> Callable[[PolicyContext], Wireless]:
+    """Maker of a policy that trusts some link states."""
+    return lambda context: Wireless(context.explorer, trusted)
 
 
-def los(context: PolicyContext) -> Wireless:
-    """The policy `los`."""
-    return Wireless(context.explorer, (LinkState.LOS,))
-
-
-def los_or_first(context: PolicyContext) -> Wireless:
-    """The policy `los-or-first`."""
-    return Wireless(context.explorer, (LinkState.LOS, LinkState.FIRST_ORDER))
+snr = _follower(LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER)
+los = _follower(LinkState.LOS)
+los_or_first = _follower(LinkState.LOS, LinkState.FIRST_ORDER)
 
 
 def fused(context: PolicyContext) -> Fused:

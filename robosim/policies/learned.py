@@ -28,7 +28,7 @@ from robosim.policies.search_network import (
     load_search,
 )
 from robosim.simulator import Observation
-from robosim.support.assets import shipped_network
+from robosim.support.installation import shipped_network
 from slam.actions import TURN_RAD, Action
 from slam.control.guard import Guard
 from slam.grid import MapEstimate

@@ -15,9 +15,9 @@ import shapely
 from jaxtyping import Bool, Float, Float32
 
 from robosim.building.building import Building
-from robosim.plans.formats.scanline import winding_numbers
+from robosim.building.extrusion import wall_segments
+from robosim.plans.formats.raster import winding_numbers
 from robosim.policies.goals import Oracle, PolicyContext
-from robosim.robot.collision import wall_segments
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
 

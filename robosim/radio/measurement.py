@@ -1,11 +1,21 @@
-"""A measurement of the robot's radio, interpreted: directions in its own map, and the link state.
+"""A measurement of the robot's radio, interpreted: directions, ranges, and the link state.
 
 Azimuths of arrival are in the robot's frame and are turned by its estimated yaw, so that an error of its pose becomes
 an error of direction. A classifier gives calibrated probabilities of the link state; or they are those of the true
 state.
+
+Bearings and ranges of transmitters are for the mapper. The power gain g of the strongest path gives its length as in
+free space (Friis): r = lambda / (4 pi) 10^(-g / 20 dB). Delays give the additional length of other paths more
+exactly, within the receiver's window. A path that is close to another one in angle and delay may be off by degrees,
+as at grazing angles along a corridor.
+
+Standard deviations were measured with the shipped receiver in halls, corridors, rings and offices. Directions of
+separate paths are within 0.1 degrees in 90 % of all cases on most floors, those of close ones within 0.5 degrees in
+80 %. Outliers, in corridors over metres, are left to the triangulation of landmarks and a robust kernel.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +23,11 @@ from jaxtyping import Float
 from scipy.constants import speed_of_light
 
 from robosim.parts import CLASSIFIER
-from robosim.radio.link import RadioLink
+from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.link_state import Classifier, TrueStates
 from robosim.support.parts import Part, part_name
+from slam.poses import wrap
+from slam.sensing.bearings import Bearing
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState
 
@@ -103,3 +115,96 @@ class Interpreter:
         return self._classifier.predict(
             turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
         )[0]
+
+
+#: Standard deviation of directions of a separate path and of one that is close to others. It does not depend on the
+#: link state: a path whose direction and strength fit its landmark is as exact in every state.
+_SIGMA_RAD = np.radians([0.1, 0.5])
+#: Part of it that measurements share over metres.
+_SHARED_RAD = np.radians([0.0, 1.0])
+#: The same for the logarithm of ranges, and the part that ranges of one place share.
+_LOG_RANGE, _SHARED_LOG_RANGE = np.array([0.06, 0.3]), 0.03
+#: Standard deviation of the additional length of a path over that of the strongest [m].
+_BEYOND_M = 0.05
+#: Paths nearer to each other than this in azimuth [rad] and delay [samples] are close.
+_CLOSE_RAD, _CLOSE_SAMPLES = math.radians(20.0), 1.3
+#: Bounds of ranges from power [m].
+_NEAREST_M, _FARTHEST_M = 0.1, 1e5
+#: Weaker paths are not used: the strongest, others [dB].
+_LEAST_SNR_DB, _LEAST_OTHER_DB = 0.0, 20.0
+
+
+def bearings_of(
+    measured: Mapping[str, Measurement], radio: RadioLinkConfig, known: Mapping[str, Float[np.ndarray, "2"]]
+) -> list[Bearing]:
+    """Directions of well received transmitters, by name: of each the strongest path, then others.
+
+    `known` are the places [m] in `map` of transmitters whose places are known.
+    """
+    bearings = []
+    for name, one in measured.items():
+        is_received = len(one.aoa_rad) > 0 and one.snr_db[0] >= _LEAST_SNR_DB
+        if is_received and np.isfinite([one.aoa_rad[0], one.gain_db[0]]).all():
+            bearings.append(_strongest(name, one, radio, known.get(name)))
+            bearings += _others(name, one, radio)
+    return bearings
+
+
+def _strongest(
+    name: str, measured: Measurement, radio: RadioLinkConfig, place_xy: Float[np.ndarray, "2"] | None
+) -> Bearing:
+    # Probabilities of a user's classifier may round to a little over 1.
+    direct = float(np.clip(np.nan_to_num(measured.probability[LinkState.LOS]), 0.0, 1.0))
+    close = int(_is_close(measured, 0, radio))
+    return Bearing(
+        source=name,
+        bearing_rad=wrap(float(measured.aoa_rad[0] - measured.pose[2])),
+        sigma_rad=float(_SIGMA_RAD[close]),
+        shared_rad=float(_SHARED_RAD[close]),
+        range_m=_free_space_m(measured, radio),
+        sigma_log_range=float(_LOG_RANGE[close]),
+        shared_log_range=_SHARED_LOG_RANGE,
+        direct=direct,
+        apart_rad=_CLOSE_RAD,
+        apart_m=_CLOSE_SAMPLES * speed_of_light * radio.sounding.sample_s,
+        place_xy=place_xy,
+    )
+
+
+def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
+    """Other strong, separate paths, well within the window of delays."""
+    most_m = speed_of_light * (radio.sounding.half_window - 1) * radio.sounding.sample_s
+    found = []
+    for k in range(1, len(measured.aoa_rad)):
+        beyond_m = speed_of_light * float(measured.delay_s[k])
+        is_strong = measured.snr_db[k] >= _LEAST_OTHER_DB and np.isfinite(measured.aoa_rad[k])
+        if not (is_strong and abs(beyond_m) <= most_m) or _is_close(measured, k, radio):
+            continue
+        bearing = Bearing(
+            source=name,
+            bearing_rad=wrap(float(measured.aoa_rad[k] - measured.pose[2])),
+            sigma_rad=float(_SIGMA_RAD[0]),
+            range_m=max(_free_space_m(measured, radio) + beyond_m, _NEAREST_M),
+            sigma_log_range=1.0,
+            direct=0.0,
+            beyond_m=beyond_m,
+            sigma_m=_BEYOND_M,
+        )
+        found.append(bearing)
+    return found
+
+
+def _free_space_m(measured: Measurement, radio: RadioLinkConfig) -> float:
+    """Length of the strongest path, if only free space attenuates it [m]."""
+    return float(
+        np.clip(free_path_m(float(measured.gain_db[0]), radio.frequency_hz), _NEAREST_M, _FARTHEST_M)
+    )
+
+
+def _is_close(measured: Measurement, k: int, radio: RadioLinkConfig) -> bool:
+    """Whether another strong path is so near in azimuth and delay that the receiver hardly separates them."""
+    turn = wrap(measured.aoa_rad - measured.aoa_rad[k])
+    gap = np.abs(measured.delay_s - measured.delay_s[k]) / radio.sounding.sample_s
+    near = (np.abs(turn) < _CLOSE_RAD) & (gap < _CLOSE_SAMPLES) & (measured.snr_db >= _LEAST_OTHER_DB)
+    near[k] = False
+    return bool(near.any())

@@ -26,9 +26,9 @@ from jaxtyping import Bool, Float, Int
 from scipy.constants import speed_of_light
 
 from robosim.building.building import Building
+from robosim.building.extrusion import wall_segments
 from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_tiles
 from robosim.radio.receivers import regular_grid
-from robosim.robot.collision import wall_segments
 from robosim.support.checks import check_number
 from robosim.support.files import whole_file
 from robosim.support.reading import FileError, reading

@@ -17,7 +17,7 @@ from robosim.policies.reason import GoalKind, Reason
 from robosim.radio.measurement import Measurement
 from robosim.simulator import Observation
 from robosim.step import Decision, Step, Truth
-from robosim.support.images_in import opened_image
+from robosim.support.arrays_in import opened_image
 from slam.actions import Action
 from slam.grid import GridFrame
 from wireless.paths import LinkState

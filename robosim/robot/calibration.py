@@ -47,6 +47,8 @@ COLUMNS = (
 )
 #: Displacements are no larger [m, rad].
 _MOST = 100.0
+#: Error and true motion of each run.
+_Found = dict[Action, list[tuple[np.ndarray, np.ndarray]]]
 
 
 def open_floor() -> Building:
@@ -58,8 +60,7 @@ def open_floor() -> Building:
 def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: np.random.Generator) -> Runs:
     """Run each action once for each of `runs` on the open floor."""
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
-    errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
-    motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
+    found: _Found = {action: [] for action in Action}
     (backwards,) = rng.spawn(1)  # of its own: the published actions err the same with it and without
     for _ in runs:
         for action in Action:
@@ -67,9 +68,8 @@ def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: 
             world.reset(start)
             world.move(noise.actuation(action, drawn))
             motion = between(start, world.pose)
-            errors[action].append(noise.sense(action, motion, drawn) - motion)
-            motions[action].append(motion)
-    return _runs(errors, motions)
+            found[action].append((noise.sense(action, motion, drawn) - motion, motion))
+    return _runs(found)
 
 
 def read_runs(path: Path) -> Runs:
@@ -82,8 +82,7 @@ def read_runs(path: Path) -> Runs:
             runs.
     """
     names = [action.name.lower() for action in Action]
-    errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
-    motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
+    found: _Found = {action: [] for action in Action}
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each run of an action"
     with reading(path, "a table of runs", remedy) as file:
         rows = csv.DictReader(file.read().decode("utf-8-sig").splitlines())
@@ -94,23 +93,19 @@ def read_runs(path: Path) -> Runs:
             values = np.array([_number(row[name], name, number) for name in COLUMNS[1:]])
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
-            errors[Action[row["action"].upper()]].append(error)
-            motions[Action[row["action"].upper()]].append(values[3:])
-        runs = _runs(errors, motions)
+            found[Action[row["action"].upper()]].append((error, values[3:]))
+        runs = _runs(found)
         calibrated(*runs)  # raises an error, named after the table, if there are too few runs
     return runs
 
 
-def _runs(errors: Mapping[Action, list[np.ndarray]], motions: Mapping[Action, list[np.ndarray]]) -> Runs:
-    both = [
-        {
-            action: np.array(found).reshape(-1, 3)
-            for action, found in some.items()
-            if found or action is not Action.BACKWARD
-        }
-        for some in (errors, motions)
-    ]
-    return Runs(*both)
+def _runs(found: _Found) -> Runs:
+    some = {action: runs for action, runs in found.items() if runs or action is not Action.BACKWARD}
+    errors, motions = (
+        {action: np.array([run[k] for run in runs]).reshape(-1, 3) for action, runs in some.items()}
+        for k in (0, 1)
+    )
+    return Runs(errors, motions)
 
 
 def _number(text: str | None, column: str, line: int) -> float:

@@ -15,7 +15,8 @@ import shapely
 from jaxtyping import Float
 
 from robosim.building.building import Building
-from robosim.robot.collision import check_pose, wall_segments
+from robosim.building.extrusion import wall_segments
+from robosim.robot.collision import check_pose
 from robosim.robot.motion import BLOCKED_M, Motion, check_displacement, check_drive
 from robosim.robot.robots import RobotConfig
 from slam.poses import wrap

@@ -1,19 +1,25 @@
-"""NumPy files from outside: single arrays (`.npy`) and archives of them (`.npz`).
+"""NumPy files from outside, single arrays (`.npy`) and archives of them (`.npz`); images from outside.
 
-The header is compared with the bytes of the file before any memory is allocated, and with the kinds of numbers, shapes
-and bounds that the reader expects. No pickles. Only expected arrays of an archive are unpacked. For use inside of
-`robosim.support.reading.reading`, which adds the name of the file to errors.
+The header of an array is compared with the bytes of the file before any memory is allocated, and with the kinds of
+numbers, shapes and bounds that the reader expects. No pickles. Only expected arrays of an archive are unpacked.
+Images are opened by Pillow: the size that a header declares is checked before anything is unpacked.
+
+For use inside of `robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import io
 import math
+import os
 import struct
+import sys
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
+from PIL import Image, UnidentifiedImageError
 
 #: Bytes of all arrays of an archive together, unpacked, unless the reader says otherwise.
 MOST_BYTES = 200_000_000
@@ -146,3 +152,44 @@ def _check_directory(file: IO[bytes]) -> None:
     if size > _MOST_DIRECTORY or tail[:at][-20:-16] == b"PK\x06\x07":
         raise ValueError("its directory is larger than that of arrays")
     file.seek(0)
+
+
+#: What is read: Pillow knows some forty more, of which some call other programs.
+FORMATS = ("PNG", "PPM", "BMP", "TIFF", "GIF", "JPEG", "WEBP")
+
+
+@contextmanager
+def opened_image(
+    content: bytes, most_pixels: int, formats: tuple[str, ...] = FORMATS
+) -> Iterator[Image.Image]:
+    """An image, loaded, of at most so many pixels.
+
+    Raises:
+        ValueError: If it is of another format, or too large.
+        Exception: Whatever damaged content makes its decoder raise.
+    """
+    with silenced():
+        try:
+            image = Image.open(io.BytesIO(content), formats=formats)
+        except UnidentifiedImageError as error:
+            raise ValueError(f"of unknown format, expected {', '.join(formats)}") from error
+        width, height = image.size
+        if not 0 < width * height <= most_pixels:
+            raise ValueError(f"{width} x {height} pixels, expected at most {most_pixels:.2g} in all")
+        image.load()
+    with image:
+        yield image
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Suppress standard error, to which decoders in C print what they also return."""
+    sys.stderr.flush()
+    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(nowhere)

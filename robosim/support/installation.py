@@ -1,4 +1,4 @@
-"""How this program is installed, and what to type to install more of it.
+"""How this program is installed, what to type to install more of it, and where its shipped files are.
 
 The distribution is called robosim-wireless. A distribution called robosim on the public index is another project.
 """
@@ -85,3 +85,29 @@ def _source() -> Path:
         origin = {}
     url = urlsplit(origin.get("url", ""))
     return Path(unquote(url.path)) if url.scheme == "file" else Path(DISTRIBUTION)
+
+
+def assets_dir() -> Path:
+    """Folder of the shipped files: inside the package once installed, next to it in a source tree."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "assets"
+    return installed if installed.is_dir() else package.parent / "assets"
+
+
+def shipped_plans() -> dict[str, Path]:
+    """Names of the shipped floor plans and the ROS map YAML file of each, in alphabetical order."""
+    return {path.stem: path for path in sorted((assets_dir() / "plans").glob("*.yaml"))}
+
+
+def shipped_weights() -> dict[str, Path]:
+    """Names of the shipped classifiers of link states and the weights of each, in alphabetical order."""
+    folder = assets_dir() / "weights"
+    return {
+        path.stem.removeprefix("link-state-"): path
+        for path in sorted(folder.glob("link-state-*.safetensors"))
+    }
+
+
+def shipped_network(name: str) -> Path:
+    """Weights of a shipped network of the navigator: mapper, pose, explorer, steering or search."""
+    return assets_dir() / "weights" / f"{name}.safetensors"

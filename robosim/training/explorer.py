@@ -20,7 +20,6 @@ from rich.console import Console
 from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
 from robosim.simulator import SimulatorConfig
-from robosim.support.checkpoint import Checkpoint
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
@@ -28,6 +27,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.training.grid_walk import GridWalk
 from robosim.training.policy_weights import (
+    Checkpoint,
     as_arrays,
     as_tensors,
     count_parameters,

@@ -16,8 +16,7 @@ from rich.console import Console
 
 from robosim.building.building import make_building
 from robosim.generator.generate import GeneratorConfig, generate_plan
-from robosim.published.label_links import TRACER, published_paths
-from robosim.published.label_walls import published_mesh
+from robosim.published.label_links import TRACER, published_mesh, published_paths
 from robosim.radio.receivers import receiver_grid
 from robosim.support.arrays_in import Array, read_npz
 from robosim.support.files import npz_bytes, write_whole

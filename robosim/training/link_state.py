@@ -17,7 +17,6 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.text import Text
 
-from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
 from robosim.support.progress import unit_progress
@@ -25,7 +24,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.training.generated_links import generate_homes, read_homes
 from robosim.training.link_routes import add_route_network, score_routes
-from robosim.training.policy_weights import median_call_ms
+from robosim.training.policy_weights import Checkpoint, median_call_ms
 from robosim.training.training_plots import plot_epochs, plot_scores
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier

@@ -18,11 +18,10 @@ from rich.progress import Progress
 
 from robosim.datasets.collect import CollectConfig, collect, read_shard
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
-from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.run_folder import run_folder
-from robosim.training.policy_weights import median_call_ms
+from robosim.training.policy_weights import Checkpoint, median_call_ms
 from robosim.training.training_plots import plot_mapper
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
 from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose

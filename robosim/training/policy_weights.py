@@ -1,9 +1,12 @@
-"""Weights of small policies as tensors, from checkpoints, and as files; durations of calls for cards."""
+"""Weights of small policies, as tensors and as files, and checkpoints of trainings; durations of calls for cards."""
 
+import io
+import os
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import torch
@@ -11,6 +14,7 @@ from safetensors.numpy import save
 from torch import Tensor
 
 from robosim.support.files import write_json, write_whole
+from robosim.support.reading import reading
 from slam.learning.restoring import check_weights
 from slam.support.weights import Weights
 
@@ -58,3 +62,46 @@ def median_call_ms(call: Callable[[], object], n_calls: int) -> float:
         call()
         seconds.append(perf_counter() - begin)
     return round(1e3 * float(np.median(seconds[n_calls:])), 3)
+
+
+class Checkpoint:
+    """One file, written whole at every save."""
+
+    def __init__(self, path: Path) -> None:
+        """Say where."""
+        self.path = Path(path)
+
+    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
+        """Give the last saved state, if there is one, to `put`; errors of `put` count as damage of the file.
+
+        Raises:
+            FileError: If the file is damaged, or its state is rejected.
+        """
+        if os.path.lexists(self.path):
+            with reading(self.path, "the checkpoint of a training", "Delete it to start again.") as file:
+                put(_whole(file))
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Store a state: tensors, numbers, texts, and lists and dictionaries of these."""
+        import torch
+
+        buffer = io.BytesIO()
+        torch.save(state, buffer)
+        write_whole(self.path, buffer.getvalue())
+
+
+def _whole(file: BinaryIO) -> dict[str, Any]:
+    """Content of a file of `torch.save`, with checked sums; no code in it is run."""
+    import torch
+
+    with zipfile.ZipFile(file) as archive:
+        if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+            raise ValueError("it is not packed by PyTorch")
+        # PyTorch itself does not compare the check sums.
+        if (damaged := archive.testzip()) is not None:
+            raise ValueError(f"the check sum of {damaged} is wrong")
+    file.seek(0)
+    state = torch.load(file, weights_only=True)
+    if not isinstance(state, dict):
+        raise ValueError(f"a {type(state).__name__}, expected names and values")
+    return state

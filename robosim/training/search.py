@@ -25,12 +25,17 @@ from rich.console import Console
 from torch import Tensor
 
 from robosim.policies.search_network import HIDDEN, SearchNetwork, empty_memory, initial_weights
-from robosim.support.checkpoint import Checkpoint
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
-from robosim.training.policy_weights import as_tensors, count_parameters, restore_weights, write_policy
+from robosim.training.policy_weights import (
+    Checkpoint,
+    as_tensors,
+    count_parameters,
+    restore_weights,
+    write_policy,
+)
 from robosim.training.search_learning import learn
 from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
 from slam.learning.ppo import PpoConfig
@@ -155,11 +160,7 @@ class Training:
         return {
             "weights": {name: value.detach() for name, value in self.weights.items()},
             "optimiser": self._optimiser.state_dict(),
-            "epoch": self.epoch,
-            "difficulty": self.difficulty,
-            "seconds": self.seconds,
-            "curve": self.curve,
-            "best": self.best,
+            **{name: getattr(self, name) for name in ("epoch", "difficulty", "seconds", "curve", "best")},
         }
 
     def restore(self, stored: dict[str, Any]) -> None:

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from robosim.camera.model import CameraConfig
-from robosim.environments.places import route_action
-from robosim.environments.sources import GeneratedHomes
+from robosim.environments.sources import GeneratedHomes, route_action
 from robosim.environments.target_search import TargetSearch
 from robosim.policies.search_network import (
     INPUTS,

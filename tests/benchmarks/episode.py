@@ -18,9 +18,8 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episodes import Job, make_jobs, run_job
+from robosim.evaluation.episodes import Job, make_jobs, read_job_head, run_job
 from robosim.evaluation.evaluate import find_suite
-from robosim.evaluation.rows import read_job_head
 from robosim.evaluation.search_scores import bootstrap
 from robosim.radio.link import RadioLinkConfig
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch

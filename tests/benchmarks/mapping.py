@@ -27,7 +27,7 @@ from robosim.parts import MapperPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FloorPlan
 from robosim.policies.goals import Explore, PolicyContext
-from robosim.radio.bearings import bearings_of
+from robosim.radio.measurement import bearings_of
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.step import Step

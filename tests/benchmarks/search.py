@@ -21,8 +21,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.building.building import BuildingConfig
 from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
-from robosim.evaluation.episodes import scene
-from robosim.evaluation.rows import read_job_episode, read_job_head
+from robosim.evaluation.episodes import read_job_episode, read_job_head, scene
 from robosim.evaluation.search_scores import CLASSES, bootstrap, score, steps_of, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.policies.arrival import FollowConfig

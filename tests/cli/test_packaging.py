@@ -101,7 +101,7 @@ def test_an_unpacked_wheel_runs_from_another_folder(runs, site, wheel):
     output = json.loads(runs("-m", "robosim", "plan", "cottage", "--json", "--out", "shown"))
     assert output["plan"] == "cottage" and output["parts"] >= 1
     code = (
-        "import robosim, slam, wireless; from robosim.support.assets import assets_dir, shipped_network; "
+        "import robosim, slam, wireless; from robosim.support.installation import assets_dir, shipped_network; "
         "print(robosim.__file__, slam.__file__, wireless.__file__, assets_dir()); "
         "slam.load_mapper(shipped_network('mapper'))"
     )

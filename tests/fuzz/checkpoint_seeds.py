@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from robosim.support.checkpoint import Checkpoint
 from robosim.training.explorer import ExplorerRecipe
+from robosim.training.policy_weights import Checkpoint
 from robosim.training.search import SearchRecipe
 from robosim.training.search import Training as SearchTraining
 from slam.exploration.choosing import initial_weights

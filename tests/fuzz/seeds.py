@@ -18,7 +18,7 @@ from safetensors.numpy import save
 from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mesh
 from robosim.datasets.collect import CollectConfig
-from robosim.datasets.link_formats import transmitters_file
+from robosim.datasets.link_units import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.evaluate import settings_of
@@ -26,8 +26,7 @@ from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.layers import Layer
 from robosim.plans.files import write_png, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.plans.formats.pgm import encode_pgm
-from robosim.plans.formats.plan_image import GREY
+from robosim.plans.formats.plan_image import GREY, encode_pgm
 from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
@@ -36,8 +35,8 @@ from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs
 from robosim.robot.robots import TURTLEBOT, write_robot
-from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.files import plain, write_files, write_json, write_whole
+from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
 from slam.actions import Action

@@ -12,18 +12,18 @@ import torch
 from rich.console import Console
 
 from robosim.building.building import make_building
-from robosim.building.material_file import read_material
 from robosim.building.multi_storey import make_storeys
+from robosim.building.wall_materials import read_material
 from robosim.cli import main
 from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
 from robosim.environments.collect import collect_searches
 from robosim.episode import EpisodeConfig
+from robosim.evaluation.episodes import read_job_episode, read_job_head
 from robosim.evaluation.evaluate import settings_of
-from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
-from robosim.live.own_plan import MOST_BYTES, plan_of
+from robosim.live.link_model import MOST_BYTES, plan_of
 from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
 from robosim.plans.files import find_plans, read_plan
@@ -37,12 +37,12 @@ from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
 from robosim.robot.robots import read_robot
-from robosim.support.checkpoint import Checkpoint
 from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume
 from robosim.training.generated_links import read_homes
 from robosim.training.mapper import read_frames, read_pairs
+from robosim.training.policy_weights import Checkpoint
 from robosim.training.search import Training as SearchTraining
 from robosim.training.steering import read_round
 from slam.control.controller import ControlConfig

@@ -19,7 +19,7 @@ from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import configured
 from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import make_navigator
-from robosim.plans.reading_options import UpAxis
+from robosim.plans.floorplan import UpAxis
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig

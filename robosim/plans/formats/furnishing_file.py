@@ -27,14 +27,13 @@ import trimesh
 import yaml
 
 from robosim.parts import MATERIAL
-from robosim.plans.floorplan import MapError
+from robosim.plans.floorplan import MapError, UpAxis
 from robosim.plans.formats.mesh_file import MOST_BYTES, load_triangles
 from robosim.plans.formats.mesh_slice import turned_up
-from robosim.plans.formats.plan_image import write_whole
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import PIECES, make_piece
-from robosim.plans.reading_options import UpAxis
 from robosim.support.checks import check_choice, check_number
+from robosim.support.files import write_whole
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import names_code, part_name
 from robosim.support.reading import FileError, reading, shown

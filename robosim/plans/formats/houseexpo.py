@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError, grid_size
-from robosim.plans.formats.scanline import winding_numbers
-from robosim.plans.reading_options import ReadingOptions
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError, ReadingOptions, grid_size
+from robosim.plans.formats.raster import winding_numbers
 from robosim.support.reading import reading
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
-from robosim.plans.formats.mesh_raster import AT_ONCE, blocks
+from robosim.plans.formats.raster import AT_ONCE, blocks
 from robosim.support.ray_casting import make_ray_scene
 
 #: Surfaces less steep than this are floors, ceilings or table tops (cosine of 45 degrees).

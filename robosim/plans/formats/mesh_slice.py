@@ -29,12 +29,20 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
-from robosim.plans.floorplan import FREE, LARGEST_M, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
+from robosim.plans.floorplan import (
+    FREE,
+    LARGEST_M,
+    OCCUPIED,
+    UNKNOWN,
+    FloorPlan,
+    MapError,
+    ReadingOptions,
+    UpAxis,
+    grid_size,
+)
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
 from robosim.plans.formats.mesh_floors import LEVEL_COSINE, MeshFloor, area_below_air, find_floors
-from robosim.plans.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
-from robosim.plans.formats.scanline import Windings
-from robosim.plans.reading_options import ReadingOptions, UpAxis
+from robosim.plans.formats.raster import Windings, blocks, cells_touched, cut, section, unit_normals
 from robosim.support.reading import reading
 from wireless.geometry.closed_surfaces import Sides
 

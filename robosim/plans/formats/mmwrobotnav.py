@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, FloorPlan, MapError
-from robosim.plans.reading_options import ReadingOptions
+from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, FloorPlan, MapError, ReadingOptions
 from robosim.support.reading import reading
 
 RESOLUTION_M = 0.05

@@ -14,9 +14,17 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Shaped, UInt8
 
-from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError, check_size
+from robosim.plans.floorplan import (
+    FREE,
+    MAX_CELLS,
+    OCCUPIED,
+    UNKNOWN,
+    FloorPlan,
+    MapError,
+    ReadingOptions,
+    check_size,
+)
 from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
-from robosim.plans.reading_options import ReadingOptions
 from robosim.support.arrays_in import parse_npy
 from robosim.support.reading import reading
 

@@ -1,13 +1,21 @@
 """Images of floor plans: decoding to exact grey levels, and occupancy from how dark a pixel is.
 
 A pixel is as dark as the mean of its red, green and blue; darkness is the probability of being occupied. Values stay
-integers (the sum of the colour channels) until they are compared with the thresholds, so that 16-bit images keep their
-depth and no rounding decides a cell. Decoded are portable graymaps and all that Pillow reads: PNG of every
-kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it.
-Left out: colour profiles, orientation tags, all frames but the first.
+integers (the sum of the colour channels) until they are compared with the thresholds, so that 16-bit images keep
+their depth and no rounding decides a cell. Decoded are portable graymaps and all that Pillow reads: PNG of every
+kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it. Left out: colour profiles, orientation tags, all frames
+but the first.
+
+Portable graymaps, the images that ROS maps come with, are P2 (decimal text) or P5 (bytes). A header gives width,
+height and the value of white, with comments from `#` to the end of the line anywhere between them. Samples of P5 take
+one byte, or two (the high one first) where white is above 255. Values above white count as white, and bytes after the
+last sample are ignored, as other readers do. Left out: several images in one file.
+
+Reference: Netpbm, "pgm format specification" (2016).
 """
 
 import io
+import re
 from colorsys import hsv_to_rgb
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +25,90 @@ import numpy as np
 from jaxtyping import Bool, Shaped, UInt, UInt8, UInt16
 from PIL import Image
 
-from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError, check_size
+from robosim.plans.floorplan import (
+    FREE,
+    MAX_CELLS,
+    OCCUPIED,
+    UNKNOWN,
+    FloorPlan,
+    MapError,
+    ReadingOptions,
+    check_size,
+)
 from robosim.plans.formats.drawing import without_frame, without_strokes
-from robosim.plans.formats.pgm import decode_pgm, encode_pgm, is_pgm
-from robosim.plans.reading_options import ReadingOptions
-from robosim.support.files import whole_file
-from robosim.support.images_in import opened_image, silenced
+from robosim.support.arrays_in import opened_image, silenced
+from robosim.support.files import write_whole
 from robosim.support.reading import reading
+
+_BLANK = rb"(?:\s|#[^\r\n]*[\r\n])+"
+_HEADER = re.compile(rb"P([25])" + 3 * (_BLANK + rb"(\d{1,9})") + rb"(?:\s|(?=#))")
+#: Bytes of a header with its comments.
+_MOST_HEADER = 100_000
+_COMMENT = re.compile(rb"#[^\r\n]*")
+_BETWEEN = re.compile(rb"\s+")
+#: Bytes of decimal numbers that are parsed at once.
+_PIECE = 4_000_000
+
+
+def is_pgm(content: bytes) -> bool:
+    """Whether bytes start like a portable graymap."""
+    return content[:2] in (b"P2", b"P5")
+
+
+def decode_pgm(content: bytes) -> tuple[UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"], int]:
+    """Samples of a portable graymap, row 0 at the top, and the value of white.
+
+    Raises:
+        ValueError: If the header is not one, the image is absurdly large, or samples are missing.
+    """
+    header = _HEADER.match(content[:_MOST_HEADER])
+    if header is None:
+        raise ValueError(f"it starts with {content[:24]!r}, expected a PGM header such as 'P5 200 100 255'")
+    plain = header[1] == b"2"
+    width, height, white = (int(number) for number in header.groups()[1:])
+    if not (width and height and width * height <= MAX_CELLS):
+        raise ValueError(
+            f"the header says {width} x {height} pixels, expected 1 to {MAX_CELLS:.2g} in all; crop or downsample it"
+        )
+    if not 1 <= white <= 65535:
+        raise ValueError(f"the header says {white} for white, expected 1 to 65535")
+    read = _plain_samples if plain else _raw_samples
+    samples = read(memoryview(content)[header.end() :], width * height, white)
+    if len(samples) < width * height:
+        raise ValueError(f"cut off after {len(samples)} samples, but the header says {width} x {height}")
+    kind = np.uint8 if white < 256 else np.uint16
+    return np.minimum(samples, white).astype(kind, copy=False).reshape(height, width), white
+
+
+def _plain_samples(raster: memoryview, count: int, white: int) -> np.ndarray:
+    text = _COMMENT.sub(b"", raster)
+    strange = text.translate(None, b"0123456789 \t\r\n\v\f")
+    if strange:
+        raise ValueError(f"{strange[:1]!r} among the samples, expected decimal numbers only")
+    # In pieces that end between numbers, since parsing takes four times the memory.
+    parts, start, found = [np.empty(0, np.uint16)], 0, 0
+    while start < len(text) and found < count:
+        blank = _BETWEEN.search(text, start + _PIECE)
+        stop = blank.end() if blank else len(text)
+        if piece := text[start:stop].strip():
+            numbers = np.fromstring(piece.decode("ascii"), np.float64, sep=" ")
+            parts.append(np.minimum(numbers, white).astype(np.uint16))
+            found += len(numbers)
+        start = stop
+    return np.concatenate(parts)[:count]
+
+
+def _raw_samples(raster: memoryview, count: int, white: int) -> np.ndarray:
+    kind = np.dtype(np.uint8 if white < 256 else ">u2")
+    available = min(count, len(raster) // kind.itemsize)
+    return np.frombuffer(raster, kind, count=available)
+
+
+def encode_pgm(samples: UInt8[np.ndarray, "h w"]) -> bytes:
+    """A P5 file of 8-bit samples, row 0 at the top."""
+    height, width = samples.shape
+    return b"P5\n%d %d\n255\n" % (width, height) + np.ascontiguousarray(samples).tobytes()
+
 
 #: Grey levels that ROS's map_saver writes for FREE, OCCUPIED and UNKNOWN.
 GREY = np.array([254, 0, 205], np.uint8)
@@ -175,9 +260,3 @@ def colours_of(count: int) -> list[tuple[int, int, int]]:
 def write_pgm(plan: FloorPlan, path: str | Path) -> None:
     """Write the occupancy as a P5 graymap (free 254, occupied 0, unknown 205), whole or not at all."""
     write_whole(Path(path), encode_pgm(GREY[plan.occupancy[::-1]]))
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write bytes to a file that appears whole or not at all; its folder is created if it is missing."""
-    with whole_file(path) as partial:
-        partial.write_bytes(content)

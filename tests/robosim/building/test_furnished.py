@@ -16,8 +16,7 @@ from robosim.building.reach import reach
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.lidar.lidar import LidarConfig
-from robosim.lidar.lidars import rplidar_a1
+from robosim.lidar import LidarConfig, rplidar_a1
 from robosim.plans.floorplan import MapError
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import Table, make_piece

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from robosim.building.building import BuildingConfig, make_building
-from robosim.building.faces import KINDS
+from robosim.building.extrusion import KINDS
 from robosim.building.mesh_export import export_mesh, export_mitsuba
 from robosim.building.multi_storey import StoreysConfig, make_storeys
 from robosim.generator.generate import GeneratorConfig, generate_plan

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from robosim.building.building import BuildingConfig, make_building
-from robosim.building.material_file import read_material
+from robosim.building.wall_materials import read_material
 from robosim.plans.files import read_plan, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.support.reading import FileError

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from robosim.building.building import make_building
-from robosim.drawing import marks
-from robosim.drawing.marks import LINE_PX, draw_scale
-from robosim.drawing.picture import LEGEND, STATE_COLOURS, Picture
+from robosim.drawing import plan_view
+from robosim.drawing.picture import LEGEND, STATE_COLOURS, Picture, Timeline
 from robosim.drawing.plan_view import (
     ESTIMATE_ORANGE,
     HEIGHT,
+    LINE_PX,
     PATH_PURPLE,
     TARGET_RED,
     TRUE_GREEN,
     WALL_BLUE,
     building_rings,
+    draw_scale,
 )
-from robosim.drawing.timeline import Timeline
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.recording.replay import replay
@@ -86,7 +86,7 @@ def _pixels(image: np.ndarray, colour) -> int:
 def test_the_scale_bar_is_as_long_as_it_says(px_per_m, monkeypatch):
     """Ends of the bar lie as many pixels apart as the length that is written takes, to half a pixel each."""
     written = []
-    monkeypatch.setattr(marks, "write", lambda canvas, text, at, size=0.4: written.append(text))
+    monkeypatch.setattr(plan_view, "write", lambda canvas, text, at, size=0.4: written.append(text))
     canvas = np.full((200, 400, 3), 255, np.uint8)
     draw_scale(canvas, px_per_m)
     (length,) = (float(text[:-2]) for text in written if text.endswith(" m"))

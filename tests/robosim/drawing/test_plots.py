@@ -10,8 +10,7 @@ from matplotlib.collections import QuadMesh
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.drawing import plots
-from robosim.drawing.plan_marks import explain, wall_keys
-from robosim.drawing.plots import plan_axes, plot_episode, plot_plan
+from robosim.drawing.plots import explain, plan_axes, plot_episode, plot_plan, wall_keys
 from robosim.episode_log import EpisodeLog
 from robosim.task.tasks import Task
 from slam.grid import GridFrame, MapEstimate

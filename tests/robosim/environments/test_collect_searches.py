@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
-from robosim.environments.places import route_action
+from robosim.environments.sources import route_action
 from robosim.plans.formats.ros_map import write_ros
 from robosim.support.run_folder import FolderError
 from tests.plans import two_rooms

@@ -17,9 +17,9 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
 from robosim.evaluation import episodes
+from robosim.evaluation.episodes import name_of
 from robosim.evaluation.evaluate import code_digest, evaluate, settings_of
 from robosim.evaluation.report import replay_command, write_parquet, write_results
-from robosim.evaluation.rows import name_of
 from robosim.evaluation.search_scores import bootstrap, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
 from robosim.plans.files import write_ros

@@ -9,9 +9,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from robosim.live.client import COVERED, SOFTWARE_NOTICE
 from robosim.live.recordings import read_evaluation
 from robosim.live.search_panel import BY_HAND
+from robosim.live.server import COVERED, SOFTWARE_NOTICE
 from tests.benchmarks.live import pixel_of
 from tests.plans import room
 

@@ -19,7 +19,7 @@ from robosim.live.building_scene import (
     wall_mesh,
     wall_sides,
 )
-from robosim.live.client import COVERED
+from robosim.live.server import COVERED
 from robosim.plans.files import read_plan
 from tests.plans import two_rooms
 

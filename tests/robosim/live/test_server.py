@@ -1,12 +1,24 @@
-"""The server of the page: addresses, content and rejected requests."""
+"""The server of the page: addresses, content, rejected requests, and scripts before viser's client."""
 
+import gzip
 import http.client
 import socket
 import sys
 
 import pytest
 
-from robosim.live.server import check_address, is_own_name, is_same_page, viser_module
+from robosim.live.server import (
+    CHOOSE,
+    DROP,
+    PHONE,
+    SOFTWARE_NOTICE,
+    TITLE,
+    before_client,
+    check_address,
+    is_own_name,
+    is_same_page,
+    viser_module,
+)
 
 
 def test_a_port_in_use_is_one_line():
@@ -151,3 +163,24 @@ def test_it_cannot_be_shared_through_other_servers(page, monkeypatch):
     monkeypatch.setattr("viser._tunnel.ViserTunnel.__init__", lambda self, *given: opened.append(given))
     assert page.server.request_share_url() is None and page.server.request_share_url(verbose=False) is None
     assert opened == []
+
+
+@pytest.mark.parametrize("coding", ["gzip", "identity"])
+def test_scripts_precede_the_client(page, coding):
+    """The body is complete and as long as its header says."""
+    connection = http.client.HTTPConnection("127.0.0.1", page.server.get_port())
+    connection.request("GET", "/", headers={"Accept-Encoding": coding})
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    assert answer.status == 200 and int(answer.headers["Content-Length"]) == len(body)
+    text = (gzip.decompress(body) if coding == "gzip" else body).decode()
+    assert all(
+        0 < text.index(part) < text.index("<title>") for part in (SOFTWARE_NOTICE, PHONE, DROP, TITLE, CHOOSE)
+    )
+    assert text.rstrip().endswith("</html>")
+
+
+def test_a_page_without_a_head_is_rejected():
+    with pytest.raises(ValueError, match="no <head>"):
+        before_client("nothing", "a part")

@@ -13,7 +13,7 @@ from PIL import Image
 
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.plans.formats.pgm import encode_pgm
+from robosim.plans.formats.plan_image import encode_pgm
 
 GREY = np.where(np.add.outer(np.arange(12), np.arange(16)) % 5 == 0, 0, 254).astype(np.uint8)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.parts import CLASSIFIER
-from robosim.support.assets import shipped_weights
+from robosim.support.installation import shipped_weights
 
 
 def test_what_is_shipped():

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
+from robosim.building.extrusion import wall_segments
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.plans.rectangles import free_quarters
-from robosim.robot.collision import check_pose, wall_segments, wall_solids
+from robosim.robot.collision import check_pose, free_quarters, wall_solids
 from tests.outlines import free_polygons
 from tests.plans import room
 

@@ -1,12 +1,16 @@
-"""What to type to install more, and what is said next to the other project called robosim."""
+"""What to type to install more, what is said next to the other project called robosim, and where shipped plans are."""
 
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from robosim.plans import files as planfiles
+from robosim.plans.files import read_plan, write_ros
+from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support import installation
 from robosim.support.installation import install_command, install_first, is_installed, namesake
 
@@ -123,3 +127,50 @@ def test_the_command_says_that_its_files_were_replaced(tmp_path):
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert ended.returncode == 1
     assert ended.stderr.startswith("robosim: robosim 1.0 is installed") and ended.stderr.count("\n") == 1
+
+
+@pytest.fixture
+def shipped(tmp_path, monkeypatch):
+    """A package folder with two shipped plans and nothing else."""
+    monkeypatch.setattr(installation, "__file__", str(tmp_path / "robosim" / "support" / "installation.py"))
+    for name in ("flat", "office"):
+        plan = FloorPlan(occupancy=np.zeros((2, 3), np.uint8), resolution_m=0.05, name=name)
+        write_ros(plan, tmp_path / "assets" / "plans" / f"{name}.yaml")
+    return tmp_path
+
+
+def test_plans_lie_next_to_the_package_in_a_source_tree(shipped):
+    assert installation.assets_dir() == shipped / "assets"
+    assert list(installation.shipped_plans()) == ["flat", "office"]
+
+
+def test_plans_lie_inside_an_installed_package(shipped):
+    inside = shipped / "robosim" / "assets"
+    inside.parent.mkdir()
+    (shipped / "assets").rename(inside)
+    assert installation.assets_dir() == inside
+    assert list(installation.shipped_plans()) == ["flat", "office"]
+
+
+def test_a_bare_name_reads_a_shipped_plan(shipped, monkeypatch):
+    monkeypatch.chdir(shipped)
+    assert read_plan("office").name == "office"
+    with pytest.raises(MapError, match=r"ofice: no such file.*'office'"):
+        read_plan("ofice")
+    with pytest.raises(MapError, match="Shipped plans: flat, office"):
+        read_plan("castle")
+
+
+def test_a_file_goes_before_a_shipped_plan(shipped, monkeypatch):
+    """A folder of that name in the working folder is said, not passed over."""
+    monkeypatch.chdir(shipped)
+    (shipped / "office").mkdir()
+    with pytest.raises(MapError, match="office: is a folder"):
+        read_plan("office")
+
+
+def test_shipped_plans_can_be_read():
+    """Those of this very tree."""
+    for name, path in installation.shipped_plans().items():
+        assert read_plan(name).name == name
+        assert planfiles.find_plans([name]) == [path]

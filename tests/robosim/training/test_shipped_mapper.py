@@ -12,7 +12,7 @@ from robosim.episode import EpisodeConfig, run_episode
 from robosim.navigation import make_navigator
 from robosim.plans.files import read_plan
 from robosim.simulator import SimulatorConfig
-from robosim.support.assets import shipped_network
+from robosim.support.installation import shipped_network
 from robosim.task.tasks import make_task
 from robosim.training.mapper import read_frames, read_pairs, train_mapper
 from slam.learning.map_module import MapModule

@@ -7,7 +7,7 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.plans.files import read_plan
-from robosim.support.assets import shipped_network
+from robosim.support.installation import shipped_network
 from robosim.task.tasks import make_task
 from robosim.training.explorer import ExplorerRecipe, mean_coverage
 

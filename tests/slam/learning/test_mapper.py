@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from robosim.support.checkpoint import Checkpoint
+from robosim.training.policy_weights import Checkpoint
 from slam.learning.map_module import MapModule
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
 from slam.networks.features import (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from robosim.support.assets import shipped_network
+from robosim.support.installation import shipped_network
 from slam.learning.map_module import MapModule, arrays_of
 from slam.learning.pose import PoseModule
 from slam.networks.features import N_CHANNELS

@@ -8,7 +8,7 @@ from pathlib import Path
 #: One frame through the shipped mapper.
 CODE = """
 import numpy as np
-from robosim.support.assets import shipped_network
+from robosim.support.installation import shipped_network
 from slam.networks.features import N_CHANNELS
 from slam.networks.files import load_mapper
 network, _ = load_mapper(shipped_network("mapper"))

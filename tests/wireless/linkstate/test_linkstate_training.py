@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from robosim.support.checkpoint import Checkpoint
+from robosim.training.policy_weights import Checkpoint
 from wireless.linkstate import Recipe, make_tokens, train
 from wireless.linkstate.calibration import cross_entropy, fit_temperature, reliability, scaled
 

@@ -8,9 +8,8 @@ import shapely
 import trimesh
 
 from robosim.plans.files import read_plan
-from robosim.plans.floorplan import MapError
+from robosim.plans.floorplan import MapError, ReadingOptions
 from robosim.plans.formats.mesh_slice import plan_from_triangles
-from robosim.plans.reading_options import ReadingOptions
 
 
 def box(low, high):

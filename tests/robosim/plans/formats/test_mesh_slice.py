@@ -10,10 +10,9 @@ import trimesh
 from robosim.building.building import BuildingConfig, make_building
 from robosim.building.mesh_export import export_mesh
 from robosim.plans.files import read_plan
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError, ReadingOptions
 from robosim.plans.formats.mesh_floors import find_floors
 from robosim.plans.formats.mesh_slice import plan_from_triangles
-from robosim.plans.reading_options import ReadingOptions
 
 #: '.' is free; one cell is 0.1 m. Two rooms with a door, a column, a wall one cell thick and a diagonal one.
 PICTURE = """

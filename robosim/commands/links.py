@@ -1,4 +1,4 @@
-"""`robosim dataset`."""
+"""`robosim trace` and `robosim dataset`."""
 
 import json
 from pathlib import Path
@@ -14,16 +14,110 @@ from robosim.commands.shared_options import (
     ALL_CORES,
     DEFAULT_RADIO,
     NO_OPTIONS,
+    OnePlace,
+    Place,
     RadioOptions,
     Reading,
     Work,
     output_folder,
     read_place,
+    read_storey,
     resume_hint,
 )
 from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import Range
+from robosim.support.installation import install_first
 from wireless.support.counting import counted
+
+
+def trace(
+    plan: Positional[str],
+    *,
+    tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
+    grid: float | None = None,
+    rx: Place = None,
+    storey: int | None = None,
+    polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
+    radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
+    reading: Reading = NO_OPTIONS,
+    plots: bool = True,
+    work: Work = ALL_CORES,
+    out: Path | None = None,
+) -> None:
+    """Trace radio paths from transmitters to receivers all over a floor plan.
+
+    Writes paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/), NAME_Tx_K.csv in the format of mmwRobotNav, and
+    pictures of each transmitter: power, link state and direction of arrival of the strongest path, and the rays of one
+    link. The same command resumes an interrupted run, with the same result. With --rx and without --grid, one link is
+    traced.
+
+    Example: robosim trace office --tx 6.5,13 --grid 0.15 --out out/radio
+
+    Args:
+        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; or the
+            .yaml of a building of several storeys.
+        tx: Transmitter [m] in the plan's frame; can be given several times.
+        grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
+        rx: Receiver whose rays are drawn [m]; without --grid the only one.
+        storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
+            default 0, the lowest. Heights count from the lowest floor.
+        polarisation: Polarisation of all antennas; both takes the mean.
+        radio: Which paths are traced.
+        reading: How to read the plan.
+        plots: Whether to draw pictures.
+        work: Worker processes.
+        out: Output folder, also of a run to resume; by default a new one under runs/.
+    """
+    from robosim.datasets.trace import check_terminals, trace_link, trace_plan
+    from robosim.plans.floorplan import FloorPlan
+    from robosim.radio.receivers import check_step
+    from wireless.paths import LinkCategory
+
+    config = radio.config(polarisation)
+    if not storey:  # heights of other floors are known when the plan is read
+        check_terminals(tx, rx, config.height_m)
+    check_step(0.15 if grid is None else grid)
+    alone = grid is None and rx is not None
+    folder = output_folder(out, "trace --rx" if alone else "trace")
+    floor_plan = read_storey(plan, storey, reading)
+    if alone and rx is not None:
+        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
+        found = {
+            "paths": len(paths),
+            "states": [LinkCategory(one).name.lower() for one in paths.link_category()[:, 0]],
+        }
+        emit_result(
+            {"plan": floor_plan.name, "tx_m": paths.tx_position, "rx_m": paths.rx_position[0], **found},
+            folder,
+        )
+        console.print(f"{counted(len(paths), 'path')} from {counted(len(tx), 'transmitter')} to the receiver")
+        drawn = "rays_tx1.png" if isinstance(floor_plan, FloorPlan) else "storeys_tx1.png"
+        console.print(f"Wrote paths.parquet and {drawn} in {folder}")
+        return
+    with resume_hint(folder):
+        result = trace_plan(
+            floor_plan,
+            config,
+            folder,
+            tx=tx,
+            grid_m=0.15 if grid is None else grid,
+            rx=rx,
+            plots=plots,
+            workers=work.count,
+            cluster=work.cluster,
+            console=console,
+        )
+    emit_result(result, folder)
+    timing, states = result["timing"], result["states"]
+    shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
+    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
+    speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
+    console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
+    drawn = ", *.png" if plots else ""
+    console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
+    load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
+    where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
+    console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
 
 
 def dataset(

@@ -7,8 +7,7 @@ import pytest
 
 from robosim.building.building import BuildingConfig, make_building
 from robosim.cli import main
-from robosim.lidar.lidar import Lidar, LidarConfig
-from robosim.lidar.lidars import RPLIDAR_A1, lds_01, rplidar_a1, ust_10lx
+from robosim.lidar import RPLIDAR_A1, Lidar, LidarConfig, lds_01, rplidar_a1, ust_10lx
 from robosim.parts import LIDAR
 from robosim.task.coverage import Coverage
 from slam.actions import Action

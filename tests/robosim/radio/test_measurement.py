@@ -11,9 +11,8 @@ from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.radio.bearings import bearings_of
 from robosim.radio.link import RadioLink
-from robosim.radio.measurement import Interpreter
+from robosim.radio.measurement import Interpreter, bearings_of
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.mapping.classical import ClassicalMapper, MapperConfig

@@ -1,1 +1,0 @@
-"""2D lidars: planar laser scanners on the robot."""
