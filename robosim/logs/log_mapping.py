@@ -20,12 +20,17 @@ from slam.poses import to_map
 
 #: A beam that hit nothing is free as far as this [m].
 _NOTHING_M = 10.0
+#: Least time between scans for errors of odometry, and that of the whole constant part [s].
+_LEAST_S, _WHOLE_S = 0.02, 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class LogOdometryConfig:
-    """Errors of odometry between two scans. Standard deviations: a constant part, and one that grows."""
+    """Errors of odometry between two scans. Standard deviations: a constant part, and one that grows.
+
+    The constant part is that of a quarter of a second or more, and less where scans follow each other faster.
+    """
 
     position_m: Annotated[float, Range(1e-6, 10, "m")] = 0.04
     """Of the place, constant part [m]."""
@@ -41,14 +46,15 @@ class LogOdometryConfig:
     """The same for the turn [rad]."""
 
     def predicted(
-        self, displacement: Float[np.ndarray, "3"], known: bool
+        self, displacement: Float[np.ndarray, "3"], known: bool, time_s: float
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Displacement and its covariance; one standard deviation ahead if it is not known."""
+        """Displacement over a time and its covariance; one standard deviation ahead if it is not known."""
         if not known:
             deviation = np.array([*self.unknown_m, self.unknown_rad])
             return np.array([self.unknown_m[0], 0.0, 0.0]), np.diag(deviation**2)
-        place_m = self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
-        turn_rad = self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
+        part = min(max(time_s, _LEAST_S) / _WHOLE_S, 1.0)
+        place_m = part * self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
+        turn_rad = part * self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
         return displacement, np.diag([place_m**2, place_m**2, turn_rad**2])
 
 
@@ -115,12 +121,14 @@ def map_log(
             f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
         )
     _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
-    tracker = Tracker(config.tracker(loops))
+    tracker, step_s = Tracker(config.tracker(loops)), np.diff(log.times, prepend=log.times[0])
     for k in watched(range(len(log.range_m)), "scans"):
         ranges = log.range_m[k]
         scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m)
         seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
-        displacement, covariance = config.odometry.predicted(log.displacement[k], bool(log.known[k]))
+        displacement, covariance = config.odometry.predicted(
+            log.displacement[k], bool(log.known[k]), float(step_s[k])
+        )
         if k == 0:
             displacement, covariance = np.zeros(3), 1e-8 * np.eye(3)
         tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), displacement, covariance)

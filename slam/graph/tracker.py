@@ -89,16 +89,18 @@ _SURE_M, _SURE_RAD = 0.25, math.radians(3.0)
 _SAME = 16.27
 #: Largest difference between numbers of submaps whose fits may confirm each other.
 _NEAR = 6
-#: Most fits per submap with certain neighbours, and with uncertain ones.
-_TRIES = 6
+#: Most fits per submap with neighbours that are not known to fit, and with those that are.
+_TRIES, _TRIES_OF_FITTING = 6, 3
 #: Most waiting fits.
 _WAITING = 24
-#: Scans after which a submap is closed if a submap within this distance is not known to fit [m].
-_SOON, _NEIGHBOUR_M = 12, 8.0
+#: Scans and distance [m] after which a submap is closed if one within this distance [m] is not known to fit.
+_SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 #: Submaps are closed early if sources are received and the heading is more uncertain than this [rad].
 _VAGUE_RAD = math.radians(0.1)
 #: Most passes over all submaps at the end.
 _ROUNDS = 3
+#: The graph is solved once closed loops deviate from its poses by more in all [m].
+_UNSOLVED_M = 0.02
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
 #: Fits may deviate by this many times the covariance of the prediction.
@@ -137,6 +139,7 @@ class Tracker:
         self._pending: list[_Pending] = []
         self._around = SurfaceLevels(self.config.cell_m)
         self._apart = False
+        self._unsolved_m = 0.0
 
     def predict(
         self, displacement: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
@@ -181,7 +184,9 @@ class Tracker:
         self._around.enter(self.pose, scan)
         has_changed = self._try() if self._queue else False
         # Submaps around that are not known to fit are tried soon.
-        most = min(_SOON, self.config.submap_scans) if self._apart else self.config.submap_scans
+        most = self.config.submap_scans
+        if self._apart and self._distance_m > _SOON_M:
+            most = min(_SOON, most)
         if self._distance_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most or self._vague():
             has_changed |= self._begin()
         return has_changed
@@ -330,12 +335,11 @@ class Tracker:
         open_m = 3 * np.sqrt(uncertain[:, 0, 0] + uncertain[:, 1, 1])
         is_near = gap_m - open_m < 0.7 * (radius_m[: len(uncertain)] + radius_m[here])
         fits = self._together(uncertain)
-        found = [np.flatnonzero(is_near & some) for some in (~fits, fits)]
-        return [
-            (here, int(there))
-            for some in found
-            for there in some[np.argsort(gap_m[some], kind="stable")[:_TRIES]]
-        ]
+        found = []
+        for some, tries in ((~fits, _TRIES), (fits, _TRIES_OF_FITTING)):
+            near = np.flatnonzero(is_near & some)
+            found += [(here, int(there)) for there in near[np.argsort(gap_m[near], kind="stable")[:tries]]]
+        return found
 
     def _together(self, spread: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
         """Which submaps are known to fit another, by the covariance between them."""
@@ -345,36 +349,43 @@ class Tracker:
     def _try(self) -> bool:
         """Fit one pair of submaps; whether poses changed."""
         here, there = self._queue.pop(0)
+        if self.submaps[here].poses and self.submaps[there].poses:
+            self._unsolved_m += self._fit(here, there)
+        # Fits that confirm the poses wait for each other.
+        if self._unsolved_m > (_UNSOLVED_M if self._queue else 0.0):
+            return self._solve()
+        return False
+
+    def _fit(self, here: int, there: int) -> float:
+        """Fit two submaps; by how much a loop that is closed deviates from the poses [m], a radian as a metre.
+
+        One that had to be searched for deviates by any amount.
+        """
         covariance = self.graph.uncertainty(here)[there]
         predicted = between(self.graph.poses[here], self.graph.poses[there])
-        one, other = self.submaps[there], self.submaps[here]
-        if not one.poses or not other.poses:
-            return False
-        found = fit(one, other, predicted, covariance, self.config.match)
+        found = fit(self.submaps[there], self.submaps[here], predicted, covariance, self.config.match)
         deviation = np.sqrt(np.diag(covariance))
         sure = math.hypot(deviation[0], deviation[1]) < _SURE_M and deviation[2] < _SURE_RAD
         least = self.config.agreement if sure else self.config.searched_agreement
         if found is None or found.overlap < self.config.overlap or found.agreement < least:
-            return False
+            return 0.0
         away = difference(found.pose, predicted, 1.0)
         if away @ np.linalg.solve(covariance + found.covariance, away) > _SAME:
-            return False
-        if sure:
-            self._close(here, there, found)
-        else:
-            new = _Pending(here, there, found)
-            confirming = [old for old in self._pending if self._same(old, new)]
-            self._pending.append(new)
-            if not confirming:
-                return False
-            for one_of in (new, *confirming):
-                self._pending.remove(one_of)
-                self._close(*one_of)
-        return self._solve()
+            return 0.0
+        closed = [_Pending(here, there, found)]
+        if not sure:
+            closed += [old for old in self._pending if self._same(old, closed[0])]
+            if len(closed) == 1:
+                self._pending += closed
+                return 0.0
+            self._pending = [old for old in self._pending if old not in closed]
+        for one in closed:
+            self._close(*one)
+        return float(np.linalg.norm(away)) if sure else math.inf
 
     def _solve(self) -> bool:
         """Optimise the graph; whether any pose changed."""
-        moved_m = self.graph.solve()
+        moved_m, self._unsolved_m = self.graph.solve(), 0.0
         self.pose = compose(self.graph.poses[-1], self._here)
         if moved_m > _MOVED_M:
             self._look_around()

@@ -10,8 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from robosim.building.building import make_building
-from robosim.lidar.lidar import LidarConfig, LidarModel
-from robosim.lidar.lidars import EmbreeLidar
+from robosim.lidar import EmbreeLidar, LidarConfig, LidarModel
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, FloorPlan
 from slam.poses import between, compose, wrap
