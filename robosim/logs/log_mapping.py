@@ -1,14 +1,14 @@
 """Trajectory and map of a log, by the tracker and graph that simulated robots use."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from time import process_time
 from typing import Annotated
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
@@ -138,13 +138,12 @@ def map_log(
 
 def _map_grid(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
-) -> tuple[Float[np.ndarray, "2"], tuple[int, int], list[Float[np.ndarray, "w 2"]], Float[np.ndarray, "n w"]]:
-    """Lower left corner [m], columns and rows of a map; ends of beams, and their lengths within the range [m]."""
-    directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
-    reach = np.where(log.range_m < range_m, log.range_m, 0.0)
-    ends = [to_map(pose, ranges[:, None] * directions) for pose, ranges in zip(poses, reach, strict=True)]
-    every = np.concatenate([*ends, poses[:, :2]])
-    low, high = every.min(axis=0) - 0.5, every.max(axis=0) + 0.5
+) -> tuple[Float[np.ndarray, "2"], tuple[int, int]]:
+    """Lower left corner [m], columns and rows of a map of beams within the range [m]."""
+    low, high = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
+    for _, ends, _ in _beams(log, poses, range_m):
+        low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
+    low, high = low - 0.5, high + 0.5
     nx, ny = np.ceil((high - low) / resolution_m)
     if nx * ny > MAX_CELLS:
         raise ValueError(
@@ -152,16 +151,26 @@ def _map_grid(
             f"{nx:.0f} x {ny:.0f} cells of {resolution_m:g} m, more than {MAX_CELLS}. Are its poses in metres? If so, "
             "give a larger --resolution-m."
         )
-    return low, (int(nx), int(ny)), ends, reach
+    return low, (int(nx), int(ny))
+
+
+def _beams(
+    log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float
+) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "w 2"], Bool[np.ndarray, " w"]]]:
+    """Pose of each scan, ends of its beams in `map` [m], and which hit something; the others end at the laser."""
+    directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
+    for pose, ranges in zip(poses, log.range_m, strict=True):
+        hit = ranges < range_m
+        yield pose, to_map(pose, np.where(hit, ranges, 0.0)[:, None] * directions), hit
 
 
 def make_log_plan(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> FloorPlan:
     """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it."""
-    low, (nx, ny), ends, reach = _map_grid(log, poses, resolution_m, range_m)
+    low, (nx, ny) = _map_grid(log, poses, resolution_m, range_m)
     passed, hit = np.zeros((ny, nx), np.uint16), np.zeros((ny, nx), np.uint16)
-    for pose, places, ranges in zip(poses, ends, reach, strict=True):
+    for pose, places, is_hit in _beams(log, poses, range_m):
         # A beam that hit nothing spans no area: the outline passes by the laser there.
         outline = ((places - low) / resolution_m).astype(np.int32)
         x0, y0 = np.minimum(outline.min(axis=0), ((pose[:2] - low) / resolution_m).astype(int))
@@ -169,7 +178,7 @@ def make_log_plan(
         seen = np.zeros((max(y1 - y0, 1), max(x1 - x0, 1)), np.uint8)
         cv2.fillPoly(seen, [outline - [x0, y0]], 1)
         ended = np.zeros_like(seen)
-        cells = outline[ranges > 0] - [x0, y0]
+        cells = outline[is_hit] - [x0, y0]
         ended[cells[:, 1], cells[:, 0]] = 1
         window = (slice(y0, y0 + seen.shape[0]), slice(x0, x0 + seen.shape[1]))
         passed[window] += seen | ended

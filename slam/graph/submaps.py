@@ -11,13 +11,13 @@ matching, ICRA 2009; Censi, An accurate closed-form estimate of ICP's covariance
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from slam.matching.levels import SurfaceLevels, matches, most_paired
+from slam.matching.levels import SurfaceLevels, Surfaces, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, to_map
 from slam.support.compiled import compiled
@@ -54,35 +54,59 @@ class View:
         return np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
 
 
-@dataclass(kw_only=True, eq=False)
 class Submap:
     """Scans at poses in the submap's own frame, and their surfaces."""
 
-    cell_m: float
-    """Side of the fine cells [m]."""
-    poses: list[Float[np.ndarray, "3"]] = field(default_factory=list)
-    views: list[View] = field(default_factory=list)
-    levels: SurfaceLevels = field(init=False)
-    _outline: ScanPoints | None = field(default=None, init=False)
-    _circle: tuple[float, float, float] | None = field(default=None, init=False)
+    def __init__(self, cell_m: float) -> None:
+        """Make one without scans.
 
-    def __post_init__(self) -> None:
-        self.levels = SurfaceLevels(self.cell_m)
+        Args:
+            cell_m: Side of the fine cells [m].
+        """
+        self.poses: list[Float[np.ndarray, 3]] = []
+        """Of all scans."""
+        self.views: list[tuple[Float[np.ndarray, 3], View]] = []
+        """Poses and ranges of scans; once it is packed, of some."""
+        self._cell_m = cell_m
+        self._levels: SurfaceLevels | None = SurfaceLevels(cell_m)
+        self._surfaces: Surfaces | None = None
+        self._outline: ScanPoints | None = None
+        self._circle: tuple[float, float, float] | None = None
 
     def add(self, pose: Float[np.ndarray, "3"], scan: ScanPoints, view: View) -> None:
         """Enter a scan at a pose of the submap's frame."""
         self.poses.append(pose)
-        self.views.append(view)
+        self.views.append((pose, view))
         self.levels.enter(pose, scan)
-        self._outline = self._circle = None
+        self._surfaces = self._outline = self._circle = None
+
+    @property
+    def levels(self) -> SurfaceLevels:
+        """Its surfaces in cells."""
+        if self._levels is None:
+            self._levels = SurfaceLevels(self._cell_m)
+            self._levels.take(self.surfaces, np.zeros(3))
+        return self._levels
+
+    @property
+    def surfaces(self) -> Surfaces:
+        """Its surfaces without cells."""
+        if self._surfaces is None:
+            self._surfaces = self.levels.surfaces()
+        return self._surfaces
+
+    def pack(self) -> None:
+        """Keep only what later fits need: surfaces without cells, and some views."""
+        self._surfaces, self._levels = self.surfaces, None
+        self.views = _some_views(self.views)
 
     def outline(self) -> ScanPoints:
         """Its surfaces as one scan in its own frame."""
         if self._outline is None:
-            points, normals, weights = self.levels.fine.planes()
-            some = np.linspace(0, len(points) - 1, min(_FITTED, len(points))).astype(int)
-            few = np.minimum(weights[some], 1.0)
-            self._outline = ScanPoints(points=points[some], normals=normals[some], weights=few)
+            fine = self.surfaces.fine
+            some = np.linspace(0, len(fine.points) - 1, min(_FITTED, len(fine.points))).astype(int)
+            few = np.minimum(fine.weights[some], 1.0)
+            self._outline = ScanPoints(points=fine.points[some], normals=fine.normals[some], weights=few)
         return self._outline
 
     def circle(self) -> tuple[float, float, float]:
@@ -177,12 +201,18 @@ def _judged(one: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[i
     back = between(pose, np.zeros(3))
     seen = contradicted = 0
     for surfaces, viewer, place in ((one, other, pose), (other, one, back)):
-        some = np.unique(np.linspace(0, len(viewer.poses) - 1, _VIEWS).astype(int))
-        views = Views.of([(viewer.poses[k], viewer.views[k]) for k in some])
+        views = Views.of(_some_views(viewer.views))
         same, against = seen_by(views, to_map(place, surfaces.outline().points))
         seen += int(same.sum())
         contradicted += int((against & ~same).sum())
     return seen, seen / max(seen + contradicted, 1)
+
+
+def _some_views(
+    views: list[tuple[Float[np.ndarray, "3"], View]],
+) -> list[tuple[Float[np.ndarray, "3"], View]]:
+    """Views by which another submap's surfaces are judged."""
+    return [views[k] for k in np.unique(np.linspace(0, len(views) - 1, _VIEWS).astype(int))] if views else []
 
 
 class Views(NamedTuple):

@@ -129,7 +129,7 @@ class Tracker:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
         self.pose = np.asarray(pose, float).copy()
         self.graph = PoseGraph(self.pose)
-        self.submaps = [Submap(cell_m=self.config.cell_m)]
+        self.submaps = [Submap(self.config.cell_m)]
         self.landmarks = Landmarks()
         self._n_bearings = 0
         self._here = np.zeros(3)
@@ -140,6 +140,7 @@ class Tracker:
         self._around = SurfaceLevels(self.config.cell_m)
         self._apart = False
         self._unsolved_m = 0.0
+        self._fitted = 0
 
     def predict(
         self, displacement: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
@@ -295,7 +296,7 @@ class Tracker:
         recent = [
             (compose(anchor, pose), before)
             for anchor, submap in zip(self.graph.poses[-2:], self.submaps[-2:], strict=True)
-            for pose, before in zip(submap.poses, submap.views, strict=True)
+            for pose, before in submap.views
         ][-_RECENT:]
         return Judge(view=view, recent=recent, predicted=self.pose, covariance=prior)
 
@@ -312,7 +313,8 @@ class Tracker:
         matched -= matched @ np.linalg.solve(np.linalg.inv(drift + least) + matched, matched)
         covariance = np.linalg.inv(blind + 0.5 * (matched + matched.T))
         self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
-        self.submaps.append(Submap(cell_m=self.config.cell_m))
+        self.submaps.append(Submap(self.config.cell_m))
+        self._pack(last - 1)
         self._here, self._distance_m, self._turned_rad = np.zeros(3), 0.0, 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
@@ -322,6 +324,11 @@ class Tracker:
         if not has_changed:
             self._look_around()
         return has_changed
+
+    def _pack(self, submap: int) -> None:
+        """Free memory of a submap that no longer judges scans."""
+        if 0 <= submap < len(self.submaps) - 2:
+            self.submaps[submap].pack()
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
         """Submaps that may overlap with a closed one, the most likely first."""
@@ -364,6 +371,9 @@ class Tracker:
         covariance = self.graph.uncertainty(here)[there]
         predicted = between(self.graph.poses[here], self.graph.poses[there])
         found = fit(self.submaps[there], self.submaps[here], predicted, covariance, self.config.match)
+        if here != self._fitted:
+            self._pack(self._fitted)
+            self._fitted = here
         deviation = np.sqrt(np.diag(covariance))
         sure = math.hypot(deviation[0], deviation[1]) < _SURE_M and deviation[2] < _SURE_RAD
         least = self.config.agreement if sure else self.config.searched_agreement
@@ -428,4 +438,4 @@ class Tracker:
         nearest = around[np.argsort(away_m[around], kind="stable")[:_MOST_AROUND]]
         self._around = SurfaceLevels(config.cell_m)
         for k in np.sort(nearest):
-            self._around.take(self.submaps[k].levels, poses[k])
+            self._around.take(self.submaps[k].surfaces, poses[k])

@@ -8,6 +8,7 @@ Reference: Olson, Real-time correlative scan matching, ICRA 2009.
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -37,6 +38,15 @@ _MOST = 500_000
 _FINE_M = 0.06
 
 
+class Surfaces(NamedTuple):
+    """Surfaces of both levels, in one frame."""
+
+    fine: ScanPoints
+    coarse: ScanPoints
+    loose: Float[np.ndarray, "n 2"]
+    """Points without a normal [m]."""
+
+
 class SurfaceLevels:
     """Surfaces in fine and coarse cells, wherever they are."""
 
@@ -53,12 +63,20 @@ class SurfaceLevels:
             self._loose.append(to_map(pose, scan.loose))
         self._near = None
 
-    def take(self, other: "SurfaceLevels", pose: Float[np.ndarray, "3"]) -> None:
-        """Enter all surfaces of others, whose frame lies at a pose."""
-        for mine, theirs in ((self.fine, other.fine), (self.coarse, other.coarse)):
-            points, normals, weights = theirs.planes()
-            _enter(mine, pose, ScanPoints(points=points, normals=normals, weights=weights))
-        self._loose += [to_map(pose, points) for points in other._loose]
+    def surfaces(self) -> Surfaces:
+        """All surfaces, without cells."""
+        fine, coarse = (
+            ScanPoints(points=points, normals=normals, weights=weights)
+            for points, normals, weights in (self.fine.planes(), self.coarse.planes())
+        )
+        loose = np.concatenate([np.zeros((0, 2)), *self._loose])
+        return Surfaces(fine, coarse, loose)
+
+    def take(self, surfaces: Surfaces, pose: Float[np.ndarray, "3"]) -> None:
+        """Enter surfaces of others, whose frame lies at a pose."""
+        _enter(self.fine, pose, surfaces.fine)
+        _enter(self.coarse, pose, surfaces.coarse)
+        self._loose.append(to_map(pose, surfaces.loose))
         self._near = None
 
     def nearness(self) -> tuple[GridFrame, Float[np.ndarray, "ny nx"]]:
