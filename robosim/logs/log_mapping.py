@@ -21,7 +21,7 @@ from slam.poses import to_map
 #: A beam that hit nothing is free as far as this [m].
 _NOTHING_M = 10.0
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
-_LEAST_S, _WHOLE_S = 0.02, 0.25
+_LEAST_S, _WHOLE_S = 0.05, 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ _LEAST_S, _WHOLE_S = 0.02, 0.25
 class LogOdometryConfig:
     """Errors of odometry between two scans. Standard deviations: a constant part, and one that grows.
 
-    The constant part is that of a quarter of a second or more, and less where scans follow each other faster.
+    The constant part is that of 0.6 s or more, and less where scans follow each other faster.
     """
 
     position_m: Annotated[float, Range(1e-6, 10, "m")] = 0.04

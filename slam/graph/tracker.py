@@ -13,6 +13,7 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (the 
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
@@ -91,6 +92,8 @@ _SAME = 16.27
 _NEAR = 6
 #: Most fits per submap with neighbours that are not known to fit, and with those that are.
 _TRIES, _TRIES_OF_FITTING = 6, 3
+#: Loops after which a submap needs no more with what is known to fit.
+_ENOUGH = 6
 #: Most waiting fits.
 _WAITING = 24
 #: Scans and distance [m] after which a submap is closed if one within this distance [m] is not known to fit.
@@ -99,8 +102,8 @@ _SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 _VAGUE_RAD = math.radians(0.1)
 #: Most passes over all submaps at the end.
 _ROUNDS = 3
-#: The graph is solved once closed loops deviate from its poses by more in all [m].
-_UNSOLVED_M = 0.02
+#: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
+_UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
 #: Fits may deviate by this many times the covariance of the prediction.
@@ -141,6 +144,7 @@ class Tracker:
         self._apart = False
         self._unsolved_m = 0.0
         self._fitted = 0
+        self._loops: dict[int, int] = defaultdict(int)
 
     def predict(
         self, displacement: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
@@ -285,6 +289,7 @@ class Tracker:
                     self._try()
             if self.closed == closed:
                 break
+        self._solve()
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
         """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
@@ -359,7 +364,7 @@ class Tracker:
         if self.submaps[here].poses and self.submaps[there].poses:
             self._unsolved_m += self._fit(here, there)
         # Fits that confirm the poses wait for each other.
-        if self._unsolved_m > (_UNSOLVED_M if self._queue else 0.0):
+        if self._unsolved_m > (_UNSOLVED_M if self._queue else _CONFIRMED_M):
             return self._solve()
         return False
 
@@ -369,6 +374,8 @@ class Tracker:
         One that had to be searched for deviates by any amount.
         """
         covariance = self.graph.uncertainty(here)[there]
+        if self._loops[here] >= _ENOUGH and self._together(covariance[None])[0]:
+            return 0.0
         predicted = between(self.graph.poses[here], self.graph.poses[there])
         found = fit(self.submaps[there], self.submaps[here], predicted, covariance, self.config.match)
         if here != self._fitted:
@@ -402,6 +409,7 @@ class Tracker:
         return moved_m > _MOVED_M
 
     def _close(self, here: int, there: int, found: Fit) -> None:
+        self._loops[here] += 1
         self.graph.forget_loop(here, there)
         self.graph.hold(
             Constraint(first=here, second=there, pose=found.pose, covariance=found.covariance, loop=True)
