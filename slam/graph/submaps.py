@@ -77,6 +77,10 @@ class Submap:
         """Enter a scan at a pose of the submap's frame."""
         self.poses.append(pose)
         self.views.append((pose, view))
+        self.enter(pose, scan)
+
+    def enter(self, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
+        """Enter surfaces seen from a pose."""
         self.levels.enter(pose, scan)
         self._surfaces = self._outline = self._circle = None
 
@@ -264,11 +268,15 @@ def _look(
         for k in range(len(points)):
             dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
             distance_m = np.hypot(dx, dy)
-            beam = np.searchsorted(bearing, np.arctan2(c * dy - s * dx, c * dx + s * dy))
+            direction = np.arctan2(c * dy - s * dx, c * dx + s * dy)
+            beam = np.searchsorted(bearing, direction)
             if beam == 0 or beam == len(bearing):
                 continue
-            left, right = reached[beam - 1], reached[beam]
             near_m = 0.1 + 0.01 * distance_m
+            # Between beams that are far apart nothing is known.
+            if distance_m * min(bearing[beam] - direction, direction - bearing[beam - 1]) > near_m:
+                continue
+            left, right = reached[beam - 1], reached[beam]
             if min(abs(left - distance_m), abs(right - distance_m)) < near_m:
                 same[k] = True
             if distance_m < min(abs(left), abs(right)) - 3 * near_m:

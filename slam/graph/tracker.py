@@ -30,12 +30,15 @@ from slam.graph.submaps import (
     Fit,
     Submap,
     View,
+    Views,
     covariance_of,
     fit,
     least_covariance,
+    seen_by,
 )
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
+from slam.matching.thin_scans import RecentPoints
 from slam.poses import between, compose, rotation, wrap
 from slam.sensing.bearings import Bearing
 from slam.support.checks import Range, checked
@@ -143,6 +146,7 @@ class Tracker:
         self._around = SurfaceLevels(self.config.cell_m)
         self._apart = False
         self._unsolved_m = 0.0
+        self._recent = RecentPoints(self.config.cell_m)
         self._fitted = 0
         self._loops: dict[int, int] = defaultdict(int)
 
@@ -185,6 +189,8 @@ class Tracker:
             away = difference(match.pose, self.pose, 1.0)
             self._spread = self._spread - gain @ self._spread
             self._place(self.pose + turn @ gain @ turn.T @ away)
+        if scan.thin:
+            scan = self._lines(scan, view)
         self.submaps[-1].add(self._here, scan, view)
         self._around.enter(self.pose, scan)
         has_changed = self._try() if self._queue else False
@@ -195,6 +201,13 @@ class Tracker:
         if self._distance_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most or self._vague():
             has_changed |= self._begin()
         return has_changed
+
+    def _lines(self, scan: ScanPoints, view: View) -> ScanPoints:
+        """Surfaces that a thin scan adds, together with recent ones, in the robot's frame."""
+        self._recent.add(self._here, scan)
+        views = Views.of([*self.submaps[-1].views, (self._here, view)])
+        found = self._recent.new_surfaces(lambda points: seen_by(views, points)[1])
+        return found.at(between(self._here, np.zeros(3)))
 
     def _vague(self) -> bool:
         """Whether sources can improve the heading since the submap was begun."""
@@ -320,6 +333,7 @@ class Tracker:
         self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
         self.submaps.append(Submap(self.config.cell_m))
         self._pack(last - 1)
+        self._recent.move(between(self._here, np.zeros(3)))
         self._here, self._distance_m, self._turned_rad = np.zeros(3), 0.0, 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:

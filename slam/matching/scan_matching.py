@@ -13,6 +13,7 @@ Left out: matching without overlap, which returns the prediction; the graph (`sl
 Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -28,6 +29,15 @@ from slam.support.compiled import compiled
 #: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
 #: slanted by no more than this (secant) and a third point lies in line with them within this [m].
 _JUMP_M, _SLANT, _STRAIGHT_M = 0.3, 2.0, 0.06
+
+#: Beams farther apart than this on average give no normals [rad].
+_THIN_RAD = math.radians(2.0)
+
+#: Largest angle between normals of a point and of its surface, and of ones that only point to the robot (cosine).
+_ALIKE, _ALIKE_THIN = 0.7, 0.2
+
+#: Fewest paired points of a scan of few beams.
+_PAIRS_THIN = 4
 
 #: A pair counts half at no less than so many standard deviations of its point.
 _WILD = 2.0
@@ -73,6 +83,8 @@ class ScanPoints:
     """Standard deviation of each from its surface [m]; None for `MatchConfig.sigma_m`."""
     loose: Float[np.ndarray, "m 2"] | None = None
     """Points without a normal, as of edges, posts and grazed surfaces; used for search, not for fits."""
+    thin: bool = False
+    """Whether the beams are so few that normals only point to the robot."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
         """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
@@ -174,6 +186,14 @@ def points_of_beams(
         return ScanPoints(points=nothing, normals=nothing, weights=np.empty(0), sigma_m=np.empty(0))
     bearing, reached = bearing_rad[columns].astype(float), range_m[columns].astype(float)
     points = np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
+    if np.diff(bearing_rad).mean() > _THIN_RAD:
+        return ScanPoints(
+            points=points,
+            normals=-points / np.maximum(reached, 1e-9)[:, None],
+            weights=np.ones(n),
+            sigma_m=np.full(n, sigma_m),
+            thin=True,
+        )
     i = np.arange(n)
     step = np.hypot(*(points[1:] - points[:-1]).T)
     spacing = np.minimum(np.append(step, step[-1]), np.insert(step, 0, step[0]))
@@ -236,6 +256,7 @@ def match_from(
 ) -> list[Match]:
     """The same from each of some poses: x [m], y [m], yaw [rad]."""
     sigma_m = np.full(len(scan.points), config.sigma_m) if scan.sigma_m is None else scan.sigma_m
+    min_pairs, alike = (_PAIRS_THIN, _ALIKE_THIN) if scan.thin else (config.min_pairs, _ALIKE)
     poses = np.array(starts, float)
     information = np.zeros((len(poses), 3, 3))
     paired = np.zeros((len(poses), len(scan.points)), bool)
@@ -244,7 +265,7 @@ def match_from(
         surfaces.arrays(),
         predicted.astype(float),
         np.linalg.inv(covariance),
-        (config.iterations, config.min_pairs, config.outlier_m),
+        (config.iterations, min_pairs, config.outlier_m, alike),
         poses,
         information,
         paired,
@@ -260,7 +281,7 @@ def _match(
     surfaces: tuple[tuple[float, float, float], np.ndarray, np.ndarray],
     predicted: np.ndarray,
     prior: np.ndarray,
-    settings: tuple[int, int, float],
+    settings: tuple[int, int, float, float],
     poses: np.ndarray,
     information: np.ndarray,
     paired: np.ndarray,
@@ -268,7 +289,7 @@ def _match(
     """Gauss-Newton steps from each of the poses, which become those found."""
     points, normals, weights, sigma_m = scan
     planes = surfaces[2]
-    iterations, min_pairs, least_outlier_m = settings
+    iterations, min_pairs, least_outlier_m, alike = settings
     n = len(points)
     mean, unit, found = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.bool_)
     residual, trust, slope = np.zeros(n), np.zeros(n), np.empty(3)
@@ -283,7 +304,7 @@ def _match(
                     x = pose[0] + c * points[k, 0] - s * points[k, 1]
                     y = pose[1] + s * points[k, 0] + c * points[k, 1]
                     facing = c * normals[k, 0] - s * normals[k, 1], s * normals[k, 0] + c * normals[k, 1]
-                    row, dx, dy = nearest_plane(x, y, facing, surfaces)
+                    row, dx, dy = nearest_plane(x, y, facing, surfaces, alike)
                     found[k] = row >= 0
                     if row >= 0:
                         mean[k, 0], mean[k, 1] = x + dx, y + dy

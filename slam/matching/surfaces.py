@@ -120,8 +120,9 @@ def nearest_plane(
     y_m: float,
     facing: tuple[float, float],
     surfaces: tuple[tuple[float, float, float], np.ndarray, np.ndarray],
+    alike: float,
 ) -> tuple[int, float, float]:
-    """The nearest surface of the same orientation as a point with a unit normal, among 3 x 3 cells.
+    """The nearest surface among 3 x 3 cells whose normal differs from a unit vector by no more than an angle (cosine).
 
     Returns:
         Its row in the planes, -1 if there is none; from the point to its mean: x, y [m].
@@ -140,7 +141,7 @@ def nearest_plane(
             if row < 0:
                 continue
             plane = planes[row]
-            if not plane[4] > 0 or not plane[2] * facing[0] + plane[3] * facing[1] > 0.7:
+            if not plane[4] > 0 or not plane[2] * facing[0] + plane[3] * facing[1] > alike:
                 continue
             # From the point to the mean: offsets within the neighbourhood only, small in the planes' float32.
             dx, dy = plane[0] + (ix + 0.5 - x) * cell_m, plane[1] + (iy + 0.5 - y) * cell_m
