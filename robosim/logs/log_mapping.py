@@ -16,10 +16,13 @@ from robosim.support.checks import Range, checked
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import MatchConfig, points_of_beams
+from slam.matching.thin_scans import is_thin, thin_scan
 from slam.poses import to_map
 
 #: A beam that hit nothing is free as far as this [m].
 _NOTHING_M = 10.0
+#: Angle between beams for which drift is given [rad].
+_DENSE_RAD = math.radians(1.0)
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
 
@@ -73,17 +76,22 @@ class LogConfig:
     """Standard deviation of a point from its surface [m]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.02
     """Drift of matched poses, in addition to the errors of matches, per square root of a metre driven [m]: a real
-    robot's scans lie a metre apart, and are taken as it moves."""
+    robot's scans lie a metre apart, and are taken as it moves. It grows with the root of the angle between beams."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.3)
     """The same for their turn [rad]."""
 
-    def tracker(self, loops: bool) -> TrackerConfig:
-        """Settings of the tracker."""
+    def tracker(self, loops: bool, bearing_rad: Float[np.ndarray, " w"]) -> TrackerConfig:
+        """Settings of the tracker for scans of such beams."""
+        growth = math.sqrt(max(float(np.diff(bearing_rad).mean()) / _DENSE_RAD, 1.0))
         match = MatchConfig(
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
         return TrackerConfig(
-            cell_m=self.resolution_m, loops=loops, match=match, drift_m=self.drift_m, drift_rad=self.drift_rad
+            cell_m=self.resolution_m,
+            loops=loops,
+            match=match,
+            drift_m=growth * self.drift_m,
+            drift_rad=growth * self.drift_rad,
         )
 
 
@@ -121,10 +129,18 @@ def map_log(
             f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
         )
     _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
-    tracker, step_s = Tracker(config.tracker(loops)), np.diff(log.times, prepend=log.times[0])
+    tracker, step_s = (
+        Tracker(config.tracker(loops, log.bearing_rad)),
+        np.diff(log.times, prepend=log.times[0]),
+    )
     for k in watched(range(len(log.range_m)), "scans"):
         ranges = log.range_m[k]
-        scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m)
+        if is_thin(log.bearing_rad):
+            scan = thin_scan(log.bearing_rad, ranges, config.range_m, config.sigma_m)
+        else:
+            scan = points_of_beams(
+                log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m
+            )
         seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
         displacement, covariance = config.odometry.predicted(
             log.displacement[k], bool(log.known[k]), float(step_s[k])

@@ -107,6 +107,8 @@ _VAGUE_RAD = math.radians(0.1)
 _ROUNDS = 3
 #: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
+#: The same at the end of a log, when poses are known well [m].
+_UNSOLVED_AT_END_M = 0.2
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
 #: Fits may deviate by this many times the covariance of the prediction.
@@ -193,7 +195,11 @@ class Tracker:
             scan = self._lines(scan, view)
         self.submaps[-1].add(self._here, scan, view)
         self._around.enter(self.pose, scan)
-        has_changed = self._try() if self._queue else False
+        has_changed = False
+        if self._queue:
+            self._try()
+            # Fits that confirm the poses wait for each other.
+            has_changed = self._settle(_UNSOLVED_M if self._queue else _CONFIRMED_M)
         # Submaps around that are not known to fit are tried soon.
         most = self.config.submap_scans
         if self._apart and self._distance_m > _SOON_M:
@@ -293,6 +299,7 @@ class Tracker:
             self._begin()
         while self._queue:
             self._try()
+            self._settle(_UNSOLVED_M)
         for _ in range(_ROUNDS if self.config.loops else 0):
             closed = self.closed
             for here in watched(range(2, len(self.submaps))):
@@ -300,9 +307,10 @@ class Tracker:
                 self._queue = [pair for pair in self._candidates(here) if pair not in believed]
                 while self._queue:
                     self._try()
+                self._settle(_UNSOLVED_AT_END_M)
+            self._settle(0.0)
             if self.closed == closed:
                 break
-        self._solve()
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
         """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
@@ -372,15 +380,15 @@ class Tracker:
         wide = np.hypot(spread[:, 0, 0], spread[:, 1, 1]) > self.config.together_m**2
         return ~wide & (spread[:, 2, 2] < self.config.together_rad**2)
 
-    def _try(self) -> bool:
-        """Fit one pair of submaps; whether poses changed."""
+    def _try(self) -> None:
+        """Fit one pair of submaps."""
         here, there = self._queue.pop(0)
         if self.submaps[here].poses and self.submaps[there].poses:
             self._unsolved_m += self._fit(here, there)
-        # Fits that confirm the poses wait for each other.
-        if self._unsolved_m > (_UNSOLVED_M if self._queue else _CONFIRMED_M):
-            return self._solve()
-        return False
+
+    def _settle(self, deviation_m: float) -> bool:
+        """Optimise the graph if closed loops deviate by more in all [m]; whether poses changed."""
+        return self._unsolved_m > deviation_m and self._solve()
 
     def _fit(self, here: int, there: int) -> float:
         """Fit two submaps; by how much a loop that is closed deviates from the poses [m], a radian as a metre.

@@ -13,7 +13,6 @@ Left out: matching without overlap, which returns the prediction; the graph (`sl
 Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -29,9 +28,6 @@ from slam.support.compiled import compiled
 #: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
 #: slanted by no more than this (secant) and a third point lies in line with them within this [m].
 _JUMP_M, _SLANT, _STRAIGHT_M = 0.3, 2.0, 0.06
-
-#: Beams farther apart than this on average give no normals [rad].
-_THIN_RAD = math.radians(2.0)
 
 #: Largest angle between normals of a point and of its surface, and of ones that only point to the robot (cosine).
 _ALIKE, _ALIKE_THIN = 0.7, 0.2
@@ -84,7 +80,7 @@ class ScanPoints:
     loose: Float[np.ndarray, "m 2"] | None = None
     """Points without a normal, as of edges, posts and grazed surfaces; used for search, not for fits."""
     thin: bool = False
-    """Whether the beams are so few that normals only point to the robot."""
+    """Whether the beams are so few that normals just point to the robot (`slam.matching.thin_scans`)."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
         """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
@@ -186,14 +182,6 @@ def points_of_beams(
         return ScanPoints(points=nothing, normals=nothing, weights=np.empty(0), sigma_m=np.empty(0))
     bearing, reached = bearing_rad[columns].astype(float), range_m[columns].astype(float)
     points = np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
-    if np.diff(bearing_rad).mean() > _THIN_RAD:
-        return ScanPoints(
-            points=points,
-            normals=-points / np.maximum(reached, 1e-9)[:, None],
-            weights=np.ones(n),
-            sigma_m=np.full(n, sigma_m),
-            thin=True,
-        )
     i = np.arange(n)
     step = np.hypot(*(points[1:] - points[:-1]).T)
     spacing = np.minimum(np.append(step, step[-1]), np.insert(step, 0, step[0]))

@@ -6,6 +6,7 @@ that line between them. Each scan is matched to these surfaces point by point, w
 Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022 (lines of several scans).
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -14,12 +15,42 @@ from jaxtyping import Bool, Float
 from slam.matching.scan_matching import ScanPoints
 from slam.poses import to_map
 
+#: Beams farther apart than this on average give no normals [rad].
+_THIN_RAD = math.radians(2.0)
 #: Points within this are compared [m]; lines have so many of them, within this of it [m], over this length [m].
-_NEAR_M, _LEAST, _STRAIGHT_M, _LONG_M = 1.0, 4, 0.04, 0.3
+_NEAR_M, _LEAST, _STRAIGHT_M, _LONG_M = 1.0, 3, 0.04, 0.3
 #: Largest angle between a surface's normal and the beam that met it (cosine).
 _FACING = 0.2
 #: Scans that are compared.
-_RECENT = 12
+_RECENT = 25
+
+
+def is_thin(bearing_rad: Float[np.ndarray, " w"]) -> bool:
+    """Whether beams are too far apart to give normals."""
+    return bool(np.diff(bearing_rad).mean() > _THIN_RAD)
+
+
+def thin_scan(
+    bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], max_range_m: float, sigma_m: float
+) -> ScanPoints:
+    """Ends of beams, with normals that point to the robot.
+
+    Args:
+        bearing_rad: Directions in the robot's frame [rad].
+        range_m: How far away each beam ends at a surface [m]; inf where it meets none.
+        max_range_m: Farther points are dropped [m].
+        sigma_m: Standard deviation of a point from its surface [m].
+    """
+    seen = range_m <= max_range_m
+    back = -np.column_stack([np.cos(bearing_rad[seen]), np.sin(bearing_rad[seen])])
+    n = len(back)
+    return ScanPoints(
+        points=-range_m[seen][:, None] * back,
+        normals=back,
+        weights=np.ones(n),
+        sigma_m=np.full(n, sigma_m),
+        thin=True,
+    )
 
 
 class RecentPoints:
@@ -58,7 +89,7 @@ class RecentPoints:
         points, facing = np.concatenate(self._points), np.concatenate(self._facing)
         drawn, found = np.concatenate(self._drawn), []
         for k in np.flatnonzero(~drawn):
-            line = _line(k, points, facing)
+            line = _line(int(k), points, facing)
             if line is not None:
                 found.append(self._filled(*line))
                 drawn[k] = True
