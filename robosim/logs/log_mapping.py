@@ -21,8 +21,8 @@ from slam.poses import to_map
 
 #: A beam that hit nothing is free as far as this [m].
 _NOTHING_M = 10.0
-#: Angle between beams for which drift is given [rad].
-_DENSE_RAD = math.radians(1.0)
+#: Largest angle between beams for which drift is given [rad].
+_DENSE_RAD = math.radians(2.0)
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
 
@@ -76,13 +76,13 @@ class LogConfig:
     """Standard deviation of a point from its surface [m]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.02
     """Drift of matched poses, in addition to the errors of matches, per square root of a metre driven [m]: a real
-    robot's scans lie a metre apart, and are taken as it moves. It grows with the root of the angle between beams."""
+    robot's scans lie a metre apart, and are taken as it moves. It grows with the angle between beams above 2 degrees."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.3)
     """The same for their turn [rad]."""
 
     def tracker(self, loops: bool, bearing_rad: Float[np.ndarray, " w"]) -> TrackerConfig:
         """Settings of the tracker for scans of such beams."""
-        growth = math.sqrt(max(float(np.diff(bearing_rad).mean()) / _DENSE_RAD, 1.0))
+        growth = max(float(np.diff(bearing_rad).mean()) / _DENSE_RAD, 1.0)
         match = MatchConfig(
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
