@@ -1,5 +1,6 @@
 """Trajectory and map of a log, by the tracker and graph that simulated robots use."""
 
+import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -19,10 +20,14 @@ from slam.matching.scan_matching import MatchConfig, points_of_beams
 from slam.matching.thin_scans import is_thin, thin_scan
 from slam.poses import to_map
 
+logger = logging.getLogger(__name__)
+
 #: A beam that hit nothing is free as far as this [m].
 _NOTHING_M = 10.0
 #: Largest angle between beams for which drift is given [rad].
 _DENSE_RAD = math.radians(2.0)
+#: With more between beams, maps are doubtful [deg].
+_SPARSE_DEG = 8.0
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
 
@@ -76,7 +81,8 @@ class LogConfig:
     """Standard deviation of a point from its surface [m]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.02
     """Drift of matched poses, in addition to the errors of matches, per square root of a metre driven [m]: a real
-    robot's scans lie a metre apart, and are taken as it moves. It grows with the angle between beams above 2 degrees."""
+    robot's scans lie a metre apart, and are taken as it moves. It grows with the angle between beams above 2
+    degrees."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.3)
     """The same for their turn [rad]."""
 
@@ -129,6 +135,15 @@ def map_log(
             f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
         )
     _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
+    step_deg = math.degrees(np.diff(log.bearing_rad).mean())
+    if step_deg > _SPARSE_DEG:
+        logger.warning(
+            "%s: beams are %.0f degrees apart. Maps of scans with more than %g between beams often come apart: look at "
+            "map.png before you use them.",
+            log.file or log.name,
+            step_deg,
+            _SPARSE_DEG,
+        )
     tracker, step_s = (
         Tracker(config.tracker(loops, log.bearing_rad)),
         np.diff(log.times, prepend=log.times[0]),

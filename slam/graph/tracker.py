@@ -353,7 +353,7 @@ class Tracker:
         return has_changed
 
     def _pack(self, submap: int) -> None:
-        """Free memory of a submap that no longer judges scans."""
+        """Free memory of a submap whose scans do not judge new ones."""
         if 0 <= submap < len(self.submaps) - 2:
             self.submaps[submap].pack()
 

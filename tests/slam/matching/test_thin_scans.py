@@ -61,13 +61,13 @@ def test_a_door_stays_open():
 def test_a_frame_changes_nothing():
     """A rigid motion of the frame moves surfaces with it."""
     frame = np.array([3.0, -1.0, 0.7])
-    rng, recent, moved = np.random.default_rng(2), RecentPoints(0.05), RecentPoints(0.05)
+    rng, recent, shifted = np.random.default_rng(2), RecentPoints(0.05), RecentPoints(0.05)
     for pose in ROUTE[:6]:
         scan = thin_scan(BEARING, ranges(ROOM, pose, rng, 0.001, BEARING), RANGE_M, 0.02)
         recent.add(pose, scan)
-        moved.add(between(frame, pose), scan)
-    moved.move(frame)
-    expected, found = (one.new_surfaces(lambda p: np.zeros(len(p), bool)) for one in (recent, moved))
+        shifted.add(between(frame, pose), scan)
+    shifted.move(frame)
+    expected, found = (one.new_surfaces(lambda p: np.zeros(len(p), bool)) for one in (recent, shifted))
     np.testing.assert_allclose(found.points, expected.points, atol=1e-9)
     np.testing.assert_allclose(found.normals, expected.normals, atol=1e-9)
 
