@@ -258,12 +258,11 @@ def _look(
     same: np.ndarray,
     through: np.ndarray,
 ) -> None:
+    """Mark the points at which beams saw a surface, and those that they went through."""
     for view in range(len(poses)):
         pose = poses[view]
-        bearing, reached = (
-            bearings[bounds[view] : bounds[view + 1]],
-            ranges[bounds[view] : bounds[view + 1]],
-        )
+        own = slice(bounds[view], bounds[view + 1])
+        bearing, reached = bearings[own], ranges[own]
         c, s = np.cos(pose[2]), np.sin(pose[2])
         for k in range(len(points)):
             dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
