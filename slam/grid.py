@@ -83,10 +83,15 @@ class GridFrame:
         ny, nx = self.shape
         ix0, iy0 = min(max(int(x0), 0), nx - 1), min(max(int(y0), 0), ny - 1)
         ix1, iy1 = min(max(math.ceil(x1), ix0 + 1), nx), min(max(math.ceil(y1), iy0 + 1), ny)
+        rows, columns = slice(iy0, iy1), slice(ix0, ix1)
+        return rows, columns, self.part(rows, columns)
+
+    def part(self, rows: slice, columns: slice) -> "GridFrame":
+        """Frame of some rows and columns."""
         x, y = self.origin_xy
-        origin_xy = (x + ix0 * self.resolution_m, y + iy0 * self.resolution_m)
-        frame = GridFrame(origin_xy=origin_xy, resolution_m=self.resolution_m, shape=(iy1 - iy0, ix1 - ix0))
-        return slice(iy0, iy1), slice(ix0, ix1), frame
+        origin_xy = (x + columns.start * self.resolution_m, y + rows.start * self.resolution_m)
+        shape = (rows.stop - rows.start, columns.stop - columns.start)
+        return GridFrame(origin_xy=origin_xy, resolution_m=self.resolution_m, shape=shape)
 
     def padded(self, left: int, right: int, below: int, above: int) -> "GridFrame":
         """The same lattice with whole cells added on its four sides."""

@@ -100,8 +100,8 @@ class NeuralMapper:
         self.prediction = self._predictor.predict(
             self.classical.scan, belief_ahead(classical, patch=self.patch)
         )
-        if self.classical.rearranged:
-            self._rearrange()
+        for part in self.classical.redrawn:
+            self._redraw(part)
         self._enter(self.prediction, classical.pose)
         if not self.classical.relocalizer.lost:
             halves = np.stack([self.prediction.obstacle, self.prediction.seen]).astype(np.float16)
@@ -129,7 +129,7 @@ class NeuralMapper:
         )
 
     def _refresh(self, classical: MapEstimate) -> None:
-        """Update the part of the maps that one frame can change: classical probabilities, replaced by predictions."""
+        """Update the part of the maps that one frame can change."""
         # The region of the prediction, of the camera, of a laser, and of the hull.
         reach = max(self.classical.config.radius_m + self.frame.resolution_m, self._laser_m + 1.0)
         corners = np.vstack(
@@ -142,11 +142,7 @@ class NeuralMapper:
         )
         low, high = corners.min(axis=0), corners.max(axis=0)
         rows, columns, _ = self.frame.window((low[0], low[1]), (high[0], high[1]))
-        predicted = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
-        known = classical.obstacle_probability[rows, columns]
-        viewed = self._viewed[rows, columns]
-        self._observed[rows, columns] = np.where(viewed, predicted, known)
-        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), predicted, known)
+        self._combine(rows, columns, classical.obstacle_probability)
 
     def _guessed(
         self, rows: slice, columns: slice, known: Float32[np.ndarray, "ny nx"]
@@ -196,18 +192,35 @@ class NeuralMapper:
         covered |= inside
         self._stand(pose)
 
-    def _rearrange(self) -> None:
-        """Build the map again at the current poses of the scans."""
-        poses = self.classical.tracker.poses()
-        self._log_odds[:] = 0.0
-        self._is_predicted[:] = self._viewed[:] = False
-        for halves, pose in zip(self._predictions, poses, strict=False):
-            obstacle, seen = halves.astype(np.float32)
-            self._enter(Prediction(obstacle=obstacle, seen=seen), pose)
-        predicted, known = 1 / (1 + np.exp(-self._log_odds)), self.classical.occupancy.probability
-        self._observed[:] = np.where(self._viewed, predicted, known)
-        every = slice(None)
-        self._anticipated[:] = np.where(self._guessed(every, every, known), predicted, known)
+    def _redraw(self, frame: GridFrame) -> None:
+        """Draw a part of the map again at the current poses of the scans."""
+        poses = np.array(self.classical.entered).reshape(-1, 3)[: len(self._predictions)]
+        whole, (ny, nx) = self.frame, frame.shape
+        left, below = np.rint(whole.to_cells(np.array(frame.origin_xy))).astype(int)
+        rows, columns = slice(below, below + ny), slice(left, left + nx)
+        low, high = frame.to_points(np.array([[0, 0], frame.shape[::-1]]))
+        reach_m = np.hypot(*self._corners(np.zeros(3)).T).max()
+        gap_m = np.maximum(low - poses[:, :2], poses[:, :2] - high).max(axis=1)
+        layers = self._log_odds, self._is_predicted, self._viewed
+        # Predictions are entered on the window alone, then it replaces that of the map.
+        self.frame = frame
+        self._log_odds = np.zeros(frame.shape, np.float32)
+        self._is_predicted, self._viewed = np.zeros(frame.shape, bool), np.zeros(frame.shape, bool)
+        for k in np.flatnonzero(gap_m < reach_m):
+            obstacle, seen = self._predictions[k].astype(np.float32)
+            self._enter(Prediction(obstacle=obstacle, seen=seen), poses[k])
+        for layer, part in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
+            layer[rows, columns] = part
+        (self._log_odds, self._is_predicted, self._viewed), self.frame = layers, whole
+        self._combine(rows, columns, self.classical.occupancy.probability)
+
+    def _combine(self, rows: slice, columns: slice, classical: Float32[np.ndarray, "ny nx"]) -> None:
+        """Replace classical probabilities by predictions in a window of the observed and the anticipated map."""
+        predicted = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
+        known = classical[rows, columns]
+        viewed = self._viewed[rows, columns]
+        self._observed[rows, columns] = np.where(viewed, predicted, known)
+        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), predicted, known)
 
     def _covered(
         self, pose: Float[np.ndarray, "3"]

@@ -67,6 +67,11 @@ class OccupancyGrid:
             setattr(self, name, new)
         self.frame = frame
 
+    def paste(self, rows: slice, columns: slice, part: "OccupancyGrid") -> None:
+        """Replace a window by the cells of a grid over it."""
+        for name in ("log_odds", "probability", "explored", "top_m"):
+            getattr(self, name)[rows, columns] = getattr(part, name)
+
     def view_box(
         self, scan: Scan, pose: Float[np.ndarray, "3"]
     ) -> tuple[tuple[float, float], tuple[float, float]]:

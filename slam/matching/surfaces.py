@@ -101,6 +101,20 @@ class SurfaceGrid:
         if self._fronts:
             self.front_m[rows, columns][mask] = 0.0
 
+    def paste(self, rows: slice, columns: slice, part: "SurfaceGrid") -> None:
+        """Replace a window by the surfaces of a grid over it."""
+        window, remains = self._row[rows, columns], np.ones(self._used, bool)
+        remains[window[window >= 0]] = False
+        window[:] = -1
+        part._cell += np.array([rows.start, columns.start], np.int32)
+        for name in ("_sums", "_planes", "_cell"):
+            old, new = getattr(self, name)[: self._used], getattr(part, name)[: part._used]
+            setattr(self, name, np.concatenate([old[remains], new]))
+        self._used = len(self._cell)
+        self._row[self._cell[:, 0], self._cell[:, 1]] = np.arange(self._used, dtype=np.int32)
+        if self._fronts:
+            self.front_m[rows, columns] = part.front_m
+
     def planes(
         self,
     ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
