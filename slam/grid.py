@@ -104,6 +104,10 @@ class GridFrame:
         )
 
 
+#: Area for which work over the whole map is done at full rate [m2].
+_FULL_RATE_M2 = 1000.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapEstimate:
     """What a mapper believes at one decision.
@@ -154,6 +158,12 @@ class MapEstimate:
             ahead = np.array([math.cos(self.pose[2]), math.sin(self.pose[2])])
             axes.quiver(*self.pose[:2], *ahead, color="tab:orange", pivot="middle")
         return axes
+
+    @property
+    def size_factor(self) -> int:
+        """Factor by which work over the whole map is done less often than on a small one; 1 below 2,000 m^2."""
+        ny, nx = self.frame.shape
+        return max(1, int(ny * nx * self.frame.resolution_m**2 / _FULL_RATE_M2))
 
     @property
     def obstacle(self) -> Bool[np.ndarray, "ny nx"]:
