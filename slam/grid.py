@@ -8,11 +8,13 @@ A growing map adds whole cells only, so a cell never changes its place in `map`.
 """
 
 import math
+import mmap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
+from numpy.typing import DTypeLike
 
 from slam.support.axes import axes_in_metres
 from slam.support.checks import shown
@@ -106,6 +108,25 @@ class GridFrame:
 
 #: Area for which work over the whole map is done at full rate [m2].
 _FULL_RATE_M2 = 1000.0
+
+
+def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
+    """An array of zeros that takes memory page by page, where it is written to."""
+    # numpy asks for pages of 2 MB, which a few cells per row would fill.
+    size = max(math.prod(shape) * np.dtype(dtype).itemsize, 1)
+    return np.ndarray(shape, dtype, buffer=mmap.mmap(-1, size))
+
+
+def enlarged(old: np.ndarray, shape: tuple[int, int], left: int, below: int) -> np.ndarray:
+    """A grid of a larger shape (rows, columns), 0 around the old one; what is 0 in it takes no memory."""
+    new = zeros((*shape, *old.shape[2:]), old.dtype)
+    for y in range(0, old.shape[0], 64):
+        for x in range(0, old.shape[1], 512):
+            block = old[y : y + 64, x : x + 512]
+            if block.any():
+                ny, nx = block.shape[:2]
+                new[below + y : below + y + ny, left + x : left + x + nx] = block
+    return new
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

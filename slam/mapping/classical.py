@@ -4,7 +4,8 @@ At every decision: odometry without its bias predicts the pose, the scan is fitt
 entered at the pose found. Occupancy (free space), surfaces (exact walls) and collision marks share one grid that
 grows with the building.
 
-Memory: 55 bytes a cell (23 MB for 32 m x 32 m), of a rectangle of at most `max_area_m2`; what lies outside is dropped.
+Memory: 4 bytes per cell of a rectangle of at most `max_area_m2`, and 27 per cell near those that were seen, in pages of
+4 kB; what lies outside is dropped.
 A pose whose scan contradicts the map is doubted: the robot is searched for farther away, and scans are not entered
 until it is found (`relocalization`).
 Where loops close, poses of the past move (`slam.graph`). A small map is drawn again from all scans; of a large one, the
@@ -63,7 +64,7 @@ class MapperConfig:
 
     resolution_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of a map cell [m]."""
-    max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 40_000.0
+    max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 1e6
     """Area to which the map may grow [m^2]; bounds the memory."""
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the robot's hull [m]."""
@@ -184,6 +185,7 @@ class ClassicalMapper:
         """Parts of the map that the last update drew again."""
         self._stale: set[tuple[int, int]] = set()
         self._budget = _MOST_SCANS
+        self._is_full = False
         self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
         self.collided = False
         self._step = 0
@@ -422,9 +424,11 @@ class ClassicalMapper:
         for first in (0, 2):
             size, across = (nx, ny) if first == 0 else (ny, nx + pads[0] + pads[1])
             if (size + pads[first] + pads[first + 1]) * across > room:
-                logger.warning(
-                    "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
-                )
+                if not self._is_full:
+                    logger.warning(
+                        "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
+                    )
+                self._is_full = True
                 pads[first] = pads[first + 1] = 0
         left, right, below, above = pads
         frame = self.frame.padded(left, right, below, above)
