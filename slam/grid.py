@@ -112,7 +112,7 @@ _FULL_RATE_M2 = 1000.0
 
 def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     """An array of zeros that takes memory page by page, where it is written to."""
-    # numpy asks for pages of 2 MB, which a few cells per row would fill.
+    # numpy requests pages of 2 MB, which a few cells per row would fill.
     size = max(math.prod(shape) * np.dtype(dtype).itemsize, 1)
     return np.ndarray(shape, dtype, buffer=mmap.mmap(-1, size, access=mmap.ACCESS_COPY))
 

@@ -348,15 +348,15 @@ class ClassicalMapper:
             return
         is_small = len(poses) <= _WHOLE_SCANS
         least_m = 0.0 if is_small else _MOVED * self.frame.resolution_m
-        moved = np.flatnonzero(off_m >= least_m)
-        places = [self._circles(moved)]
-        for k in moved:
+        numbers = np.flatnonzero(off_m >= least_m)
+        before = self._circles(numbers)
+        for k in numbers:
             self.entered[k] = poses[k]
             self._make_room_for(self._frames[k], poses[k])
         if is_small:
-            self._redraw(slice(0, self.frame.shape[0]), slice(0, self.frame.shape[1]), moved)
+            self._redraw(slice(0, self.frame.shape[0]), slice(0, self.frame.shape[1]), numbers)
             return
-        circles = np.concatenate([*places, self._circles(moved)])
+        circles = np.concatenate([before, self._circles(numbers)])
         low, high = (
             np.floor((circles[:, :2] + side * circles[:, 2:]) / _TILE_M).astype(int) for side in (-1, 1)
         )
