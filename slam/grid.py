@@ -8,11 +8,13 @@ A growing map adds whole cells only, so a cell never changes its place in `map`.
 """
 
 import math
+import mmap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
+from numpy.typing import DTypeLike
 
 from slam.support.axes import axes_in_metres
 from slam.support.checks import shown
@@ -83,10 +85,15 @@ class GridFrame:
         ny, nx = self.shape
         ix0, iy0 = min(max(int(x0), 0), nx - 1), min(max(int(y0), 0), ny - 1)
         ix1, iy1 = min(max(math.ceil(x1), ix0 + 1), nx), min(max(math.ceil(y1), iy0 + 1), ny)
+        rows, columns = slice(iy0, iy1), slice(ix0, ix1)
+        return rows, columns, self.part(rows, columns)
+
+    def part(self, rows: slice, columns: slice) -> "GridFrame":
+        """Frame of some rows and columns."""
         x, y = self.origin_xy
-        origin_xy = (x + ix0 * self.resolution_m, y + iy0 * self.resolution_m)
-        frame = GridFrame(origin_xy=origin_xy, resolution_m=self.resolution_m, shape=(iy1 - iy0, ix1 - ix0))
-        return slice(iy0, iy1), slice(ix0, ix1), frame
+        origin_xy = (x + columns.start * self.resolution_m, y + rows.start * self.resolution_m)
+        shape = (rows.stop - rows.start, columns.stop - columns.start)
+        return GridFrame(origin_xy=origin_xy, resolution_m=self.resolution_m, shape=shape)
 
     def padded(self, left: int, right: int, below: int, above: int) -> "GridFrame":
         """The same lattice with whole cells added on its four sides."""
@@ -97,6 +104,29 @@ class GridFrame:
             resolution_m=self.resolution_m,
             shape=(ny + below + above, nx + left + right),
         )
+
+
+#: Area for which work over the whole map is done at full rate [m2].
+_FULL_RATE_M2 = 1000.0
+
+
+def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
+    """An array of zeros that takes memory page by page, where it is written to."""
+    # numpy requests pages of 2 MB, which a few cells per row would fill.
+    size = max(math.prod(shape) * np.dtype(dtype).itemsize, 1)
+    return np.ndarray(shape, dtype, buffer=mmap.mmap(-1, size, access=mmap.ACCESS_COPY))
+
+
+def enlarged(old: np.ndarray, shape: tuple[int, int], left: int, below: int) -> np.ndarray:
+    """A grid of a larger shape (rows, columns), 0 around the old one; what is 0 in it takes no memory."""
+    new = zeros((*shape, *old.shape[2:]), old.dtype)
+    for y in range(0, old.shape[0], 64):
+        for x in range(0, old.shape[1], 512):
+            block = old[y : y + 64, x : x + 512]
+            if block.any():
+                ny, nx = block.shape[:2]
+                new[below + y : below + y + ny, left + x : left + x + nx] = block
+    return new
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,6 +179,12 @@ class MapEstimate:
             ahead = np.array([math.cos(self.pose[2]), math.sin(self.pose[2])])
             axes.quiver(*self.pose[:2], *ahead, color="tab:orange", pivot="middle")
         return axes
+
+    @property
+    def size_factor(self) -> int:
+        """Factor by which work over the whole map is done less often than on a small one; 1 below 2,000 m^2."""
+        ny, nx = self.frame.shape
+        return max(1, int(ny * nx * self.frame.resolution_m**2 / _FULL_RATE_M2))
 
     @property
     def obstacle(self) -> Bool[np.ndarray, "ny nx"]:

@@ -63,7 +63,7 @@ class BeliefConfig:
     weight: Annotated[float, Range(0, 1)] = 0.6
     """Weight of each measurement, where 1 stands for an independent one."""
     apart_m: Annotated[float, Range(0, 100, "m")] = 0.3
-    """Least distance between measurements that count [m]."""
+    """Least distance between measurements that count [m]; on large maps a multiple of it."""
     beyond_m: Annotated[float, Range(0.1, 1e6, "m")] = 5.0
     """Distance from the explored area at which the prior is smaller by a factor of e [m]."""
     look_m: Annotated[float, Range(0, 100, "m")] = 1.2
@@ -133,7 +133,8 @@ class TargetBelief:
     def add(self, measurement: Measurement, estimate: MapEstimate) -> bool:
         """Add a measurement; returns whether it counted, being far enough from the last one that did."""
         c, place = self.config, measurement.pose[:2]
-        if self._last is not None and math.hypot(*(place - self._last)) < c.apart_m:
+        apart_m = c.apart_m * estimate.size_factor
+        if self._last is not None and math.hypot(*(place - self._last)) < apart_m:
             return False
         self._last, self._probability = place.copy(), None
         self._grow(_ends(measurement, c))

@@ -27,7 +27,7 @@ from robosim.support.checks import Range, checked
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
-from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
+from slam.planning.cost_map import CostConfig, cut_box, known_box, near_box, travel_time_from_robot
 from slam.poses import to_map
 from wireless.paths import LinkState
 
@@ -60,7 +60,7 @@ class FusedConfig:
     keep: Annotated[float, Range(0, 1000)] = 1.3
     """Factor by which another frontier must be better to replace the goal."""
     every: Annotated[int, Range(1, 1_000_000, "decisions")] = 5
-    """Decisions after which a goal is reviewed, unless it is reached earlier."""
+    """Decisions after which a goal is reviewed, unless it is reached earlier; on large maps a multiple of it."""
     candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 12
     """Number of frontiers that are rated, the nearest ones."""
     stuck_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 40
@@ -132,7 +132,7 @@ class Fused:
         if self._stuck.is_stuck(here):
             self._give_up()
         reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
-        if self._goal is None or reached or self._age >= self.config.every:
+        if self._goal is None or reached or self._age >= self.config.every * estimate.size_factor:
             if (
                 self.config.uses_graph
                 and (found := estimated.locate_transmitters().get("target")) is not None
@@ -172,12 +172,16 @@ class Fused:
     def _rate(self, estimate: MapEstimate, belief: TargetBelief) -> list[_Rated]:
         """Places to go to, rated by the probability in sight and behind them per decision."""
         c = self.config
-        low, high = known_box(estimate)
-        margin = 2 * estimate.frame.resolution_m
-        box = cut_box(estimate, low - margin, high + margin)
-        times = travel_time_from_robot(box, self.config.cost)
         given_up = np.array(self._given_up).reshape(-1, 2)
-        frontiers = find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
+        margin = 2 * estimate.frame.resolution_m
+        # On a large map the surroundings are searched first.
+        for find_box in (near_box, known_box) if estimate.size_factor > 1 else (known_box,):
+            low, high = find_box(estimate)
+            box = cut_box(estimate, low - margin, high + margin)
+            times = travel_time_from_robot(box, self.config.cost)
+            frontiers = find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
+            if frontiers:
+                break
         survey, p, pose = belief.survey(estimate), belief.probability(), estimate.pose
         routes = survey.routes(pose[:2])
         rated = []

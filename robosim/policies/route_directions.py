@@ -79,7 +79,8 @@ def route_directions(
     high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + beyond_m
     rows, columns, part = onto.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
     blocked = filled_share(estimate, part) >= _FILLED
-    iy, ix = (int(i) for i in part.index(place))
+    # A robot beyond the largest grid of a belief counts as at its edge.
+    iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(part.index(place), part.shape, strict=True))
     # The robot's own cells are free, whatever the map contains.
     blocked[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
     time = march(np.where(blocked, 0.0, 1.0), (iy, ix), part.resolution_m)

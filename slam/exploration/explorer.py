@@ -22,7 +22,14 @@ from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
-from slam.planning.cost_map import Box, CostConfig, cut_box, known_box, travel_time_from_robot
+from slam.planning.cost_map import (
+    Box,
+    CostConfig,
+    cut_box,
+    known_box,
+    near_box,
+    travel_time_from_robot,
+)
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap
@@ -171,9 +178,12 @@ class FrontierExplorer:
 
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The goal of the best frontier; if none is reachable, places where the robot was stopped count as free."""
-        low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
-        for bumps in (True, False):
+        # On a large map the surroundings are searched first.
+        for find_box, bumps in ((near_box, True), (known_box, True), (known_box, False)):
+            if find_box is near_box and estimate.size_factor == 1:
+                continue
+            low, high = find_box(estimate)
             box = cut_box(estimate, low - margin, high + margin, bumps=bumps)
             travel_time = travel_time_from_robot(box, self.config.cost, through_unknown=False)
             frontiers = find_frontiers(

@@ -4,10 +4,13 @@ At every decision: odometry without its bias predicts the pose, the scan is fitt
 entered at the pose found. Occupancy (free space), surfaces (exact walls) and collision marks share one grid that
 grows with the building.
 
-Memory: 55 bytes a cell (23 MB for 32 m x 32 m), of a rectangle of at most `max_area_m2`; what lies outside is dropped.
+Memory: 4 bytes per cell of a rectangle of at most `max_area_m2`, and 27 per cell near those that were seen, in pages of
+4 kB; what lies outside is dropped.
 A pose whose scan contradicts the map is doubted: the robot is searched for farther away, and scans are not entered
 until it is found (`relocalization`).
-Where loops close, poses of the past move, and the map is built again from all scans (`slam.graph`).
+Where loops close, poses of the past move (`slam.graph`). A small map is drawn again from all scans; of a large one, the
+tiles in which scans have moved, those around the robot at once and others later, so that the time per decision is
+bounded.
 Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
 """
 
@@ -18,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 from slam.actions import Action
 from slam.graph.landmarks import Transmitter
@@ -44,8 +47,14 @@ logger = logging.getLogger(__name__)
 GROWTH_CELLS = 80
 #: Depths beyond this serve to match poses, but are too coarse for the map [m].
 _DRAWN_M = 6.0
-#: The map is built again once a pose has changed by this many cells.
-_SHOWS = 0.3
+#: The map is drawn again once a pose has changed by this many cells, with all poses that changed by the second.
+_SHOWS, _MOVED = 0.3, 0.1
+#: Maps of at most this many scans are drawn again as a whole.
+_WHOLE_SCANS = 500
+#: Side of the tiles of larger maps [m], and how many around the robot's are drawn again at once.
+_TILE_M, _TILES_AROUND = 6.0, 1
+#: Scans that each decision adds to the budget for other tiles, and the most that it may hold.
+_SCANS_PER_DECISION, _MOST_SCANS = 3, 300
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +64,7 @@ class MapperConfig:
 
     resolution_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of a map cell [m]."""
-    max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 40_000.0
+    max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 1e6
     """Area to which the map may grow [m^2]; bounds the memory."""
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the robot's hull [m]."""
@@ -136,6 +145,8 @@ class _Frame:
     lowest: float
     """Fall of the lowest image row per metre of depth."""
     laser: LaserScan | None
+    circle: tuple[float, float, float]
+    """Centre (x, y) and radius [m] of a circle around all that it can change, in the robot's frame."""
 
 
 class ClassicalMapper:
@@ -168,9 +179,13 @@ class ClassicalMapper:
         self.tracker = Tracker(tracking)
         self.tracker.reset(np.array([pose[0], pose[1], wrap(float(pose[2]))]))
         self._frames: list[_Frame] = []
-        self._entered: list[Float[np.ndarray, 3]] = []
-        self.rearranged = False
-        """Whether the last update changed past poses, and the map with them."""
+        self.entered: list[Float[np.ndarray, 3]] = []
+        """Poses at which the scans are drawn."""
+        self.redrawn: list[GridFrame] = []
+        """Parts of the map that the last update drew again."""
+        self._stale: set[tuple[int, int]] = set()
+        self._budget = _MOST_SCANS
+        self._is_full = False
         self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
         self.collided = False
         self._step = 0
@@ -229,12 +244,15 @@ class ClassicalMapper:
             self._learn(action, odometry, start, open_before, match)
         if doubted and not self.relocalizer.lost:
             self.tracker.jump(match, points)
-        self.rearranged = False
+        self.redrawn = []
         if not self.relocalizer.lost:
             lowest = float(self.config.camera.slopes(depth.shape)[1][-1])
-            frame = _Frame(scan=scan, points=drawn, lowest=lowest, laser=laser)
+            stored = replace(drawn, sigma_m=None, loose=None)
+            circle = self._circle(scan, drawn, laser)
+            frame = _Frame(scan=scan, points=stored, lowest=lowest, laser=laser, circle=circle)
             if self.tracker.accept(match, points, view):
                 self._rearrange()
+            self._redraw_stale()
             self._frames.append(frame)
             self._enter(frame, self.tracker.pose)
         self.pose = self.tracker.pose
@@ -292,36 +310,105 @@ class ClassicalMapper:
         covariance = turn.T @ (np.linalg.inv(match.information + np.eye(3)) + open_before) @ turn
         self.odometry.learn(action, odometry, between(start, match.pose), covariance)
 
+    def _circle(self, scan: Scan, points: ScanPoints, laser: LaserScan | None) -> tuple[float, float, float]:
+        """Centre (x, y) and radius [m] of a circle around all that a scan can change, in the robot's frame."""
+        boxes = [self.occupancy.view_box(scan, np.zeros(3)), [(-0.5, -0.5), (0.5, 0.5)]]
+        if laser is not None:
+            boxes.append(self.occupancy.laser_box(laser, np.zeros(3)))
+        corners = np.concatenate([points.points, *boxes])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        x, y = 0.5 * (low + high)
+        return float(x), float(y), float(0.5 * np.hypot(*(high - low)))
+
     def _enter(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
         """Enter a scan at a pose."""
-        self._make_room(*self.occupancy.view_box(frame.scan, pose))
-        height_m = self.config.camera.height_m
-        rows, columns, cleared = self.occupancy.integrate(frame.scan, pose, height_m, frame.lowest)
-        self.surfaces.clear(rows, columns, cleared)
+        self._make_room_for(frame, pose)
+        self._draw(frame, pose, self.occupancy, self.surfaces)
+        self.entered.append(pose)
+
+    def _draw(
+        self, frame: _Frame, pose: Float[np.ndarray, "3"], occupancy: OccupancyGrid, surfaces: SurfaceGrid
+    ) -> None:
+        """Draw a scan at a pose on grids, as far as it lies inside."""
+        rows, columns, cleared = occupancy.integrate(
+            frame.scan, pose, self.config.camera.height_m, frame.lowest
+        )
+        surfaces.clear(rows, columns, cleared)
         if frame.laser is not None:
-            self._make_room(*self.occupancy.laser_box(frame.laser, pose))
-            self.surfaces.clear(*self.occupancy.integrate_laser(frame.laser, pose))
+            surfaces.clear(*occupancy.integrate_laser(frame.laser, pose))
         placed = frame.points.at(pose)
-        self.surfaces.add(placed.points, placed.normals, placed.weights)
-        self._stand(pose)
-        self._entered.append(pose)
+        surfaces.add(placed.points, placed.normals, placed.weights)
+        occupancy.stand(pose, self.config.radius_m - 0.5 * self.config.resolution_m)
 
     def _rearrange(self) -> None:
-        """Build the map again if the graph has changed poses of its scans by enough."""
-        poses = self.tracker.poses()[: len(self._entered)]
-        off_m = np.abs(poses - self._entered) @ [1.0, 1.0, ARM_M]
+        """Move the scans whose poses the graph has changed by enough; their places on the map become stale."""
+        poses = self.tracker.poses()[: len(self.entered)]
+        off_m = np.abs(poses - self.entered) @ [1.0, 1.0, ARM_M]
         if off_m.max(initial=0.0) < _SHOWS * self.frame.resolution_m:
             return
-        self.rearranged = True
-        self.occupancy = OccupancyGrid(self.frame, self.config.occupancy)
-        self.surfaces = SurfaceGrid(self.frame)
-        self._entered = []
-        for frame, pose in zip(self._frames, poses, strict=True):
-            self._enter(frame, pose)
+        is_small = len(poses) <= _WHOLE_SCANS
+        least_m = 0.0 if is_small else _MOVED * self.frame.resolution_m
+        numbers = np.flatnonzero(off_m >= least_m)
+        before = self._circles(numbers)
+        for k in numbers:
+            self.entered[k] = poses[k]
+            self._make_room_for(self._frames[k], poses[k])
+        if is_small:
+            self._redraw(slice(0, self.frame.shape[0]), slice(0, self.frame.shape[1]), numbers)
+            return
+        circles = np.concatenate([before, self._circles(numbers)])
+        low, high = (
+            np.floor((circles[:, :2] + side * circles[:, 2:]) / _TILE_M).astype(int) for side in (-1, 1)
+        )
+        for (x0, y0), (x1, y1) in zip(low.tolist(), high.tolist(), strict=True):
+            self._stale.update((x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1))
+
+    def _circles(self, numbers: Int[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
+        """Circles (centre x, y and radius [m]) of what scans can change, at the poses where they are drawn."""
+        x, y, radius_m = np.array([self._frames[k].circle for k in numbers]).reshape(-1, 3).T
+        poses = np.array([self.entered[k] for k in numbers]).reshape(-1, 3)
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        return np.column_stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y, radius_m])
+
+    def _redraw_stale(self) -> None:
+        """Draw stale tiles again: those around the robot, and the nearest others as far as the budget allows."""
+        self._budget = min(self._budget + _SCANS_PER_DECISION, _MOST_SCANS)
+        own = math.floor(self.tracker.pose[0] / _TILE_M), math.floor(self.tracker.pose[1] / _TILE_M)
+        while self._stale:
+            middle = min(self._stale, key=lambda tile: (_steps(tile, own), tile))
+            if _steps(middle, own) <= _TILES_AROUND:
+                middle = own
+            elif self._budget <= 0:
+                return
+            group = {tile for tile in self._stale if _steps(tile, middle) <= _TILES_AROUND}
+            self._stale -= group
+            tiles = np.array(sorted(group))
+            low, high = tiles.min(axis=0) * _TILE_M, (tiles.max(axis=0) + 1) * _TILE_M
+            rows, columns, _ = self.frame.window((low[0], low[1]), (high[0], high[1]))
+            circles = self._circles(np.arange(len(self._frames)))
+            gap_m = np.maximum(low - circles[:, :2], circles[:, :2] - high).max(axis=1)
+            self._budget -= self._redraw(rows, columns, np.flatnonzero(gap_m < circles[:, 2]))
+
+    def _redraw(self, rows: slice, columns: slice, numbers: Int[np.ndarray, " k"]) -> int:
+        """Draw a window again from the scans that reach it; returns their number."""
+        frame = self.frame.part(rows, columns)
+        occupancy, surfaces = OccupancyGrid(frame, self.config.occupancy), SurfaceGrid(frame)
+        for k in numbers:
+            self._draw(self._frames[k], self.entered[k], occupancy, surfaces)
+        self.occupancy.paste(rows, columns, occupancy)
+        self.surfaces.paste(rows, columns, surfaces)
+        self.redrawn.append(frame)
+        return len(numbers)
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Mark the cells under the hull as free."""
         self.occupancy.stand(pose, self.config.radius_m - 0.5 * self.config.resolution_m)
+
+    def _make_room_for(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
+        """Grow the map, as far as allowed, until it holds a scan at a pose."""
+        self._make_room(*self.occupancy.view_box(frame.scan, pose))
+        if frame.laser is not None:
+            self._make_room(*self.occupancy.laser_box(frame.laser, pose))
 
     def _make_room(self, low_xy: tuple[float, float], high_xy: tuple[float, float]) -> None:
         """Grow the map, as far as allowed, until it holds a box of `map`."""
@@ -331,19 +418,28 @@ class ClassicalMapper:
         if max(over) <= 0:
             return
         room = self.config.max_area_m2 / self.config.resolution_m**2
-        pads = [max(0, math.ceil(o / GROWTH_CELLS)) * GROWTH_CELLS for o in over]
+        # Large maps grow by an eighth, so that copies take a bounded time per decision.
+        steps = [GROWTH_CELLS * max(1, size // (8 * GROWTH_CELLS)) for size in (nx, nx, ny, ny)]
+        pads = [max(0, math.ceil(o / step)) * step for o, step in zip(over, steps, strict=True)]
         for first in (0, 2):
             size, across = (nx, ny) if first == 0 else (ny, nx + pads[0] + pads[1])
             if (size + pads[first] + pads[first + 1]) * across > room:
-                logger.warning(
-                    "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
-                )
+                if not self._is_full:
+                    logger.warning(
+                        "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
+                    )
+                self._is_full = True
                 pads[first] = pads[first + 1] = 0
         left, right, below, above = pads
         frame = self.frame.padded(left, right, below, above)
         for part in (self.occupancy, self.surfaces, self.marks):
             part.grow(frame, left, below)
         self.frame = frame
+
+
+def _steps(tile: tuple[int, int], other: tuple[int, int]) -> int:
+    """Tiles from one to another, by moves of a king."""
+    return max(abs(tile[0] - other[0]), abs(tile[1] - other[1]))
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

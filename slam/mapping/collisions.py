@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import FORWARD_M, STEPS, Action
-from slam.grid import GridFrame
+from slam.grid import GridFrame, enlarged, zeros
 from slam.poses import to_map
 from slam.support.checks import Range, checked
 
@@ -48,21 +48,17 @@ class CollisionMarks:
     def __init__(self, frame: GridFrame, config: CollisionConfig = CollisionConfig()):
         self.frame = frame
         self.config = config
-        self.blocked = np.zeros(frame.shape, bool)
-        self._bumps = np.zeros(frame.shape, np.uint8)
-        self._until = np.zeros(frame.shape, np.int32)
+        self.blocked = zeros(frame.shape, bool)
+        self._bumps = zeros(frame.shape, np.uint8)
+        self._until = zeros(frame.shape, np.int32)
         self._width_m = 0.0
         self._stops = 0
         self._next_expiry = np.iinfo(np.int32).max
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
-        ny, nx = self.frame.shape
         for name in ("blocked", "_bumps", "_until"):
-            old = getattr(self, name)
-            new = np.zeros(frame.shape, old.dtype)
-            new[below : below + ny, left : left + nx] = old
-            setattr(self, name, new)
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below))
         self.frame = frame
 
     def update(
@@ -121,8 +117,11 @@ class CollisionMarks:
     def _forget(self, step: int) -> None:
         if step < self._next_expiry:
             return
-        self.blocked &= self._until > step
-        left = self._until[self.blocked]
+        iy, ix = np.nonzero(self.blocked)
+        until = self._until[iy, ix]
+        old = until <= step
+        self.blocked[iy[old], ix[old]] = False
+        left = until[~old]
         self._next_expiry = int(left.min()) if left.size else np.iinfo(np.int32).max
 
     def stand(self, pose: Float[np.ndarray, "3"]) -> None:

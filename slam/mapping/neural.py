@@ -7,7 +7,7 @@ furniture and round corners.
 
 Predictions are averaged over time as log-odds, not added: each depends on the whole map already, and a sum would count
 the same evidence repeatedly. Recent frames weigh more, so wrong cells clear; cells in view weigh more than guesses.
-Memory: 14 bytes per cell in addition to the classical mapper's 55.
+Memory: 8 bytes per cell of the map in addition to the classical mapper's, and 6 where something was seen.
 Reference: Ramakrishnan et al., Occupancy anticipation for efficient exploration and navigation, ECCV 2020.
 """
 
@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Float16, Float32
 
 from slam.actions import Action
 from slam.graph.landmarks import Transmitter
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import GridFrame, MapEstimate, enlarged, zeros
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
 from slam.poses import to_map
@@ -70,9 +70,9 @@ class NeuralMapper:
         self.frame = self.classical.frame
         nothing = np.zeros(self.patch.shape, np.float32)
         self.prediction = Prediction(obstacle=nothing, seen=nothing)
-        self._log_odds = np.zeros(self.frame.shape, np.float32)
-        self._is_predicted = np.zeros(self.frame.shape, bool)
-        self._viewed = np.zeros(self.frame.shape, bool)
+        self._log_odds = zeros(self.frame.shape, np.float32)
+        self._is_predicted = zeros(self.frame.shape, bool)
+        self._viewed = zeros(self.frame.shape, bool)
         self._observed = np.full(self.frame.shape, 0.5, np.float32)
         self._anticipated = np.full(self.frame.shape, 0.5, np.float32)
         # Predictions of all entered frames, in half precision, to be entered again when poses change.
@@ -100,8 +100,8 @@ class NeuralMapper:
         self.prediction = self._predictor.predict(
             self.classical.scan, belief_ahead(classical, patch=self.patch)
         )
-        if self.classical.rearranged:
-            self._rearrange()
+        for part in self.classical.redrawn:
+            self._redraw(part)
         self._enter(self.prediction, classical.pose)
         if not self.classical.relocalizer.lost:
             halves = np.stack([self.prediction.obstacle, self.prediction.seen]).astype(np.float16)
@@ -129,7 +129,7 @@ class NeuralMapper:
         )
 
     def _refresh(self, classical: MapEstimate) -> None:
-        """Update the part of the maps that one frame can change: classical probabilities, replaced by predictions."""
+        """Update the part of the maps that one frame can change."""
         # The region of the prediction, of the camera, of a laser, and of the hull.
         reach = max(self.classical.config.radius_m + self.frame.resolution_m, self._laser_m + 1.0)
         corners = np.vstack(
@@ -142,11 +142,7 @@ class NeuralMapper:
         )
         low, high = corners.min(axis=0), corners.max(axis=0)
         rows, columns, _ = self.frame.window((low[0], low[1]), (high[0], high[1]))
-        predicted = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
-        known = classical.obstacle_probability[rows, columns]
-        viewed = self._viewed[rows, columns]
-        self._observed[rows, columns] = np.where(viewed, predicted, known)
-        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), predicted, known)
+        self._combine(rows, columns, classical.obstacle_probability)
 
     def _guessed(
         self, rows: slice, columns: slice, known: Float32[np.ndarray, "ny nx"]
@@ -161,15 +157,11 @@ class NeuralMapper:
             return
         left, below = np.rint(frame.to_cells(np.array(self.frame.origin_xy))).astype(int)
         ny, nx = self.frame.shape
-        for name, empty in (
-            ("_log_odds", 0),
-            ("_is_predicted", 0),
-            ("_viewed", 0),
-            ("_observed", 0.5),
-            ("_anticipated", 0.5),
-        ):
+        for name in ("_log_odds", "_is_predicted", "_viewed"):
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, int(left), int(below)))
+        for name in ("_observed", "_anticipated"):
             old = getattr(self, name)
-            new = np.full(frame.shape, empty, old.dtype)
+            new = np.full(frame.shape, 0.5, np.float32)
             new[below : below + ny, left : left + nx] = old
             setattr(self, name, new)
         self.frame = frame
@@ -196,18 +188,35 @@ class NeuralMapper:
         covered |= inside
         self._stand(pose)
 
-    def _rearrange(self) -> None:
-        """Build the map again at the current poses of the scans."""
-        poses = self.classical.tracker.poses()
-        self._log_odds[:] = 0.0
-        self._is_predicted[:] = self._viewed[:] = False
-        for halves, pose in zip(self._predictions, poses, strict=False):
-            obstacle, seen = halves.astype(np.float32)
-            self._enter(Prediction(obstacle=obstacle, seen=seen), pose)
-        predicted, known = 1 / (1 + np.exp(-self._log_odds)), self.classical.occupancy.probability
-        self._observed[:] = np.where(self._viewed, predicted, known)
-        every = slice(None)
-        self._anticipated[:] = np.where(self._guessed(every, every, known), predicted, known)
+    def _redraw(self, frame: GridFrame) -> None:
+        """Draw a part of the map again at the current poses of the scans."""
+        poses = np.array(self.classical.entered).reshape(-1, 3)[: len(self._predictions)]
+        whole, (ny, nx) = self.frame, frame.shape
+        left, below = np.rint(whole.to_cells(np.array(frame.origin_xy))).astype(int)
+        rows, columns = slice(below, below + ny), slice(left, left + nx)
+        low, high = frame.to_points(np.array([[0, 0], frame.shape[::-1]]))
+        reach_m = np.hypot(*self._corners(np.zeros(3)).T).max()
+        gap_m = np.maximum(low - poses[:, :2], poses[:, :2] - high).max(axis=1)
+        layers = self._log_odds, self._is_predicted, self._viewed
+        # Predictions are entered on the window alone, then it replaces that of the map.
+        self.frame = frame
+        self._log_odds = np.zeros(frame.shape, np.float32)
+        self._is_predicted, self._viewed = np.zeros(frame.shape, bool), np.zeros(frame.shape, bool)
+        for k in np.flatnonzero(gap_m < reach_m):
+            obstacle, seen = self._predictions[k].astype(np.float32)
+            self._enter(Prediction(obstacle=obstacle, seen=seen), poses[k])
+        for layer, part in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
+            layer[rows, columns] = part
+        (self._log_odds, self._is_predicted, self._viewed), self.frame = layers, whole
+        self._combine(rows, columns, self.classical.occupancy.probability)
+
+    def _combine(self, rows: slice, columns: slice, classical: Float32[np.ndarray, "ny nx"]) -> None:
+        """Replace classical probabilities by predictions in a window of the observed and the anticipated map."""
+        predicted = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
+        known = classical[rows, columns]
+        viewed = self._viewed[rows, columns]
+        self._observed[rows, columns] = np.where(viewed, predicted, known)
+        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), predicted, known)
 
     def _covered(
         self, pose: Float[np.ndarray, "3"]

@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from slam.grid import GridFrame
+from slam.grid import GridFrame, enlarged, zeros
 from slam.poses import to_map
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
@@ -52,20 +52,24 @@ class OccupancyGrid:
     def __init__(self, frame: GridFrame, config: OccupancyConfig = OccupancyConfig()):
         self.frame = frame
         self.config = config
-        self.log_odds = np.zeros(frame.shape, np.float32)
+        self.log_odds = zeros(frame.shape, np.float32)
         self.probability = np.full(frame.shape, 0.5, np.float32)
-        self.explored = np.zeros(frame.shape, bool)
-        self.top_m = np.zeros(frame.shape, np.float32)
+        self.explored = zeros(frame.shape, bool)
+        self.top_m = zeros(frame.shape, np.float32)
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
         ny, nx = self.frame.shape
-        for name, empty in (("log_odds", 0), ("probability", 0.5), ("explored", False), ("top_m", 0)):
-            old = getattr(self, name)
-            new = np.full(frame.shape, empty, old.dtype)
-            new[below : below + ny, left : left + nx] = old
-            setattr(self, name, new)
-        self.frame = frame
+        for name in ("log_odds", "explored", "top_m"):
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below))
+        probability = np.full(frame.shape, 0.5, np.float32)
+        probability[below : below + ny, left : left + nx] = self.probability
+        self.probability, self.frame = probability, frame
+
+    def paste(self, rows: slice, columns: slice, part: "OccupancyGrid") -> None:
+        """Replace a window by the cells of a grid over it."""
+        for name in ("log_odds", "probability", "explored", "top_m"):
+            getattr(self, name)[rows, columns] = getattr(part, name)
 
     def view_box(
         self, scan: Scan, pose: Float[np.ndarray, "3"]

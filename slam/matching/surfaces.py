@@ -12,7 +12,7 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
-from slam.grid import GridFrame
+from slam.grid import GridFrame, enlarged, zeros
 from slam.support.compiled import compiled
 
 #: Means of less weight, or of normals that disagree more than this, are not surfaces to match against.
@@ -33,7 +33,8 @@ class SurfaceGrid:
             fronts: Whether `front_m` is stored, two thirds of the memory of an empty cell.
         """
         self.frame, self._fronts = frame, fronts
-        self._row = np.full(frame.shape, -1, np.int32)
+        # One more than the row of each cell, 0 where it has none.
+        self._row = zeros(frame.shape, np.int32)
         # Of the cells that have one, sums over their points: weight, offset from the centre (x, y) [m], normal (x, y),
         # squares of the offset (xx, xy, yy).
         self._sums = np.zeros((0, 8), np.float32)
@@ -42,19 +43,14 @@ class SurfaceGrid:
         self._planes = np.zeros((0, 5), np.float32)
         self._cell = np.zeros((0, 2), np.int32)
         self._used = 0
-        self.front_m = np.zeros((*(frame.shape if fronts else (0, 0)), 2), np.float32)
+        self.front_m = zeros((*(frame.shape if fronts else (0, 0)), 2), np.float32)
         """Where the surface of each cell begins, from the centre of the cell (x, y) [m]; 0 where none is known."""
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows before the old."""
-        ny, nx = self.frame.shape
-        row = np.full(frame.shape, -1, np.int32)
-        row[below : below + ny, left : left + nx] = self._row
+        self._row, self.frame = enlarged(self._row, frame.shape, left, below), frame
         if self._fronts:
-            front = np.zeros((*frame.shape, 2), np.float32)
-            front[below : below + ny, left : left + nx] = self.front_m
-            self.front_m = front
-        self._row, self.frame = row, frame
+            self.front_m = enlarged(self.front_m, frame.shape, left, below)
         self._cell += np.array([below, left], np.int32)
 
     def make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
@@ -96,10 +92,24 @@ class SurfaceGrid:
     def clear(self, rows: slice, columns: slice, mask: Bool[np.ndarray, "ny nx"]) -> None:
         """Forget the surfaces of the cells of a window where `mask` holds."""
         row = self._row[rows, columns][mask]
-        row = row[row >= 0]
+        row = row[row > 0] - 1
         self._sums[row] = self._planes[row] = 0.0
         if self._fronts:
             self.front_m[rows, columns][mask] = 0.0
+
+    def paste(self, rows: slice, columns: slice, part: "SurfaceGrid") -> None:
+        """Replace a window by the surfaces of a grid over it."""
+        window, remains = self._row[rows, columns], np.ones(self._used, bool)
+        remains[window[window > 0] - 1] = False
+        window[:] = 0
+        part._cell += np.array([rows.start, columns.start], np.int32)
+        for name in ("_sums", "_planes", "_cell"):
+            old, new = getattr(self, name)[: self._used], getattr(part, name)[: part._used]
+            setattr(self, name, np.concatenate([old[remains], new]))
+        self._used = len(self._cell)
+        self._row[self._cell[:, 0], self._cell[:, 1]] = np.arange(1, self._used + 1, dtype=np.int32)
+        if self._fronts:
+            self.front_m[rows, columns] = part.front_m
 
     def planes(
         self,
@@ -110,7 +120,7 @@ class SurfaceGrid:
         return mean, self._planes[usable, 2:4].astype(float), self._sums[usable, 0].astype(float)
 
     def arrays(self) -> tuple[tuple[float, float, float], np.ndarray, np.ndarray]:
-        """What `nearest_plane` takes: lower left corner and side of a cell [m], row of each cell, and rows."""
+        """What `nearest_plane` takes: lower left corner and side of a cell [m], row of each cell plus 1, and rows."""
         return (*self.frame.origin_xy, self.frame.resolution_m), self._row, self._planes
 
 
@@ -137,7 +147,7 @@ def nearest_plane(
     own_x, own_y = int(np.floor(x)), int(np.floor(y))
     for iy in range(max(own_y - 1, 0), min(own_y + 2, ny)):
         for ix in range(max(own_x - 1, 0), min(own_x + 2, nx)):
-            row = row_of[iy, ix]
+            row = row_of[iy, ix] - 1
             if row < 0:
                 continue
             plane = planes[row]
@@ -178,10 +188,10 @@ def _add(
         if not (across >= 0 and across < nx and up >= 0 and up < ny):
             continue
         ix, iy = int(across), int(up)
-        row = row_of[iy, ix]
+        row = row_of[iy, ix] - 1
         if row < 0:
             row = used
-            row_of[iy, ix] = row
+            row_of[iy, ix] = row + 1
             cell_of[row, 0], cell_of[row, 1] = iy, ix
             used += 1
         slot = slot_of[row]

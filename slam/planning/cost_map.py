@@ -20,6 +20,8 @@ from slam.planning.clearance import Clearance
 from slam.planning.travel_time import TravelTime, travel_time
 from slam.support.checks import Range, checked
 
+#: Half side of the box in which frontiers of a large map are searched for first [m].
+NEAR_M = 15.0
 #: Cost per metre of impassable halved cells; more than any other.
 _IMPASSABLE = np.float32(1e6)
 
@@ -116,6 +118,12 @@ class CostMap:
         iy, ix = self.frame.index(point)
         ny, nx = self.frame.shape
         return min(max(int(iy), 0), ny - 1), min(max(int(ix), 0), nx - 1)
+
+
+def near_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+    """Lower-left and upper-right corner (x, y) [m] of the surroundings of the robot, as far as they are on the map."""
+    low, high = estimate.frame.to_points(np.array([[0, 0], estimate.frame.shape[::-1]]))
+    return np.maximum(low, estimate.pose[:2] - NEAR_M), np.minimum(high, estimate.pose[:2] + NEAR_M)
 
 
 def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:

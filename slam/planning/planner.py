@@ -46,6 +46,8 @@ class PlannerConfig:
     """Range of distances along the path at which the near field ends and the far field begins [m]."""
     near_margin_m: Annotated[float, Range(0.05, 100, "m")] = 1.2
     """Margin of the near field around the path [m]; twice as much around a goal planned for directly."""
+    far_margin_m: Annotated[float, Range(1, 1000, "m")] = 10.0
+    """Margin of the far field of a large map around robot and goal, if no better path can lead outside [m]."""
     near_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
     """Decisions after which the near field is computed again even if the path is free."""
     far_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 16
@@ -227,24 +229,37 @@ class Planner:
         return self._make_plan(estimate, requested, goal, path, field)
 
     def _solve_far(self, estimate: MapEstimate, requested: Float[np.ndarray, "2"]) -> _Far:
-        """Field of the goal, or of the reachable spot nearest to it, over the whole map."""
+        """Field of the goal, or of the reachable spot nearest to it; over the whole map, if that may be necessary."""
+        here, margin = estimate.pose[:2], self.config.far_margin_m
+        if estimate.size_factor > 1:
+            low, high = np.minimum(here, requested) - margin, np.maximum(here, requested) + margin
+            far, gap_m = self._solve_box(estimate, requested, requested, low, high)
+            # A path outside the box leaves it and returns.
+            if gap_m < 0.3 and float(far.field.at(here)) < math.hypot(*(requested - here)) + 2 * margin:
+                return far
         low, high = known_box(estimate)
         reach = self.config.max_far_m
         aim = np.clip(requested, low - reach, high + reach)
         low, high = np.minimum(low, aim) - self.config.border_m, np.maximum(high, aim) + self.config.border_m
+        return self._solve_box(estimate, requested, aim, low, high)[0]
+
+    def _solve_box(
+        self,
+        estimate: MapEstimate,
+        requested: Float[np.ndarray, "2"],
+        aim: Float[np.ndarray, "2"],
+        low: Float[np.ndarray, "2"],
+        high: Float[np.ndarray, "2"],
+    ) -> tuple[_Far, float]:
+        """Field of a goal over a box, and how far from the goal it begins [m]."""
         for self._bumps in (True, False):
             costs = self._costs(estimate, low, high)
             _, goal, gap_m = costs.nearest(aim)
             if gap_m < 0.3:
                 break
         window = costs if self._closely else costs.halved()
-        return _Far(
-            requested=requested,
-            aim=aim,
-            goal=goal,
-            window=window,
-            field=travel_time_to(window, window.cell(goal)),
-        )
+        field = travel_time_to(window, window.cell(goal))
+        return _Far(requested=requested, aim=aim, goal=goal, window=window, field=field), gap_m
 
     def _solve_near(self, estimate: MapEstimate, far: _Far) -> Plan:
         """Field and path on the map's own cells, up to the start of the far field."""

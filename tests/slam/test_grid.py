@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import GridFrame, MapEstimate, enlarged, zeros
 
 _FRAMES = st.builds(
     lambda x, y, cell, ny, nx: GridFrame(origin_xy=(x, y), resolution_m=cell, shape=(ny, nx)),
@@ -126,3 +126,12 @@ def test_a_map_says_and_draws_what_it_knows():
     np.testing.assert_allclose([arrow.U[0], arrow.V[0]], [0, 1], atol=1e-12)
     assert len(estimate.plot(plt.figure().add_subplot(), robot=False).collections) == 0
     plt.close("all")
+
+
+def test_an_enlarged_grid_holds_the_old_one_at_its_place():
+    """Blocks of zeros are not copied: all values, also those beyond the first block of 64 x 512 cells, are the same."""
+    old = zeros((130, 1030, 2), np.float32)
+    old[[0, 70, 129], [0, 600, 1029]] = 1.0, 2.0
+    new = enlarged(old, (150, 1100), left=20, below=7)
+    assert np.array_equal(new[7:137, 20:1050], old)
+    assert new.sum() == old.sum() == 9.0
