@@ -4,6 +4,7 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from time import process_time
 from typing import Annotated
 
@@ -14,10 +15,10 @@ from jaxtyping import Bool, Float
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
-from slam.graph.submaps import View
+from slam.graph.submaps import View, Views, seen_by
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import MatchConfig, points_of_beams
-from slam.matching.thin_scans import is_thin, thin_scan
+from slam.matching.thin_scans import RecentPoints, is_thin, thin_scan
 from slam.poses import to_map
 
 logger = logging.getLogger(__name__)
@@ -195,28 +196,63 @@ def _beams(
         yield pose, to_map(pose, np.where(hit, ranges, 0.0)[:, None] * directions), hit
 
 
+def _lines(
+    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
+) -> Float[np.ndarray, "m 2"]:
+    """Points (x, y) [m] in `map` of the lines that scans of few beams give together."""
+    recent, found = RecentPoints(resolution_m), []
+    views: list[tuple[Float[np.ndarray, 3], View]] = []
+    for pose, ranges in zip(poses, log.range_m, strict=True):
+        seen = np.where(ranges < range_m, ranges, -_NOTHING_M)
+        views = [*views[-24:], (pose, View(bearing_rad=log.bearing_rad, range_m=seen))]
+        recent.add(pose, thin_scan(log.bearing_rad, ranges, range_m, 1.0))
+        found.append(recent.new_surfaces(partial(_crossed, Views.of(views))).points)
+    return np.concatenate(found)
+
+
+def _crossed(views: Views, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+    """Which points beams went through."""
+    return seen_by(views, points)[1]
+
+
 def make_log_plan(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> FloorPlan:
-    """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it."""
+    """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it.
+
+    Scans of few beams end at few cells of a wall: there the lines of several scans are occupied, where not more than
+    three times as many beams went through.
+    """
     low, (nx, ny) = _map_grid(log, poses, resolution_m, range_m)
-    passed, hit = np.zeros((ny, nx), np.uint16), np.zeros((ny, nx), np.uint16)
+    passed, hit, crossed = (np.zeros((ny, nx), np.uint16) for _ in range(3))
+    thin = is_thin(log.bearing_rad)
     for pose, places, is_hit in _beams(log, poses, range_m):
         # A beam that hit nothing spans no area: the outline passes by the laser there.
+        laser = ((pose[:2] - low) / resolution_m).astype(np.int32)
         outline = ((places - low) / resolution_m).astype(np.int32)
-        x0, y0 = np.minimum(outline.min(axis=0), ((pose[:2] - low) / resolution_m).astype(int))
-        x1, y1 = outline.max(axis=0) + 1
-        seen = np.zeros((max(y1 - y0, 1), max(x1 - x0, 1)), np.uint8)
+        x0, y0 = np.minimum(outline.min(axis=0), laser)
+        x1, y1 = np.maximum(outline.max(axis=0), laser) + 1
+        seen = np.zeros((y1 - y0, x1 - x0), np.uint8)
         cv2.fillPoly(seen, [outline - [x0, y0]], 1)
-        ended = np.zeros_like(seen)
         cells = outline[is_hit] - [x0, y0]
+        window = (slice(y0, y1), slice(x0, x1))
+        if thin:
+            beams = np.zeros_like(seen)
+            cv2.polylines(beams, [np.array([laser - [x0, y0], end]) for end in cells], False, 1)
+            beams[cells[:, 1], cells[:, 0]] = 0
+            crossed[window] += beams
+            seen |= beams
+        ended = np.zeros_like(seen)
         ended[cells[:, 1], cells[:, 0]] = 1
-        window = (slice(y0, y0 + seen.shape[0]), slice(x0, x0 + seen.shape[1]))
         passed[window] += seen | ended
         hit[window] += ended
+    if thin:
+        walls = ((_lines(log, poses, resolution_m, range_m) - low) / resolution_m).astype(int)
+        np.add.at(hit, (walls[:, 1], walls[:, 0]), 1)
+        passed = np.maximum(passed, hit)
     cells = np.full((ny, nx), UNKNOWN, np.uint8)
     cells[passed > 0] = FREE
-    cells[hit > 0.25 * passed] = OCCUPIED
+    cells[hit > 0.25 * (crossed + hit if thin else passed)] = OCCUPIED
     cells[passed == 0] = UNKNOWN
     return FloorPlan(
         occupancy=cells, resolution_m=resolution_m, origin=(float(low[0]), float(low[1]), 0.0), name=log.name

@@ -17,6 +17,7 @@ from robosim.plans.floorplan import FREE, OCCUPIED
 from robosim.support.reading import FileError
 from slam.poses import between, compose
 from tests.robot_logs import BEAMS, ROUTE, Drive
+from tests.slam.beams import along
 
 DRIVE = Drive()
 
@@ -310,3 +311,23 @@ def test_maps_of_kilometres_are_errors_before_they_are_made(tmp_path, places):
     log = read_log(odometry, scans)
     with pytest.raises(ValueError, match=r"far\.tum: .*(nothing in common|more than 36000000)"):
         map_log(log, LogConfig(range_m=30))
+
+
+def test_a_map_of_few_beams_has_its_walls(tmp_path):
+    """With 25 beams of 7.5 degrees, 80 % of the room's outline is occupied to 10 cm, and its floor is free."""
+    route = along([(1, 1), (5, 1), (5, 5), (1, 5), (1, 1.5)], step_m=0.2)
+    path = tmp_path / "few.log"
+    path.write_text(Drive(route, 25).corrected())
+    log = read_log(path)
+    plan = make_log_plan(log, np.array(route), 0.05, 25.0)
+    side = np.arange(0.2, 5.8, 0.1)
+    outline = np.concatenate([np.column_stack([np.full(len(side), x), side]) for x in (0.0, 8.0)])
+    outline = outline[(outline[:, 0] < 4) | (outline[:, 1] > 1.5)]
+    column, row = plan.to_cells(outline).astype(int).T
+    near = [
+        plan.occupancy[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3] == OCCUPIED
+        for x, y in zip(column, row, strict=True)
+    ]
+    assert np.mean([cells.any() for cells in near]) > 0.8
+    column, row = plan.to_cells(np.array(route)[:, :2]).astype(int).T
+    assert (plan.occupancy[row, column] == FREE).all()
