@@ -13,8 +13,8 @@ cells wide the published ray tracer let paths through the slanted piece of wall 
 is closed there. This is found from the labels, and why is not known. The patterns are steps along the outline from
 cell to cell, north up, free space on the left; the step in capitals is open. Evidence from fully traced receivers in
 the clear that nothing but paths through one such piece and one more wall reach: 980 of 1172 (`sw w SE`), 728 of 851
-(`sw w s SE`) and 80 of 89 (`NE n w nw`) are labelled higher order. Where the tip is longer (`w w SE`, `w w s SE`, `NE
-n w w`) it is 27 of 355, where it is wider (`sw w s s SE` and so on) 41 of 180, so these are closed; and of direct
+(`sw w s SE`) and 80 of 89 (`NE n w nw`) are labelled higher order. Where the tip is longer (`w w SE`, `w w s SE`,
+`NE n w w`) it is 27 of 355, where it is wider (`sw w s s SE` and so on) 41 of 180, so these are closed; and of direct
 paths through such pieces north of a tip, 0 of 22 are line of sight. Without the openings whole rooms that are reached
 through a tip become outages; there are others, not found yet, for which rooms are outages still.
 """
