@@ -219,8 +219,9 @@ def test_a_process_can_use_one_opengl_only():
         bind_opengl(other)
 
 
-def test_pyopengl_for_a_display_is_reported():
+def test_pyopengl_for_a_display_is_reported(monkeypatch):
     """Where something bound PyOpenGL to a display first, the message says what to do."""
+    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     result = run_alone(
         """
 import sys, types
