@@ -145,10 +145,8 @@ def map_log(
             step_deg,
             _SPARSE_DEG,
         )
-    tracker, step_s = (
-        Tracker(config.tracker(loops, log.bearing_rad)),
-        np.diff(log.times, prepend=log.times[0]),
-    )
+    tracker = Tracker(config.tracker(loops, log.bearing_rad))
+    step_s = np.diff(log.times, prepend=log.times[0])
     for k in watched(range(len(log.range_m)), "scans"):
         ranges = log.range_m[k]
         if is_thin(log.bearing_rad):

@@ -77,10 +77,6 @@ class Submap:
         """Enter a scan at a pose of the submap's frame."""
         self.poses.append(pose)
         self.views.append((pose, view))
-        self.enter(pose, scan)
-
-    def enter(self, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
-        """Enter surfaces seen from a pose."""
         self.levels.enter(pose, scan)
         self._surfaces = self._outline = self._circle = None
 

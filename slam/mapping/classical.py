@@ -349,14 +349,14 @@ class ClassicalMapper:
         is_small = len(poses) <= _WHOLE_SCANS
         least_m = 0.0 if is_small else _MOVED * self.frame.resolution_m
         numbers = np.flatnonzero(off_m >= least_m)
-        before = self._circles(numbers)
+        before = [] if is_small else [self._circles(numbers)]
         for k in numbers:
             self.entered[k] = poses[k]
             self._make_room_for(self._frames[k], poses[k])
         if is_small:
             self._redraw(slice(0, self.frame.shape[0]), slice(0, self.frame.shape[1]), numbers)
             return
-        circles = np.concatenate([before, self._circles(numbers)])
+        circles = np.concatenate([*before, self._circles(numbers)])
         low, high = (
             np.floor((circles[:, :2] + side * circles[:, 2:]) / _TILE_M).astype(int) for side in (-1, 1)
         )
