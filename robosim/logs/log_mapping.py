@@ -15,10 +15,10 @@ from jaxtyping import Bool, Float
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
-from slam.graph.submaps import View, Views, seen_by
+from slam.graph.submaps import View, Views, looked_through
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import MatchConfig, points_of_beams
-from slam.matching.thin_scans import RecentPoints, is_thin, thin_scan
+from slam.matching.thin_scans import RECENT, RecentPoints, is_thin, thin_scan
 from slam.poses import to_map
 
 logger = logging.getLogger(__name__)
@@ -202,15 +202,10 @@ def _lines(
     views: list[tuple[Float[np.ndarray, 3], View]] = []
     for pose, ranges in zip(poses, log.range_m, strict=True):
         seen = np.where(ranges < range_m, ranges, -_NOTHING_M)
-        views = [*views[-24:], (pose, View(bearing_rad=log.bearing_rad, range_m=seen))]
+        views = [*views[1 - RECENT :], (pose, View(bearing_rad=log.bearing_rad, range_m=seen))]
         recent.add(pose, thin_scan(log.bearing_rad, ranges, range_m, 1.0))
-        found.append(recent.new_surfaces(partial(_crossed, Views.of(views))).points)
+        found.append(recent.new_surfaces(partial(looked_through, Views.of(views))).points)
     return np.concatenate(found)
-
-
-def _crossed(views: Views, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
-    """Which points beams went through."""
-    return seen_by(views, points)[1]
 
 
 def make_log_plan(

@@ -244,6 +244,11 @@ def seen_by(
     return same, through
 
 
+def looked_through(views: Views, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+    """Which points (x, y) [m] beams of views went through."""
+    return seen_by(views, points)[1]
+
+
 @compiled
 def _look(
     poses: np.ndarray,

@@ -16,6 +16,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ from slam.graph.submaps import (
     covariance_of,
     fit,
     least_covariance,
-    seen_by,
+    looked_through,
 )
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
@@ -212,7 +213,7 @@ class Tracker:
         """Surfaces that a thin scan adds, together with recent ones, in the robot's frame."""
         self._recent.add(self._here, scan)
         views = Views.of([*self.submaps[-1].views, (self._here, view)])
-        found = self._recent.new_surfaces(lambda points: seen_by(views, points)[1])
+        found = self._recent.new_surfaces(partial(looked_through, views))
         return found.at(between(self._here, np.zeros(3)))
 
     def _vague(self) -> bool:

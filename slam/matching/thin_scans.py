@@ -22,7 +22,7 @@ _NEAR_M, _LEAST, _STRAIGHT_M, _LONG_M = 1.0, 3, 0.04, 0.3
 #: Largest angle between a surface's normal and the beam that met it (cosine).
 _FACING = 0.2
 #: Scans that are compared.
-_RECENT = 25
+RECENT = 25
 
 
 def is_thin(bearing_rad: Float[np.ndarray, " w"]) -> bool:
@@ -70,7 +70,7 @@ class RecentPoints:
         self._facing.append(placed.normals)
         self._drawn.append(np.zeros(len(placed.points), bool))
         for each in (self._points, self._facing, self._drawn):
-            del each[:-_RECENT]
+            del each[:-RECENT]
 
     def move(self, frame: Float[np.ndarray, "3"]) -> None:
         """Continue in another frame, in which this one has a pose."""
