@@ -23,7 +23,7 @@ from pathlib import Path
 import gymnasium
 
 from robosim.support import installation as _installation
-from wireless.support.public_names import public_names
+from robosim_support.public_names import public_names
 
 #: `from robosim import *` brings data sets for PyTorch only where that is installed.
 _hidden = () if _installation.is_installed("torch") else ("robosim.datasets.torch_data",)

@@ -33,7 +33,7 @@ from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.parts import code_allowed, place_in_part
 from robosim.support.processes import reuse_processes
-from robosim.support.reading import is_ours
+from robosim_support.reading import is_ours
 
 #: Options of every command, in any place.
 _EVERYWHERE = ("--debug", "--quiet", "--json", "--version", "--allow-code")

@@ -219,7 +219,7 @@ def _version(name: str) -> str:
 
 def _compiled_loops() -> Finding:
     import_module("numba")
-    from wireless.support.compiled import cache_folders, writable_folder
+    from robosim_support.compiled import cache_folders, writable_folder
 
     folder = writable_folder(cache_folders())
     if folder is not None:

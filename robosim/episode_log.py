@@ -19,10 +19,10 @@ from robosim.robot.motion import Motion
 from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.support.tum import write_tum
 from robosim.task.tasks import ARRIVAL_M, Task
+from robosim_support.axes import axes_in_metres
 from slam.graph.landmarks import Transmitter
 from slam.poses import wrap
 from wireless.paths import LinkState
-from wireless.support.axes import axes_in_metres
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:

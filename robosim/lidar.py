@@ -28,8 +28,8 @@ from jaxtyping import Float
 from robosim.camera.rendering.merged_meshes import merge
 from robosim.support.checks import LEVEL, Range, checked
 from robosim.support.ray_casting import make_ray_scene
+from robosim_support.compiled import compiled
 from slam.sensing.laser import LaserScan
-from wireless.support.compiled import compiled
 
 
 @dataclass(frozen=True, kw_only=True)

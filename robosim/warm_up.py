@@ -1,9 +1,9 @@
 """Compile all loops of an episode in advance, in two processes on machines with two cores.
 
-Loops are compiled at their first call and cached on disk (`slam.support.compiled`). While one process compiles a loop,
-others wait for it. Therefore the two processes call the loops of a short episode in different orders. `views_of` and
-`trace_links` take most time, and the second needs the result of the first. One process compiles the first; the other
-interprets it, which is fast for two rooms, and compiles the second.
+Loops are compiled at their first call and cached on disk (`robosim_support.compiled`). While one process compiles a
+loop, others wait for it. Therefore the two processes call the loops of a short episode in different orders.
+`views_of` and `trace_links` take most time, and the second needs the result of the first. One process compiles the
+first; the other interprets it, which is fast for two rooms, and compiles the second.
 
 Left out: engines of the radio other than `live`.
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.support.processes import Processes
-from wireless.support.compiled import Loop, cache_folders, writable_folder
+from robosim_support.compiled import Loop, cache_folders, writable_folder
 
 if TYPE_CHECKING:
     from robosim.building.building import Building

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
 from numpy.typing import DTypeLike
 
-from slam.support.axes import axes_in_metres
-from slam.support.checks import shown
+from robosim_support.axes import axes_in_metres
+from robosim_support.checks import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

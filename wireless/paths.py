@@ -26,12 +26,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
-from wireless.support.axes import axes_in_metres
+from robosim_support.axes import axes_in_metres
+from robosim_support.reading import reading
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
 from wireless.support.ray_colours import ray_colours
-from wireless.support.reading import reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -313,7 +313,7 @@ class Paths:
         """Read what `write_parquet` wrote, or the paths of one of the transmitters without reading the others.
 
         Raises:
-            DataError: If the file is not one of radio paths, or damaged.
+            FileError: If the file is not one of radio paths, or damaged.
         """
         with reading(Path(path), "radio paths", "Trace them again.", most_bytes=_MOST_BYTES) as file:
             return cls.from_table(parquet_table(file, filters=None if tx is None else [("tx", "=", tx)]))

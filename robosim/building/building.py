@@ -47,8 +47,8 @@ from robosim.support.checks import Range, checked
 from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
 from robosim.support.parts import Part
+from robosim_support.axes import axes_in_metres
 from wireless.em.materials import Material, check_material
-from wireless.support.axes import axes_in_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

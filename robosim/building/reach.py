@@ -20,8 +20,8 @@ from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.outside import outside_of
 from robosim.support.checks import RADIUS_M, check_number
+from robosim_support.compiled import compiled
 from slam.planning.marching import march
-from wireless.support.compiled import compiled
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5

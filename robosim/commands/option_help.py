@@ -15,8 +15,7 @@ import tyro
 from tyro.conf import OmitArgPrefixes, Suppress, UseAppendAction
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructTypeInfo
 
-from slam.support.checks import Range
-from wireless.support import ranges
+from robosim_support.checks import Range
 from wireless.support.counting import counted
 
 #: Options that print the help of a command, and the help with all its options.
@@ -63,7 +62,7 @@ def option_type(kind: Any, *, brief: bool) -> Any:
         return Annotated[(base, *marks, Suppress)]
     if is_dataclass(base) or UseAppendAction in marks:
         return kind
-    bounds = next((one for one in marks if isinstance(one, (Range, ranges.Range))), None)
+    bounds = next((one for one in marks if isinstance(one, Range)), None)
 
     def hint(default: str) -> str:
         parts = [f"default: {default}"] if default not in ("", "None") else []

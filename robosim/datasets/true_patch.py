@@ -20,8 +20,8 @@ from jaxtyping import Bool, Float, UInt8
 from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.plans.formats.raster import winding_numbers
+from robosim_support.compiled import compiled
 from slam.sensing.egocentric import AHEAD
-from wireless.support.compiled import compiled
 
 #: Index of each channel of a true patch.
 OBSTACLE, SEEN, MATTERS = 0, 1, 2

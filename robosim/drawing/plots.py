@@ -24,8 +24,8 @@ from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import Runs
 from robosim.support.colours import FURNISHING, WALL
 from robosim.support.figures import save_figure
+from robosim_support.axes import axes_in_metres
 from slam.grid import MapEstimate
-from wireless.support.axes import axes_in_metres
 from wireless.support.counting import counted
 
 #: Height of the strip below a plan over the plan's size.

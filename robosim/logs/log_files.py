@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from robosim.logs.carmen import read_carmen
 from robosim.logs.robot_log import RobotLog, check_bearings
-from robosim.support.reading import FileError, reading
 from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
+from robosim_support.reading import FileError, reading
 from slam.poses import between
 
 #: Scans outside of the trajectory's time by more than this have no pose [s].

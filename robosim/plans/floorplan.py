@@ -18,8 +18,8 @@ from jaxtyping import Bool, Float, UInt8
 
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.support.parts import part_name
-from robosim.support.reading import FileError
-from wireless.support.axes import axes_in_metres
+from robosim_support.axes import axes_in_metres
+from robosim_support.reading import FileError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int32
 
 from robosim.policies.sightlines import Knowledge, knowledge
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.marching import march
-from wireless.support.compiled import compiled
 
 #: Free cells this near to an obstacle may bend or reflect a wave [m].
 _NEXT_TO_M = 0.2

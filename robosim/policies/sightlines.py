@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
-from wireless.support.compiled import compiled
 
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
 #: Bit of free cells next to an obstacle, where a wave may bend or be reflected.

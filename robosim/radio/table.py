@@ -31,10 +31,10 @@ from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_til
 from robosim.radio.receivers import regular_grid
 from robosim.support.checks import check_number
 from robosim.support.files import whole_file
-from robosim.support.reading import FileError, reading
+from robosim_support.compiled import compiled
+from robosim_support.reading import FileError, reading
 from wireless.paths import Interaction, Paths
 from wireless.support.columns import parquet_table
-from wireless.support.compiled import compiled
 from wireless.tracing.tracer import Tracer
 
 #: Usual distance of nodes [m]; the grid of the reference's tables.

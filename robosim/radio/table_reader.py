@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.radio.link_state import Classifier
+from robosim_support.compiled import compiled
 from wireless.estimates import PathEstimates, wrapped
 from wireless.paths import Paths
 from wireless.sounding.sounder import Sounder
-from wireless.support.compiled import compiled
 
 #: Most paths of a link.
 MOST = 5

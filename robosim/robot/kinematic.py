@@ -19,8 +19,8 @@ from robosim.building.extrusion import wall_segments
 from robosim.robot.collision import check_pose
 from robosim.robot.motion import BLOCKED_M, Motion, check_displacement, check_drive
 from robosim.robot.robots import RobotConfig
+from robosim_support.compiled import compiled
 from slam.poses import wrap
-from wireless.support.compiled import compiled
 
 #: Side of the tiles that walls are sorted into [m].
 TILE_M = 0.5

@@ -30,8 +30,8 @@ from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
 from robosim.support.checks import RADIUS_M, Range, checked
 from robosim.support.files import write_json
 from robosim.support.from_dict import from_dict
-from robosim.support.reading import reading
 from robosim.support.text_in import parse_json, parse_yaml
+from robosim_support.reading import reading
 from slam.mapping.odometry import OdometryConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.

@@ -1,8 +1,8 @@
-"""Ranges that many configurations share, and the checks of `slam.support.checks`."""
+"""Ranges that many configurations share, and the checks of `robosim_support.checks`."""
 
 from collections.abc import Collection
 
-from slam.support.checks import Range, check_arguments, check_choice, check_number, checked, shown
+from robosim_support.checks import Range, check_arguments, check_choice, check_number, checked, shown
 
 __all__ = ["Range", "check_arguments", "check_choice", "check_number", "check_some", "checked", "shown"]
 

@@ -14,12 +14,12 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.task.coverage import VISION_RANGE_M
+from robosim_support.compiled import compiled
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.explorer import FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.planner import Plan, Planner
 from slam.poses import wrap
-from wireless.support.compiled import compiled
 
 #: Range within which the map becomes free [m], as in the classical mapper.
 _FREE_RANGE_M = 5.0

@@ -14,7 +14,7 @@ from safetensors.numpy import save
 from torch import Tensor
 
 from robosim.support.files import write_json, write_whole
-from robosim.support.reading import reading
+from robosim_support.reading import reading
 from slam.learning.restoring import check_weights
 from slam.support.weights import Weights
 

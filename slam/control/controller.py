@@ -26,12 +26,12 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, PUBLISHED, STEPS, TURN_RAD, Action
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
-from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)

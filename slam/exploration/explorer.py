@@ -18,6 +18,7 @@ from typing import Annotated, Literal, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32
 
+from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
@@ -33,7 +34,6 @@ from slam.planning.cost_map import (
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap
-from slam.support.checks import Range, checked
 
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400

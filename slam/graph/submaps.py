@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from slam.matching.levels import SurfaceLevels, Surfaces, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, to_map
-from slam.support.compiled import compiled
 
 #: Part of the strongest curvature of a fit that the noise of normals adds in every direction.
 _OF_NORMALS = 0.02

@@ -22,6 +22,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim_support.checks import Range, checked
 from slam.graph.alongside import mirror_image_angle_rad
 from slam.graph.judging import Judge
 from slam.graph.landmarks import Landmarks, Transmitter
@@ -42,7 +43,6 @@ from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.matching.thin_scans import RecentPoints
 from slam.poses import between, compose, rotation, wrap
 from slam.sensing.bearings import Bearing
-from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,7 @@ import torch
 from jaxtyping import Float, Int8
 from torch import Tensor, nn
 
+from robosim_support.checks import Range, checked
 from slam.learning.map_module import arrays_of
 from slam.networks.pose_network import (
     INPUTS,
@@ -31,7 +32,6 @@ from slam.networks.pose_network import (
 )
 from slam.poses import compose
 from slam.sensing.egocentric import AHEAD, cut_ahead
-from slam.support.checks import Range, checked
 
 
 class PoseModule(nn.Module):

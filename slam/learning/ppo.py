@@ -18,8 +18,8 @@ import torch
 from jaxtyping import Float, Float32, Int
 from torch import Tensor
 
+from robosim_support.checks import Range, checked
 from slam.exploration.choosing import FEATURES, evaluate
-from slam.support.checks import Range, checked
 
 #: Length to which gradients are cut.
 LONGEST = 0.5

@@ -23,6 +23,7 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from robosim_support.checks import Range, checked
 from slam.actions import Action
 from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
@@ -39,7 +40,6 @@ from slam.poses import between, rotation, wrap
 from slam.sensing.bearings import Bearing
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
-from slam.support.checks import Range, checked
 
 logger = logging.getLogger(__name__)
 

@@ -15,10 +15,10 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Float32
 
+from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action
 from slam.grid import GridFrame, enlarged, zeros
 from slam.poses import to_map
-from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
+from robosim_support.checks import Range, checked
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match
 from slam.networks.features import Features
@@ -24,7 +25,6 @@ from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork
 from slam.poses import compose
 from slam.sensing.egocentric import cut_ahead
 from slam.sensing.projection import Scan
-from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)

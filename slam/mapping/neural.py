@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float16, Float32
 
+from robosim_support.checks import Range, checked
 from slam.actions import Action
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate, enlarged, zeros
@@ -29,7 +30,6 @@ from slam.poses import to_map
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.laser import LaserScan
-from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)

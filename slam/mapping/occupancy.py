@@ -15,12 +15,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
+from robosim_support.checks import Range, checked
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame, enlarged, zeros
 from slam.poses import to_map
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
-from slam.support.checks import Range, checked
-from slam.support.compiled import compiled
 
 
 @dataclass(frozen=True, kw_only=True)

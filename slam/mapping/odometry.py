@@ -21,8 +21,8 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
+from robosim_support.checks import Range, checked
 from slam.actions import Action
-from slam.support.checks import Range, checked
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]

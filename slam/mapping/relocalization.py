@@ -24,12 +24,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
+from robosim_support.checks import Range, checked
 from slam.grid import GridFrame
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import compose, to_map, wrap
-from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_from, match_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import to_map, wrap
-from slam.support.compiled import compiled
 
 #: Side of the coarse cells, in fine ones.
 _COARSER = 4

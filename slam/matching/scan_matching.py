@@ -19,11 +19,11 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim_support.checks import Range, checked
+from robosim_support.compiled import compiled
 from slam.matching.surfaces import SurfaceGrid, nearest_plane
 from slam.poses import to_map
 from slam.sensing.projection import Scan
-from slam.support.checks import Range, checked
-from slam.support.compiled import compiled
 
 #: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
 #: slanted by no more than this (secant) and a third point lies in line with them within this [m].

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame, enlarged, zeros
-from slam.support.compiled import compiled
 
 #: Means of less weight, or of normals that disagree more than this, are not surfaces to match against.
 MIN_WEIGHT = 0.5

@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 from safetensors.numpy import load, save
 
+from robosim_support.reading import reading
 from slam.networks.map_network import MapNetwork, NetworkConfig
 from slam.networks.pose_network import PoseNetwork, PoseNetworkConfig
 from slam.networks.weights import Weights
-from slam.support.reading import reading
 
 Network = TypeVar("Network", MapNetwork, PoseNetwork)
 #: A card is a page of text [bytes].

@@ -15,13 +15,13 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float32
 
+from robosim_support.checks import Range, checked
 from slam.grid import GridFrame
 from slam.networks.features import N_CHANNELS, Features
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, merged, trained_numbers
 from slam.sensing.egocentric import AHEAD
 from slam.sensing.projection import Scan
-from slam.support.checks import Range, checked
 
 #: Index of each logit.
 OBSTACLE, SEEN = 0, 1

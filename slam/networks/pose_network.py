@@ -13,9 +13,9 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Float32
 
+from robosim_support.checks import Range, checked
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, trained_numbers
-from slam.support.checks import Range, checked
 
 #: Channels: what the scan says (the first four of `slam.networks.features`), and the map's belief.
 INPUTS = 5

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
-from slam.support.compiled import compiled
 
 #: Largest distance reported [m]; more than any hull needs.
 LIMIT_M = 0.4

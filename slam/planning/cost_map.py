@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from robosim_support.checks import Range, checked
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.clearance import Clearance
 from slam.planning.travel_time import TravelTime, travel_time
-from slam.support.checks import Range, checked
 
 #: Half side of the box in which frontiers of a large map are searched for first [m].
 NEAR_M = 15.0

@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from slam.planning.travel_time import TravelTime
-from slam.support.compiled import compiled
 
 #: Numbers of cells that a straight leg is first tried over.
 _JUMPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 2048])

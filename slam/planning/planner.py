@@ -20,12 +20,12 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
+from robosim_support.checks import Range, checked
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box, travel_time_to
 from slam.planning.paths import along, arc_length, downhill, length, onward, taut
 from slam.planning.travel_time import TravelTime
-from slam.support.checks import Range, checked
 
 #: A goal that shifts by more is a new goal, for which coarse cells are tried again [m].
 _SAME_GOAL_M = 0.5

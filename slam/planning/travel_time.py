@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim_support.compiled import compiled
 from slam.grid import GridFrame
 from slam.planning.marching import march
-from slam.support.compiled import compiled
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

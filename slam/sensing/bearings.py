@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from slam.support.checks import Range, checked
+from robosim_support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

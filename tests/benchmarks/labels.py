@@ -20,7 +20,7 @@ from robosim.published.label_links import TRACER, published_mesh, published_path
 from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.results import Results
 from wireless.formats.mmwrobotnav_measurements import (
-    DataError,
+    FileError,
     find_measurements,
     link_states,
     read_measurements,
@@ -94,11 +94,11 @@ def plan_file(plans: Path, name: str) -> Path:
     """The plan of a building.
 
     Raises:
-        DataError: If there is none.
+        FileError: If there is none.
     """
     path = plans / f"{name}.glb_topdownmap.out"
     if not path.is_file():
-        raise DataError(
+        raise FileError(
             f"{path}: no such plan, but there are measurements of {name}. Give the folder of its grid."
         )
     return path

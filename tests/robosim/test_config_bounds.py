@@ -11,8 +11,8 @@ import jaxtyping
 import pytest
 
 import robosim
-import slam.support.checks
-import wireless.support.ranges
+import slam
+import wireless
 from robosim.commands.shared_options import PlanOptions, RadioOptions
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode import EpisodeConfig
@@ -97,13 +97,6 @@ def make(kind: type, **values: Any) -> None:
     made = kind(**{**NEEDED.get(kind.__name__, {}), **values})
     if kind is RadioOptions:
         made.config()
-
-
-def test_ranges_of_two_packages_are_never_equal():
-    """`Annotated` of Python 3.11.2 returns an equal annotation made before: a range of another package."""
-    ours, theirs = slam.support.checks.Range(0, 1, "m"), wireless.support.ranges.Range(0, 1, "m")
-    assert ours != theirs and ours == slam.support.checks.Range(0, 1, "m")
-    assert hash(ours) == hash(slam.support.checks.Range(0, 1, "m"))
 
 
 def test_the_configurations_are_found():

@@ -15,7 +15,7 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from wireless.support.ranges import Range, checked
+from robosim_support.checks import Range, checked
 
 #: What to do about thick substrates.
 _THIN = "The cavity model is one of thin substrates."

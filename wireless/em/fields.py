@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.diffraction import wedge_terms
 from wireless.em.fresnel import fresnel
-from wireless.support.compiled import compiled
 
 REFLECTION, DIFFRACTION, SCATTERING, TRANSMISSION = 1, 2, 3, 4
 #: Legs of paths shorter than this have no direction [m].

@@ -25,8 +25,8 @@ import numpy as np
 from jaxtyping import Complex
 from scipy.constants import epsilon_0
 
+from robosim_support.checks import Range, checked
 from wireless.em.scattering import MOST_NARROW
-from wireless.support.ranges import Range, checked
 
 #: Thicker layers, or more of them, count as a mistake.
 THICKEST_M, MOST_LAYERS = 10.0, 20

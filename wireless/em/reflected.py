@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.fresnel import fresnel
-from wireless.support.compiled import compiled
 
 #: Bins over the cosine of the angle of incidence, and samples in each.
 _BINS, _SAMPLES = 512, 16

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Complex64, Float32
 
+from robosim_support.compiled import compiled
 from wireless.estimation.residual import Layout
-from wireless.support.compiled import compiled
 
 
 @compiled

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Float32, Int
 
+from robosim_support.compiled import compiled
 from wireless.estimation.climb import Curve, Spot, climb, place
 from wireless.estimation.look import best_look
 from wireless.estimation.residual import (
@@ -27,7 +28,6 @@ from wireless.estimation.residual import (
     take_off,
     without_late,
 )
-from wireless.support.compiled import compiled
 
 #: Most rounds of refining all paths after each new one.
 ROUNDS = 60

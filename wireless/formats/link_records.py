@@ -30,11 +30,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float, Int, UInt8
 
+from robosim_support.reading import reading
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays
 from wireless.support.columns import FAR, check_within, lists, parquet_table, values
-from wireless.support.reading import reading
 
 #: Estimates of a link.
 N_ESTIMATES = 5
@@ -175,7 +175,7 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
     """Read a file of links, without the true paths.
 
     Raises:
-        DataError: If the file is of another kind, or damaged.
+        FileError: If the file is of another kind, or damaged.
     """
     names = [name for name in COLUMNS if not name.startswith("path_")]
     with reading(Path(path), _WHAT, _REMEDY) as file:
@@ -222,7 +222,7 @@ def read_columns(path: str | PathLike[str], names: Sequence[str]) -> dict[str, n
     """Read some columns of numbers of a file of links.
 
     Raises:
-        DataError: If the file is of another kind, or damaged.
+        FileError: If the file is of another kind, or damaged.
     """
     with reading(Path(path), _WHAT, _REMEDY) as file:
         table = _table(file, names)
@@ -233,7 +233,7 @@ def read_rays(path: str | PathLike[str]) -> Rays:
     """Read the true paths of a file of links, to sound them again.
 
     Raises:
-        DataError: If the file is of another kind, or damaged.
+        FileError: If the file is of another kind, or damaged.
     """
     names = ("gain_db", "phase_rad", "delay_s", "aoa_az_rad", "aoa_el_rad", "aod_az_rad", "aod_el_rad")
     with reading(Path(path), _WHAT, _REMEDY) as file:

@@ -21,12 +21,12 @@ import pyarrow as pa
 import pyarrow.csv as csv
 from jaxtyping import Float, Int, UInt8
 
+from robosim_support.reading import FileError, reading
 from wireless.paths import Interaction, LinkState, Paths
 from wireless.support.columns import numbers
-from wireless.support.reading import DataError, reading
 
 __all__ = [
-    "DataError",
+    "FileError",
     "Measurements",
     "find_measurements",
     "link_states",
@@ -68,7 +68,7 @@ def find_measurements(data: Path) -> list[tuple[str, int]]:
     """Buildings and numbers of transmitters in a folder, sorted.
 
     Raises:
-        DataError: If there are none.
+        FileError: If there are none.
     """
     found = []
     for path in sorted(data.glob("*/*_Tx_*_beam_search.csv")):
@@ -76,7 +76,7 @@ def find_measurements(data: Path) -> list[tuple[str, int]]:
         if match and match[1] == path.parent.name:
             found.append((match[1], int(match[2])))
     if not found:
-        raise DataError(
+        raise FileError(
             f"{data}: no NAME/NAME_Tx_K_beam_search.csv below it. Give the folder that holds one folder per building."
         )
     return sorted(found)
@@ -91,11 +91,11 @@ def read_measurements(data: Path, building: str, number: int) -> Measurements:
         number: Number of the transmitter, from 1.
 
     Raises:
-        DataError: If a file is missing or damaged, or there is no such transmitter.
+        FileError: If a file is missing or damaged, or there is no such transmitter.
     """
     transmitters = read_tx_positions(data / building / f"{building}_tx_pos.csv")
     if not 1 <= number <= len(transmitters):
-        raise DataError(
+        raise FileError(
             f"{data / building}: there is no transmitter {number}, but {len(transmitters)} in "
             f"{building}_tx_pos.csv."
         )
@@ -113,7 +113,7 @@ def read_measurements(data: Path, building: str, number: int) -> Measurements:
     state = table["linkState"]
     if not np.isin(state, list(LinkState)).all():
         row = int(np.argmin(np.isin(state, list(LinkState))))
-        raise DataError(f"{path}: linkState of row {row + 1} is {state[row]:g}, expected 0, 1, 2 or 3.")
+        raise FileError(f"{path}: linkState of row {row + 1} is {state[row]:g}, expected 0, 1, 2 or 3.")
     return Measurements(
         building=building,
         number=number,
@@ -132,7 +132,7 @@ def read_tx_positions(path: Path) -> Float[np.ndarray, "n 3"]:
     """Positions of transmitters [m].
 
     Raises:
-        DataError: If the file is missing or damaged.
+        FileError: If the file is missing or damaged.
     """
     table = _read(path, ["x", "y", "z"])
     return np.column_stack([table["x"], table["y"], table["z"]])

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Points
-from wireless.support.compiled import compiled
 
 LEAF = 4
 

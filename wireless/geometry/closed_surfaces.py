@@ -17,10 +17,10 @@ from jaxtyping import Bool, Int, UInt64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Point, Points
 from wireless.geometry.occlusion import Tree, depth_in, make_tree
 from wireless.geometry.tolerance import NEAR_M
-from wireless.support.compiled import compiled
 
 #: Direction that parity is counted along; upwards on each axis, so that rays enter boxes at their lowest corner.
 _UP = np.array([0.2718281828, 0.5772156649, 0.7700401577])

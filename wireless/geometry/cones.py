@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Planes, Point, Polygon
 from wireless.geometry.boxes import Boxes
 from wireless.geometry.occlusion import Tree, find_blocker
-from wireless.support.compiled import compiled
 
 #: Most corners of a polygon; one that would get more stays as it was.
 MAX_CORNERS = 24

@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import FlatPolygon
 from wireless.geometry.plan import NEAR_M
-from wireless.support.compiled import compiled
 
 
 @compiled

@@ -16,11 +16,11 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Points, Triangles
 from wireless.geometry.occlusion import Tree, leaf_around, make_tree
 from wireless.geometry.overlapping_faces import without_overlaps
 from wireless.geometry.tolerance import NEAR_M, fit_lines, fit_planes, tolerance_of
-from wireless.support.compiled import compiled
 
 #: Gaps between faces that exceed 180 degrees by less [rad] are no edge.
 FLAT_RAD = 1e-4

@@ -17,11 +17,11 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from robosim_support.compiled import compiled
 from wireless.geometry.convex import in_common
 from wireless.geometry.facets import LEVEL, Surfaces
 from wireless.geometry.plan import Plan, make_plan, regions
 from wireless.geometry.stack import Stack
-from wireless.support.compiled import compiled
 
 #: Lines nearer to a wall than so many snaps are taken to be on it.
 _ON_WALL = 10

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Point, Points, Triangles
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.tolerance import NEAR_M
-from wireless.support.compiled import compiled
 
 #: Results of `sight`.
 FREE, TOUCHED, HIDDEN = 0, 1, 2

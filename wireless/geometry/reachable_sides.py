@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Point, Polygon, Triangles
 from wireless.geometry.closed_surfaces import Sides
 from wireless.geometry.space import Panes, Space, Windows
-from wireless.support.compiled import compiled
 
 #: How far off a patch points are tested for being inside [m].
 _OFF_M = 1e-7

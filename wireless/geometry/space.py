@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Point
 from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.geometry.cones import SLACK_M, Walls
 from wireless.geometry.facets import Surfaces
 from wireless.geometry.occlusion import Tree, depth_in, inward_of, leaf_around, make_tree
 from wireless.geometry.patches import find_patches
-from wireless.support.compiled import compiled
 
 #: Patches of more triangles have the one that holds a point looked up in the tree.
 FEW_TRIANGLES = 8

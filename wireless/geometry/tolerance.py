@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
-from wireless.support.compiled import compiled
 
 #: What double precision cannot distinguish in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.convex import cut_to_left
 from wireless.geometry.layers import Layers, Openings
 from wireless.geometry.plan import NEAR_M
@@ -25,7 +26,6 @@ from wireless.geometry.view_bounds import (
     seen_slopes,
 )
 from wireless.geometry.view_lists import EdgeList, Stack, Trail, ViewList, VisitList
-from wireless.support.compiled import compiled
 
 #: Views narrower than this [rad] end: no target fits in.
 NARROW_RAD = 1e-13

@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Float, Float32
 from safetensors.numpy import load, save
 
+from robosim_support.reading import reading
 from wireless.linkstate.calibration import scaled
 from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, route_shapes, softmax
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens
 from wireless.paths import LinkState
-from wireless.support.reading import reading
 
 #: Links given to a network at once, which bounds the memory.
 _BLOCK = 4096
@@ -166,7 +166,7 @@ def load_classifier(path: Path) -> LinkStateClassifier:
     """A classifier from its weights; the card has the same name and ends in .json.
 
     Raises:
-        DataError: If a file is missing or damaged, or they do not fit each other.
+        FileError: If a file is missing or damaged, or they do not fit each other.
     """
     remedy, card_path = "Train one by `robosim train link-state`.", path.with_suffix(".json")
     what = f"the classifier of link states that {card_path.name} describes"

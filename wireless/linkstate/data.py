@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
+from robosim_support.reading import reading
 from wireless.formats.link_records import LinkRecords
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import Measurements, find_measurements, read_measurements
 from wireless.linkstate.tokens import COLUMNS, make_tokens
-from wireless.support.reading import reading
 
 _MOST_MANIFEST = 50_000_000
 

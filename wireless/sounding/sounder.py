@@ -28,11 +28,11 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 from scipy.special import gammainccinv
 
+from robosim_support.checks import Range, checked
 from wireless.antennas.codebook import Terminal
 from wireless.estimates import PathEstimates
 from wireless.paths import Paths
 from wireless.sounding.draw import draw_windows, find_candidates
-from wireless.support.ranges import Range, checked
 from wireless.tracing.blocks import in_threads
 
 #: Thermal noise at 290 K.

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION
 from wireless.geometry.array_types import Planes, Point
 from wireless.geometry.occlusion import depth_in
 from wireless.geometry.space import FEW_TRIANGLES, Ground, Space, in_large_patch
-from wireless.support.compiled import compiled
 
 
 class Chain(NamedTuple):

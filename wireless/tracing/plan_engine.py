@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int, Num
 
+from robosim_support.compiled import compiled
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION
 from wireless.geometry.array_growth import longer
@@ -23,7 +24,6 @@ from wireless.geometry.layers import Layers, Outline
 from wireless.geometry.plan import NEAR_M
 from wireless.geometry.view_steps import Limits
 from wireless.geometry.visibility import Visibility, find_visibility, views_onto
-from wireless.support.compiled import compiled
 from wireless.tracing.table import (
     Best,
     Scratch,

@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.em.reflected import Reflected, by_face, by_mirror
 from wireless.geometry.array_types import Point, Points
 from wireless.geometry.occlusion import FREE, HIDDEN
 from wireless.geometry.space import Ground, Space
-from wireless.support.compiled import compiled
 from wireless.tracing.path_layout import Chain, edge_sight, is_on_large, is_open, lay_out, mirror_over
 from wireless.tracing.reachable import EdgeChains, OpenChains
 from wireless.tracing.receiver_sweep import chains_at, edges_at

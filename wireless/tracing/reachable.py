@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Planes, Point
 from wireless.geometry.cones import MAX_CORNERS
 from wireless.geometry.images import cone_of, new_views, open_view
 from wireless.geometry.shooting import Bent
 from wireless.geometry.space import Ground, Space
-from wireless.support.compiled import compiled
 from wireless.tracing.path_layout import edge_sight, is_open
 
 #: How much wider windows and edges are than they can be, for what rounding does [m].

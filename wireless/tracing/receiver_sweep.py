@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.geometry.array_types import Point
 from wireless.geometry.space import Panes
-from wireless.support.compiled import compiled
 from wireless.tracing.reachable import WIDER_M, EdgeChains, OpenChains
 
 #: Rows that are looked at for each receiver in turn: they stay in the processor's cache.

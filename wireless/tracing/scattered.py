@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.fields import REFLECTION, SCATTERING
 from wireless.em.fresnel import fresnel
 from wireless.em.scattering import lobe, lobe_integral
 from wireless.geometry.array_types import Point
-from wireless.support.compiled import compiled
 from wireless.tracing.blocks import Rows
 from wireless.tracing.scenes import PlanScene
 from wireless.tracing.table import Setting, Table

@@ -13,6 +13,7 @@ Nothing is sampled. What cannot enter a link's list is not computed, by the boun
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.geometry.array_types import Point, Polygon
@@ -20,7 +21,6 @@ from wireless.geometry.boxes import Boxes
 from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clip_to_planes, may_see, things_within
 from wireless.geometry.images import Views, add_next_views, all_views, cone_of, new_views
 from wireless.geometry.space import Space
-from wireless.support.compiled import compiled
 from wireless.tracing.path_layout import Chain, edge_sight, is_open, lay_out
 from wireless.tracing.space_paths import (
     Links,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.em.fresnel import fresnel
 from wireless.geometry.array_types import Point
@@ -24,7 +25,6 @@ from wireless.geometry.occlusion import (
 )
 from wireless.geometry.space import Ground, Space
 from wireless.geometry.tolerance import NEAR_M
-from wireless.support.compiled import compiled
 from wireless.tracing.path_layout import Chain, Layout, images_over, is_on_large, lay_out, reflects_to
 from wireless.tracing.table import (
     Best,

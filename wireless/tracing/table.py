@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.fields import TRANSMISSION, Path, Wedge, path_gain
-from wireless.support.compiled import compiled
 
 #: Two faces farther apart are two walls, with a shaft or the open air between them [m].
 THICKEST_WALL_M = 1.0 + 1e-6

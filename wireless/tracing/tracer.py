@@ -24,6 +24,7 @@ import trimesh
 from jaxtyping import Bool, Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
+from robosim_support.checks import Range, checked
 from wireless.em.materials import Material, wall_row
 from wireless.em.scattering import MOST_NARROW
 from wireless.geometry.array_types import Point
@@ -32,7 +33,6 @@ from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
-from wireless.support.ranges import Range, checked
 from wireless.tracing.blocks import Rows
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from robosim_support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.geometry.array_types import FlatPoint
 from wireless.geometry.layers import Outline
 from wireless.geometry.plan import NEAR_M
-from wireless.support.compiled import compiled
 from wireless.tracing.table import Scratch, Setting
 
 

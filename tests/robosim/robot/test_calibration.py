@@ -11,7 +11,7 @@ from robosim.robot.calibration import COLUMNS, open_floor, read_runs, run_action
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import LOCOBOT, read_robot
-from robosim.support.reading import FileError
+from robosim_support.reading import FileError
 from slam.actions import Action
 from slam.mapping.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR

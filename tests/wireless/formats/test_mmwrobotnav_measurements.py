@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from wireless.formats.mmwrobotnav_measurements import (
-    DataError,
+    FileError,
     find_measurements,
     link_states,
     read_measurements,
@@ -67,22 +67,22 @@ def test_damage_is_named_with_file_and_place(data, old, new, message):
     """A damaged file says which one, where and what was expected, rather than failing far away."""
     path = data / "Attic" / "Attic_Tx_2_beam_search.csv"
     path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(DataError, match=message) as error:
+    with pytest.raises(FileError, match=message) as error:
         read_measurements(data, "Attic", 2)
     assert str(path) in str(error.value)
 
 
 def test_what_is_missing_is_named(data, tmp_path):
     """An empty folder, an empty file, a transmitter that is not there and a file that is not there."""
-    with pytest.raises(DataError, match="one folder per building"):
+    with pytest.raises(FileError, match="one folder per building"):
         find_measurements(data / "Attic")
-    with pytest.raises(DataError, match="there is no transmitter 3, but 2"):
+    with pytest.raises(FileError, match="there is no transmitter 3, but 2"):
         read_measurements(data, "Attic", 3)
-    with pytest.raises(DataError, match=r"Attic_Tx_1_beam_search\.csv: not readable as a table"):
+    with pytest.raises(FileError, match=r"Attic_Tx_1_beam_search\.csv: no such file"):
         read_measurements(data, "Attic", 1)
     empty = tmp_path / "empty.csv"
     empty.write_text(",x,y,z\n")
-    with pytest.raises(DataError, match="no rows"):
+    with pytest.raises(FileError, match="no rows"):
         read_tx_positions(empty)
 
 

@@ -6,8 +6,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from robosim_support.reading import FileError, reading
 from wireless.support.columns import parquet_table
-from wireless.support.reading import DataError, reading
 
 
 def read(path, names=None):
@@ -25,7 +25,7 @@ def test_a_declared_size_is_bounded_before_anything_is_read(tmp_path, monkeypatc
     )
     monkeypatch.setattr(pq, "read_metadata", lambda file: footer)
     monkeypatch.setattr(pq, "read_table", lambda *given, **named: pytest.fail("read"))
-    with pytest.raises(DataError) as rejected:
+    with pytest.raises(FileError) as rejected:
         read(path)
     assert str(path) in str(rejected.value)
     assert f"it declares {rows} rows and {columns} columns" in str(rejected.value)
@@ -35,5 +35,5 @@ def test_a_missing_column_is_named_with_those_that_are_there(tmp_path):
     path = tmp_path / "links.parquet"
     pq.write_table(pa.table({"tx": [1, 2], "rx": [3, 4]}), path)
     assert read(path, ["rx"]).column_names == ["rx"]
-    with pytest.raises(DataError, match="column snr is missing; there are tx, rx"):
+    with pytest.raises(FileError, match="column snr is missing; there are tx, rx"):
         read(path, ["tx", "snr"])

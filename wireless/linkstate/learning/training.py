@@ -16,12 +16,12 @@ import torch
 from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
+from robosim_support.checks import Range, checked
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
 from wireless.linkstate.learning.networks import NETWORKS, one_thread
 from wireless.linkstate.learning.restoring import restore_network, restore_optimiser
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
-from wireless.support.ranges import Range, checked
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0

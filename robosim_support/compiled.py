@@ -12,8 +12,6 @@ process compile a function while others wait.
 Signals are delayed until a loop returns; `delayed_signals` prepares that once for several loops. Numba does not check
 whether creating the returned Python objects fails: the KeyboardInterrupt of Ctrl-C, raised there, would end the process
 with a segmentation fault.
-
-This file is in `slam` and in `wireless`, since neither imports the other; a test compares them.
 """
 
 import fcntl
@@ -40,7 +38,7 @@ F = TypeVar("F", bound=Callable[..., object])
 logger = logging.getLogger(__name__)
 
 #: Packages whose sources belong to the digest, besides that of the loop itself.
-PACKAGES = frozenset({"robosim", "slam", "wireless"})
+PACKAGES = frozenset({"robosim", "robosim_support", "slam", "wireless"})
 #: Cached versions of a module that remain on disk.
 MAX_VERSIONS = 8
 
@@ -49,7 +47,7 @@ _IMPORT_TIME_S = time.time()
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE
 )
-#: Disabled after the first message, in all copies of this file.
+#: Disabled after the first message.
 _notice = logging.getLogger("robosim.compiled_loops")
 _build_lock = threading.RLock()
 

@@ -2,7 +2,7 @@
 
 Within `reading`, each error of a damaged file becomes one line that names the file, what is wrong and what would be
 right; the library's error is its cause. Folders, pipes, devices, dangling links and very large files are rejected
-before they are opened. `robosim.support.text_in`, `arrays_in` and `images_in` bound size and content.
+before they are opened. `robosim.support.text_in` and `arrays_in` bound size and content.
 """
 
 import logging
@@ -22,7 +22,7 @@ _COPY = "Copy or export it again."
 #: Libraries whose warnings of a damaged file would be printed in addition to our line.
 _TALKATIVE = ("trimesh", "PIL")
 #: Of this project.
-PACKAGES = ("robosim", "slam", "wireless")
+PACKAGES = ("robosim", "robosim_support", "slam", "wireless")
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),

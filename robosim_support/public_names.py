@@ -1,7 +1,4 @@
-"""Public names of a package: listed in its `__init__.pyi`, each imported at its first use.
-
-This file is in `slam` and in `wireless`, since neither imports the other; a test compares them.
-"""
+"""Public names of a package: listed in its `__init__.pyi`, each imported at its first use."""
 
 import re
 import sys

@@ -32,7 +32,6 @@ T = TypeVar("T")
 _SHOWN = 60
 
 
-# Not a tuple: early Python 3.11 returns an equal annotation made before, whose range may be that of another package.
 @dataclass(frozen=True, repr=False)
 class Range:
     """Smallest and largest value of a number, and its unit; in a field of several numbers, of each of them."""

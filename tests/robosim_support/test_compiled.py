@@ -9,16 +9,13 @@ import time
 
 import pytest
 
+import robosim_support.axes
+import robosim_support.compiled
+import robosim_support.public_names
 import slam.learning.restoring
-import slam.support.axes
-import slam.support.compiled
-import slam.support.public_names
 import wireless.linkstate.learning.restoring
-import wireless.support.axes
-import wireless.support.compiled
-import wireless.support.public_names
-from tests.wireless.support.mini_package import edit, forget, output_of, run, start
-from wireless.support.compiled import MAX_VERSIONS
+from robosim_support.compiled import MAX_VERSIONS
+from tests.robosim_support.mini_package import edit, forget, output_of, run, start
 
 
 def block_folder(path):
@@ -246,10 +243,10 @@ def test_loops_can_be_interpreted(mini):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        (wireless.support.compiled, slam.support.compiled),
+        (robosim_support.compiled, robosim_support.compiled),
         (wireless.linkstate.learning.restoring, slam.learning.restoring),
-        (wireless.support.axes, slam.support.axes),
-        (wireless.support.public_names, slam.support.public_names),
+        (robosim_support.axes, robosim_support.axes),
+        (robosim_support.public_names, robosim_support.public_names),
     ],
     ids=["compiled", "restoring", "axes", "public_names"],
 )

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import pytest
 
-from slam.support.checks import Range, check_number, checked
+from robosim_support.checks import Range, check_number, checked
 
 
 class _Registry:

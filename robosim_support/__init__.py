@@ -1,0 +1,1 @@
+"""What `robosim`, `slam` and `wireless` share: compiled loops, checks, files, public names."""
