@@ -35,10 +35,10 @@ from robosim.training.policy_weights import (
     write_policy,
 )
 from robosim.training.training_plots import plot_coverage
+from robosim_support.restoring import check_weights, restore_optimiser
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.exploration.explorer import ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve
-from slam.learning.restoring import check_weights, restore_optimiser
 from slam.planning.cost_map import CostConfig
 from slam.support.weights import Weights
 

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from robosim.support.files import write_json, write_whole
 from robosim_support.reading import reading
-from slam.learning.restoring import check_weights
+from robosim_support.restoring import check_weights
 from slam.support.weights import Weights
 
 

@@ -38,8 +38,8 @@ from robosim.training.policy_weights import (
 )
 from robosim.training.search_learning import learn
 from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
+from robosim_support.restoring import restore_optimiser
 from slam.learning.ppo import PpoConfig
-from slam.learning.restoring import restore_optimiser
 from slam.learning.threads import torch_threads
 
 #: Numbers of the first homes for the choice of weights and for the comparison; training homes begin at the seed.

@@ -1,7 +1,6 @@
 """Compiled loops: what runs is what the sources say, whatever is cached."""
 
 import importlib
-import inspect
 import pickle
 import sys
 import threading
@@ -9,11 +8,6 @@ import time
 
 import pytest
 
-import robosim_support.axes
-import robosim_support.compiled
-import robosim_support.public_names
-import slam.learning.restoring
-import wireless.linkstate.learning.restoring
 from robosim_support.compiled import MAX_VERSIONS
 from tests.robosim_support.mini_package import edit, forget, output_of, run, start
 
@@ -238,18 +232,3 @@ def test_loops_can_be_interpreted(mini):
         print(outer(1.0), outer.dispatcher is outer.py_func)
     """
     assert output_of(start(mini, program)).split() == ["1025.0", "True"]
-
-
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        (robosim_support.compiled, robosim_support.compiled),
-        (wireless.linkstate.learning.restoring, slam.learning.restoring),
-        (robosim_support.axes, robosim_support.axes),
-        (robosim_support.public_names, robosim_support.public_names),
-    ],
-    ids=["compiled", "restoring", "axes", "public_names"],
-)
-def test_slam_and_wireless_have_one_text(one, other):
-    """Neither package imports the other, so that both have these files."""
-    assert inspect.getsource(one) == inspect.getsource(other)

@@ -17,10 +17,10 @@ from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
 from robosim_support.checks import Range, checked
+from robosim_support.restoring import restore_network, restore_optimiser
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
 from wireless.linkstate.learning.networks import NETWORKS, one_thread
-from wireless.linkstate.learning.restoring import restore_network, restore_optimiser
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 
 #: Gradients longer than this are shortened to it.
