@@ -142,7 +142,9 @@ def test_files_that_are_damaged_are_named(tmp_path):
     (tmp_path / "some.json").write_text(json.dumps({**card, "inputs": ["aoa", "snr"]}))
     with pytest.raises(ValueError, match=r"some\.safetensors: not readable as the classifier of link states"):
         load_classifier(tmp_path / "some.safetensors")
-    with pytest.raises(ValueError, match=r"none\.safetensors: not readable as the classifier of link states"):
+    with pytest.raises(
+        ValueError, match=r"none\.safetensors: no such file, expected the classifier of link states"
+    ):
         load_classifier(tmp_path / "none.safetensors")
 
 
