@@ -59,7 +59,7 @@ def link_state(
         raise ValueError(f"folds is {folds}, expected at most n_folds = {n_folds}.")
     if test is not None and not test.is_dir():
         raise ValueError(f"test is {str(test)!r}, which is not a folder. Give one like --data.")
-    from robosim.training.link_state import train_link_state
+    from robosim.training.link_state import LinkStateTraining, train_link_state
     from wireless.linkstate.data import is_data_set
     from wireless.linkstate.learning.training import default_recipe
 
@@ -73,19 +73,17 @@ def link_state(
     options = {"data": data.name, "model": model, "aod": aod, "peak": peak, "delay": delay, "epochs": epochs}
     options |= {"members": members, "homes": homes, "folds": folds, "n_folds": n_folds, "seed": seed}
     with training(out, "link-state", **options) as (folder, command):
-        card = train_link_state(
-            data,
-            folder,
-            replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
+        run = LinkStateTraining(
+            data=data,
             test=test,
+            recipe=replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
+            n_folds=n_folds,
             folds=folds,
-            of=n_folds,
             members=members,
             homes=homes,
-            workers=work.count,
-            cluster=work.cluster,
-            command=command,
-            console=console,
+        )
+        card = train_link_state(
+            run, folder, workers=work.count, cluster=work.cluster, command=command, console=console
         )
     emit_result(card, folder)
     console.print(f"Wrote the classifier, its card and pictures in {folder}")

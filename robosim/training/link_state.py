@@ -55,16 +55,30 @@ class Job:
     """Folder of the run, in which processes of a cluster store checkpoints."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class LinkStateTraining:
+    """What is trained, on what, and how it is scored."""
+
+    data: Path
+    """Folder of measurements, or a data set."""
+    test: Path | None
+    """Such a folder to score the final classifier on."""
+    recipe: Recipe
+    """Inputs that were not measured are left out; the seed is increased by the number of the member."""
+    n_folds: int
+    """Folds that the buildings are divided into."""
+    folds: int
+    """Of these, folds that are held out, one after the other."""
+    members: int
+    """Networks whose probabilities are averaged."""
+    homes: int
+    """Additional generated homes in each training."""
+
+
 def train_link_state(
-    data: Path,
+    training: LinkStateTraining,
     out: Path,
-    recipe: Recipe,
     *,
-    test: Path | None,
-    folds: int,
-    of: int,
-    members: int,
-    homes: int,
     workers: int,
     cluster: str | None = None,
     command: str,
@@ -72,9 +86,8 @@ def train_link_state(
 ) -> dict[str, Any]:
     """Train, score and write a classifier on public measurements; returns its card.
 
-    Inputs of the recipe that were not measured are left out. Its seed is increased by the number of the member. `folds`
-    of `of` folds are held out one after the other; a run in `out` can continue with more folds, members or tests. Each
-    training also has `homes` generated homes. Processes of the dask scheduler `cluster` must see the folders.
+    A run in `out` can continue with more folds, members or tests. Processes of the dask scheduler `cluster` must see
+    the folders.
 
     Raises:
         ValueError: If there are too few buildings, or neither held-out nor test buildings.
@@ -82,57 +95,33 @@ def train_link_state(
         WorkerLost: If a process was killed, after the other jobs have ended.
     """
     start = time.perf_counter()
-    links = links_of(data)
-    recipe = replace(recipe, inputs=tuple(name for name in recipe.inputs if name in links.measured))
-    parts = deal(len(links.names), of)[:folds]
-    if not parts and test is None:
-        raise ValueError(
-            "folds is 0 and there are no test buildings: nothing would be scored. Give one of them."
-        )
-    if any(len(part) == len(links.names) for part in parts):
-        raise ValueError(f"{data} has {len(links.names)} building; holding it out leaves none to train on.")
+    links = links_of(training.data)
+    inputs = tuple(name for name in training.recipe.inputs if name in links.measured)
+    training = replace(training, recipe=replace(training.recipe, inputs=inputs))
+    parts = _parts(training, links)
     console.print(
-        Text(f"{counted(len(links.state), 'link')} of {counted(len(links.names), 'building')} in {data}")
+        Text(
+            f"{counted(len(links.state), 'link')} of {counted(len(links.names), 'building')} in {training.data}"
+        )
     )
     # The same networks may be used with more folds, members and tests.
-    settings = {
-        "data": f"{data.name}: {', '.join(links.names)}",
+    trained_on = {
+        "data": f"{training.data.name}: {', '.join(links.names)}",
         "links": len(links.state),
-        "of": of,
-        "homes": homes,
-        "recipe": asdict(recipe),
+        "homes": training.homes,
+        "recipe": asdict(training.recipe),
     }
-    with run_folder(out, "train link-state", settings):
-        held = {f"fold{i}": part for i, part in enumerate(parts)} | {"all": ()}
-        jobs = {
-            name: [
-                Job(
-                    name=f"{name}-{i}",
-                    data=data,
-                    held_out=part,
-                    homes=homes,
-                    recipe=replace(recipe, seed=recipe.seed + i),
-                    out=out,
-                )
-                for i in range(members)
-            ]
-            for name, part in held.items()
-        }
+    with run_folder(out, "train link-state", {**trained_on, "of": training.n_folds}):
+        jobs = _jobs(training, parts, out)
         is_new = not any(out.glob("jobs/*"))
-        generate_homes(homes, out / "homes", workers=workers, cluster=cluster, console=console)
+        generate_homes(training.homes, out / "homes", workers=workers, cluster=cluster, console=console)
         every = [job for group in jobs.values() for job in group]
         trained = run_jobs(every, workers=workers, cluster=cluster, console=console)
+        plot_epochs({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
         classifiers = {
-            name: LinkStateClassifier(
-                [weights_of(trained[job.name][0]) for job in group],
-                model=recipe.model,
-                inputs=recipe.inputs,
-                options=recipe.options,
-                states=tuple(int(s) for s in np.unique(links.state[reached(links.tokens)])),
-            )
+            name: _classifier(training.recipe, [trained[job.name][0] for job in group], links)
             for name, group in jobs.items()
         }
-        plot_epochs({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
         final = classifiers["all"]
         # Probabilities of each held-out link by the fold without its building; NaN for other links.
         held_out = np.full((len(links.state), 4), np.nan)
@@ -140,23 +129,12 @@ def train_link_state(
             rows = links.within(part)
             held_out[rows] = classifiers[f"fold{i}"].predict_tokens(links.tokens[rows])
         validation = _validate(held_out, parts, links, out, console)
-        known = ~np.isnan(held_out[:, 0]) & reached(links.tokens)
-        final.temperature = fit_temperature(held_out[known], links.state[known].astype(int))
-        if len(parts) > 1:
-            fitted = scaled(np.nan_to_num(held_out, nan=1.0), final.temperature)
-            fitted = np.where(np.isnan(held_out), np.nan, fitted)
-            routes = add_route_network(final, links, fitted, parts, recipe.seed)
-            validation["ways"] = routes  # stored name
-            for name in ("alone", "fused"):
-                _print(routes[name], f"places along routes through held-out buildings, {name}", console)
+        validation |= _calibrate(final, held_out, parts, links, training.recipe.seed, console)
         one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
         card: dict[str, Any] = {
             "command": command,
-            "data": f"{data.name}: {', '.join(links.names)}",
-            "links": len(links.state),
-            "homes": homes,
-            "recipe": asdict(recipe),
-            "members": members,
+            **trained_on,
+            "members": training.members,
             "parameters": final.parameters,
             "validation": validation,
             "single_call_ms": median_call_ms(lambda: final.predict_tokens(one), 200),
@@ -164,21 +142,88 @@ def train_link_state(
             "seconds": round(time.perf_counter() - start, 1) if is_new else None,
             "versions": {name: package_version(name) for name in ("robosim", "torch", "numpy")},
         }
-        if test is not None:
-            others = read_links(test)
-            card["test"] = _score(final.predict_tokens(others.tokens), others, out / "test.png")
-            routes = score_routes(final, others)
-            card["test"]["ways"] = routes  # stored name
-            for name, found in routes.items():
-                rates = [f"{how} {found[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in found]
-                console.print(
-                    f"routes {name} in test buildings, {found['places']} places: {', '.join(rates)}"
-                )
-            _print(card["test"], f"test buildings: {', '.join(others.names)}", console)
+        if training.test is not None:
+            card["test"] = _test(final, training.test, out, console)
         final.card = card
         write_files(out, final.files("link-state"))
         write_json(out / "result.json", card)
     return card
+
+
+def _parts(training: LinkStateTraining, links: Links) -> list[tuple[int, ...]]:
+    """Buildings of each fold that is held out."""
+    parts = deal(len(links.names), training.n_folds)[: training.folds]
+    if not parts and training.test is None:
+        raise ValueError(
+            "folds is 0 and there are no test buildings: nothing would be scored. Give one of them."
+        )
+    if any(len(part) == len(links.names) for part in parts):
+        raise ValueError(
+            f"{training.data} has {len(links.names)} building; holding it out leaves none to train on."
+        )
+    return parts
+
+
+def _jobs(training: LinkStateTraining, parts: list[tuple[int, ...]], out: Path) -> dict[str, list[Job]]:
+    """Networks of each fold, and of the final classifier."""
+    return {
+        name: [
+            Job(
+                name=f"{name}-{i}",
+                data=training.data,
+                held_out=part,
+                homes=training.homes,
+                recipe=replace(training.recipe, seed=training.recipe.seed + i),
+                out=out,
+            )
+            for i in range(training.members)
+        ]
+        for name, part in [*((f"fold{i}", part) for i, part in enumerate(parts)), ("all", ())]
+    }
+
+
+def _classifier(recipe: Recipe, networks: list[Any], links: Links) -> LinkStateClassifier:
+    """Of trained networks, for the states in their data."""
+    return LinkStateClassifier(
+        [weights_of(network) for network in networks],
+        model=recipe.model,
+        inputs=recipe.inputs,
+        options=recipe.options,
+        states=tuple(int(s) for s in np.unique(links.state[reached(links.tokens)])),
+    )
+
+
+def _calibrate(
+    final: LinkStateClassifier,
+    held_out: Float[np.ndarray, "n 4"],
+    parts: list[tuple[int, ...]],
+    links: Links,
+    seed: int,
+    console: Console,
+) -> dict[str, Any]:
+    """Add temperature, and with several folds a network along routes, to the classifier; scores of the latter."""
+    known = ~np.isnan(held_out[:, 0]) & reached(links.tokens)
+    final.temperature = fit_temperature(held_out[known], links.state[known].astype(int))
+    if len(parts) < 2:
+        return {}
+    fitted = scaled(np.nan_to_num(held_out, nan=1.0), final.temperature)
+    fitted = np.where(np.isnan(held_out), np.nan, fitted)
+    routes = add_route_network(final, links, fitted, parts, seed)
+    for name in ("alone", "fused"):
+        _print(routes[name], f"places along routes through held-out buildings, {name}", console)
+    return {"ways": routes}  # stored name
+
+
+def _test(final: LinkStateClassifier, test: Path, out: Path, console: Console) -> dict[str, Any]:
+    """Scores in test buildings, link by link and along routes."""
+    links = read_links(test)
+    found = _score(final.predict_tokens(links.tokens), links, out / "test.png")
+    found["ways"] = score_routes(final, links)  # stored name
+    for name, route in found["ways"].items():
+        rates = [f"{how} {route[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in route]
+        console.print(f"routes {name} in test buildings, {route['places']} places: {', '.join(rates)}")
+    _print(found, f"test buildings: {', '.join(links.names)}", console)
+    return found
 
 
 def run_jobs(
