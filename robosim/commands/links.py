@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.text import Text
@@ -28,6 +28,11 @@ from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import Range
 from robosim.support.installation import install_first
 from wireless.support.counting import counted
+
+if TYPE_CHECKING:
+    from robosim.plans.floorplan import FloorPlan
+    from robosim.plans.storey_plans import OneStorey
+    from wireless.paths import Paths
 
 
 def trace(
@@ -69,9 +74,7 @@ def trace(
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
     from robosim.datasets.trace import check_terminals, trace_link, trace_plan
-    from robosim.plans.floorplan import FloorPlan
     from robosim.radio.receivers import check_step
-    from wireless.paths import LinkCategory
 
     config = radio.config(polarisation)
     if not storey:  # heights of other floors are known when the plan is read
@@ -82,17 +85,7 @@ def trace(
     floor_plan = read_storey(plan, storey, reading)
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
-        found = {
-            "paths": len(paths),
-            "states": [LinkCategory(one).name.lower() for one in paths.link_category()[:, 0]],
-        }
-        emit_result(
-            {"plan": floor_plan.name, "tx_m": paths.tx_position, "rx_m": paths.rx_position[0], **found},
-            folder,
-        )
-        console.print(f"{counted(len(paths), 'path')} from {counted(len(tx), 'transmitter')} to the receiver")
-        drawn = "rays_tx1.png" if isinstance(floor_plan, FloorPlan) else "storeys_tx1.png"
-        console.print(f"Wrote paths.parquet and {drawn} in {folder}")
+        _report_link(floor_plan, paths, folder)
         return
     with resume_hint(folder):
         result = trace_plan(
@@ -118,6 +111,26 @@ def trace(
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
+
+
+def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path) -> None:
+    """What one traced link has, on the terminal and as the command's result."""
+    from robosim.plans.floorplan import FloorPlan
+    from wireless.paths import LinkCategory
+
+    states = [LinkCategory(one).name.lower() for one in paths.link_category()[:, 0]]
+    result = {
+        "plan": plan.name,
+        "tx_m": paths.tx_position,
+        "rx_m": paths.rx_position[0],
+        "paths": len(paths),
+        "states": states,
+    }
+    emit_result(result, folder)
+    sources = counted(len(paths.tx_position), "transmitter")
+    console.print(f"{counted(len(paths), 'path')} from {sources} to the receiver")
+    drawn = "rays_tx1.png" if isinstance(plan, FloorPlan) else "storeys_tx1.png"
+    console.print(f"Wrote paths.parquet and {drawn} in {folder}")
 
 
 def dataset(

@@ -218,8 +218,9 @@ def _test(final: LinkStateClassifier, test: Path, out: Path, console: Console) -
     """Scores in test buildings, link by link and along routes."""
     links = read_links(test)
     found = _score(final.predict_tokens(links.tokens), links, out / "test.png")
-    found["ways"] = score_routes(final, links)  # stored name
-    for name, route in found["ways"].items():
+    routes = score_routes(final, links)
+    found["ways"] = routes  # stored name
+    for name, route in routes.items():
         rates = [f"{how} {route[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in route]
         console.print(f"routes {name} in test buildings, {route['places']} places: {', '.join(rates)}")
     _print(found, f"test buildings: {', '.join(links.names)}", console)
