@@ -182,9 +182,7 @@ def dataset(
     from robosim.plans.files import find_plans
 
     if not plans and not generated:
-        raise ValueError(
-            f"plans is empty and generated is {generated}: give floor plans or folders of them, or --generated 50."
-        )
+        raise ValueError("plans is empty and generated is 0: give floor plans, folders or --generated 50.")
     config = LinkSetConfig(
         tx_per_plan=tx_per_plan,
         grid_m=grid,

@@ -90,8 +90,7 @@ def link_state(
     if test is not None:
         score = f"test accuracy {card['test']['accuracy']:.4f} ({card['test']['links']} links)"
     else:
-        mean = card["validation"]["mean_accuracy"]
-        score = f"validation accuracy {mean:.4f} (held-out buildings, see above)"
+        score = f"validation accuracy {card['validation']['mean_accuracy']:.4f} (held-out buildings)"
     console.print(score, highlight=False)
 
 
