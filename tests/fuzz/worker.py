@@ -21,6 +21,7 @@ from unittest.mock import patch
 
 import matplotlib.pyplot as plt
 
+from robosim_support.reading import is_ours
 from tests.fuzz.mutations import damage
 from tests.fuzz.targets import TARGETS, Target
 from tests.fuzz.trees import CANARY_MODULE, MARKER
@@ -114,11 +115,7 @@ def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
         except SystemExit as error:
             code = error.code if isinstance(error.code, int) else 1
         except ValueError as error:
-            own = type(error) is ValueError or type(error).__module__.split(".")[0] in (
-                "robosim",
-                "slam",
-                "wireless",
-            )
+            own = type(error) is ValueError or is_ours(error)
             kind, message = ("rejected", str(error)) if own else ("traceback", traceback.format_exc())
         except BaseException:
             kind, message = "traceback", traceback.format_exc()
