@@ -1,6 +1,6 @@
 """Odometry at its own times, and scans whose beams are measured one after another as the robot moves.
 
-The pose of odometry at a time is interpolated between the two readings around it: linear in place, the shortest way in
+The pose of odometry at a time is interpolated between the two readings around it: linear in place, the smaller angle in
 yaw. Where a reading comes late or odometry restarts, the motion is unknown.
 
 A lidar that turns measures each beam from another pose. The pose of the robot at the time of each beam, relative to

@@ -12,7 +12,7 @@ from slam.poses import compose
 
 #: Bearings of one laser that differ by less from scan to scan are the same, rounded [rad].
 _SAME_RAD = 1e-3
-#: Scans last no longer than this, relative to the time from one to the next.
+#: Scans last at most this, relative to the time from one to the next.
 _LONGEST_TURN = 1.2
 
 

@@ -100,7 +100,7 @@ def test_what_a_turn_sees_again_and_what_hits_nothing():
     assert bearing[nothing] == pytest.approx(BEARING[10] + motion[10, 2])
 
 
-def test_poses_between_readings_are_those_of_the_shortest_way():
+def test_poses_between_readings_turn_by_the_smaller_angle():
     """Half way in place and across the angle of pi; in a gap and at a restart the motion is unknown."""
     times = np.array([0.0, 1, 2, 3, 12, 13])
     yaw = np.array([0.0, 3.0, -3.0, -3.0, -3.0, -3.0])
