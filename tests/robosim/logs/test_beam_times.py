@@ -68,7 +68,7 @@ def test_a_scan_of_a_turning_robot_comes_out_as_the_room(first_s, last_s):
     assert _from_wall_m(to_map(start, ends)).max() < 1e-9
     raw = reach[:, None] * np.column_stack([np.cos(BEARING), np.sin(BEARING)])
     assert _from_wall_m(to_map(start, raw)).max() > 0.2
-    # From the one pose, each beam goes as far as it would have gone in its direction, but for the corners.
+    # From the one pose, each beam reaches the same distance as one measured from there.
     again = swept_ranges(WALLS, np.tile(start, (some.sum(), 1)), bearing[some])
     np.testing.assert_allclose(ranges[some], again, atol=1e-9)
 
@@ -101,7 +101,7 @@ def test_what_a_turn_sees_again_and_what_hits_nothing():
 
 
 def test_poses_between_readings_turn_by_the_smaller_angle():
-    """Half way in place and across the angle of pi; in a gap and at a restart the motion is unknown."""
+    """The middle in place and across the angle of pi; in a gap and at a restart the motion is unknown."""
     times = np.array([0.0, 1, 2, 3, 12, 13])
     yaw = np.array([0.0, 3.0, -3.0, -3.0, -3.0, -3.0])
     track = OdometryTrack(times=times, poses=np.column_stack([times, 2 * times, yaw]))
