@@ -49,6 +49,8 @@ CONFIG = LogConfig(odometry=LogOdometryConfig(position_per_m=0.3, yaw_per_rad=0.
 _STRETCH_M, _NEAR_M, _LINE_M = 0.5, 0.3, 0.05
 #: Fewest points of a stretch, and most points that align the map.
 _LEAST_POINTS, _ALIGNED = 300, 4000
+#: Shades of free, occupied and unknown cells.
+_SHADES = np.array([1.0, 0.0, 0.8])
 
 
 def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
@@ -122,7 +124,7 @@ def read_commands(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
 def read_reference(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
     """Published poses x, y [m], yaw [rad] at some times [s], moved from the tag to the lidar; NaN where there is none.
 
-    They have been computed from the same scans. Their heading points backwards.
+    Their heading points backwards.
     """
     with reading(path, "poses of the tag") as file:
         rows = np.genfromtxt(file, delimiter=",", skip_header=1)
@@ -190,6 +192,7 @@ def _add(
     for name, value, unit, digits in (
         ("wall, median", np.median(walls), "cm", 1),
         ("wall, 90 %", np.percentile(walls, 90), "cm", 1),
+        ("stretches within 10 cm", 100 * np.mean(walls < 10), "%", 0),
         ("stretches", len(walls), "", 0),
         ("all points, median", np.median(away), "cm", 1),
         ("all points, 90 %", np.percentile(away, 90), "cm", 1),
@@ -213,7 +216,7 @@ def _draw(
     extent = (x, x + nx * plan.resolution_m, y, y + ny * plan.resolution_m)
     figure = Figure(figsize=(9, 8), layout="compressed")
     axes = figure.subplots()
-    axes.imshow(plan.occupancy, origin="lower", extent=extent, cmap="gray", interpolation="nearest")
+    axes.imshow(_SHADES[plan.occupancy], origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
     for line, colour, name in (
         (np.array(floor.exterior.coords), "tab:red", "free floor of the plan"),
         (poses, "tab:blue", "lidar"),
