@@ -10,7 +10,8 @@ robot.
 
 A log that a mapping program has written has both poses corrected, and resets odometry to them after each scan. There
 the displacement is that of the ODOM lines from one scan's corrected pose to the next, and that pose is the reference.
-If odometry was reset in between, the displacement is unknown. A last line that was cut off is left out.
+If odometry was reset in between, the displacement is unknown. In other logs ODOM lines are odometry at times of their
+own, which corrects scans of lidars that turn. A last line that was cut off is left out.
 Reference: the CARMEN robot navigation toolkit, Montemerlo et al., IROS 2003.
 """
 

@@ -14,6 +14,8 @@ from slam.poses import compose
 _SAME_RAD = 1e-3
 #: Scans last at most this, relative to the time from one to the next.
 _LONGEST_TURN = 1.2
+#: Beams are measured no more than this from the time of their scan [s].
+_MOST_LATE_S = 10.0
 
 
 def check_bearings(
@@ -112,6 +114,11 @@ def with_beam_times(log: RobotLog, first_s: float, last_s: float) -> RobotLog:
         raise ValueError(
             f"{name}: its scans have no times, so that beams have none either. Leave --beam-seconds away, or give a "
             "log with times."
+        )
+    if not (abs(first_s) <= _MOST_LATE_S and abs(last_s) <= _MOST_LATE_S):
+        raise ValueError(
+            f"{name}: --beam-seconds {first_s:g} {last_s:g}, expected times of {_MOST_LATE_S:g} s at most. Give "
+            "those of the first and the last beam after a scan's time, in seconds."
         )
     usual_s, turn_s = float(np.median(np.diff(log.times))), abs(last_s - first_s)
     if turn_s > _LONGEST_TURN * usual_s:

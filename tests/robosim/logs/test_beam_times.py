@@ -185,6 +185,11 @@ def test_times_of_beams_that_cannot_be_are_errors(tmp_path):
         ValueError, match=r"odometry\.tum: --beam-seconds 0 0\.5 makes scans of 0\.5 s.*after 0\.1 s"
     ):
         read_log(odometry, scans, beam_seconds=(0.0, 0.5))
+    for wrong in (math.nan, math.inf, 100.0):
+        with pytest.raises(
+            ValueError, match=r"odometry\.tum: --beam-seconds 0 .*expected times of 10 s at most"
+        ):
+            read_log(odometry, scans, beam_seconds=(0.0, wrong))
     path = tmp_path / "times.log"
     path.write_text("FLASER 3 1 2 3 0 0 0 1 0 0 7 h 7\nFLASER 3 1 2 3 1 0 0 2 0 0 7 h 7\n")
     with pytest.raises(ValueError, match=r"times\.log: its scans have no times.*Leave --beam-seconds away"):
