@@ -23,6 +23,7 @@ def slam(
     *,
     scans: Path | None = None,
     reference: Path | None = None,
+    beam_seconds: tuple[float, float] | None = None,
     how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
     out: Path | None = None,
 ) -> None:
@@ -38,6 +39,8 @@ def slam(
         logs: CARMEN logs with laser scans (.log, .clf, packed by gzip or not), or odometry as a TUM file with --scans.
         scans: Scans for a TUM file, one per line: time [s], first and last bearing [rad], and ranges [m].
         reference: Trajectory to compare with, as a TUM file, instead of that in the log.
+        beam_seconds: Times of the first and the last beam after a scan's time [s], such as 0 0.1, for a lidar that
+            turns. Scans are corrected for the motion of the robot between them.
         how: How the map is made.
         out: Output folder; by default a new one under runs/.
     """
@@ -53,7 +56,7 @@ def slam(
         raise ValueError("there is no log. Give one or more, such as robosim slam intel.log.gz.")
     if len(logs) > 1 and (scans or reference):
         raise ValueError("--scans and --reference belong to one log: give one log with them.")
-    read = [read_log(path, scans, reference) for path in logs]
+    read = [read_log(path, scans, reference, beam_seconds) for path in logs]
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
     table = Table(
@@ -68,6 +71,7 @@ def slam(
             for name, loops in (("matching", False), ("graph", True)):
                 made[name] = map_log(log, how, loops=loops, watched=_watched(f"{log.name}, {name}", console))
                 trajectories[name] = made[name].poses
+            log = made["graph"].log
             if log.reference is not None:
                 trajectories["reference"] = log.reference
             for name, poses in trajectories.items():

@@ -10,7 +10,8 @@ robot.
 
 A log that a mapping program has written has both poses corrected, and resets odometry to them after each scan. There
 the displacement is that of the ODOM lines from one scan's corrected pose to the next, and that pose is the reference.
-If odometry was reset in between, the displacement is unknown. A last line that was cut off is left out.
+If odometry was reset in between, the displacement is unknown. In other logs ODOM lines are odometry at times of their
+own, which corrects scans of lidars that turn. A last line that was cut off is left out.
 Reference: the CARMEN robot navigation toolkit, Montemerlo et al., IROS 2003.
 """
 
@@ -25,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import RobotLog, check_bearings
 from robosim.support.text_in import line_numbers
 from robosim_support.reading import reading
@@ -42,6 +44,8 @@ _FARTHEST = 1e6
 _RESET_M = 5.0
 #: With a larger part of times that do not rise from scan to scan, scans are counted instead.
 _OUT_OF_ORDER = 0.1
+#: Scans that follow each other faster are matched without odometry if its pose never changes [s].
+_OFTEN_S = 0.6
 #: A pose that stays within this of another does not drift away from it [m, rad].
 _RIGID = 0.02
 
@@ -71,15 +75,15 @@ def read_carmen(path: Path) -> RobotLog:
                 packed = unpacked.read(_MOST_BYTES + 1)
             if len(packed) > _MOST_BYTES:
                 raise ValueError(f"it unpacks to more than {_MOST_BYTES} bytes")
-        scans, resets = _parse(packed.decode("ascii", "replace"))
+        scans, readings, resets = _parse(packed.decode("ascii", "replace"))
         if len(scans) < 2:
             raise ValueError(f"{len(scans)} scans in it, expected two at least")
-        return _log(path, scans, resets)
+        return _log(path, scans, readings, resets)
 
 
-def _parse(text: str) -> tuple[list[_Scan], int]:
-    """Scans in their order, and the number of those after which odometry was reset to the scan's pose."""
-    scans, resets, rows = list[_Scan](), 0, text.splitlines()
+def _parse(text: str) -> tuple[list[_Scan], list[Float[np.ndarray, "4"]], int]:
+    """Scans in their order, times and poses of ODOM lines, and the number of resets of odometry to a scan's pose."""
+    scans, readings, resets, rows = list[_Scan](), list[np.ndarray](), 0, text.splitlines()
     last: Float[np.ndarray, 3] | None = None
     step, n_odometry, is_fresh = np.zeros(3), 0, False
     for number, line in enumerate(rows, 1):
@@ -88,6 +92,7 @@ def _parse(text: str) -> tuple[list[_Scan], int]:
         try:
             if kind == "ODOM":
                 pose = _numbers(words[1:4], 3, number)
+                readings.append(np.array([_time(words[7:8]), *pose]))
             elif kind in ("FLASER", "ROBOTLASER1"):
                 scan = _flaser(words, number) if kind == "FLASER" else _robotlaser(words, number)
         except ValueError:
@@ -103,7 +108,7 @@ def _parse(text: str) -> tuple[list[_Scan], int]:
         elif kind in ("FLASER", "ROBOTLASER1"):
             scans.append(scan._replace(displacement=step, n_odometry=n_odometry))
             last, step, n_odometry, is_fresh = scan.robot, np.zeros(3), 0, True
-    return scans, resets
+    return scans, readings, resets
 
 
 def _was_reset(before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]) -> bool:
@@ -154,7 +159,7 @@ def _time(words: list[str]) -> float:
     return value if abs(value) < 1e12 else math.nan
 
 
-def _log(path: Path, scans: list[_Scan], resets: int) -> RobotLog:
+def _log(path: Path, scans: list[_Scan], readings: list[Float[np.ndarray, "4"]], resets: int) -> RobotLog:
     count = len(scans[0].ranges)
     for scan in scans:
         if (found := len(scan.ranges)) != count:
@@ -167,6 +172,8 @@ def _log(path: Path, scans: list[_Scan], resets: int) -> RobotLog:
     longest_m = min(_LONGEST * float(finite.max(initial=_FARTHEST_M)), _FARTHEST_M)
     ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
     reference: Float[np.ndarray, "n 3"] | None
+    times, is_counted = _rising(path, np.array([scan.time for scan in scans]))
+    own = None
     if resets > 0.5 * len(laser):
         displacement, reference = np.array([scan.displacement for scan in scans]), laser
         known = np.array([scan.n_odometry > 0 for scan in scans])
@@ -179,9 +186,13 @@ def _log(path: Path, scans: list[_Scan], resets: int) -> RobotLog:
         known = np.array([True, *(not _was_reset(a, b) for a, b in pairwise(track))])
         displacement[~known] = 0.0
         # A pose that never changes was not filled in.
+        if _spread(track) == 0 and not is_counted and np.median(np.diff(times)) < _OFTEN_S:
+            known[1:] = False
+        elif not is_counted and readings:
+            offset = np.zeros(3) if drifts else between(robot[0], laser[0])
+            own = _track(times, track, np.array(readings), offset)
         reference = laser if drifts and _spread(laser) > 0 else None
     displacement[0] = 0.0
-    times = _rising(path, np.array([scan.time for scan in scans]))
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
     return RobotLog(
         name=name,
@@ -191,15 +202,41 @@ def _log(path: Path, scans: list[_Scan], resets: int) -> RobotLog:
         displacement=displacement,
         known=known,
         times=times,
+        is_counted=is_counted,
+        track=own,
         reference=reference,
     )
 
 
-def _rising(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Rising times: the log's, with those that repeat or go back put after the one before; else scans' numbers."""
+def _track(
+    times: Float[np.ndarray, " n"],
+    poses: Float[np.ndarray, "n 3"],
+    readings: Float[np.ndarray, "m 4"],
+    offset: Float[np.ndarray, "3"],
+) -> OdometryTrack | None:
+    """Odometry of scans and of ODOM lines, whose poses lack an offset; None if few of the lines have rising times."""
+    own_s = readings[:, 0]
+    before = np.maximum.accumulate(np.append(-np.inf, np.nan_to_num(own_s, nan=-np.inf)))[:-1]
+    good = readings[own_s > before]
+    if len(good) < (1 - _OUT_OF_ORDER) * len(readings):
+        return None
+    every = np.concatenate(
+        [np.column_stack([times, poses]), [[row[0], *compose(row[1:], offset)] for row in good]]
+    )
+    every = every[np.unique(every[:, 0], return_index=True)[1]]
+    known = np.array([True, *(not _was_reset(a[1:], b[1:]) for a, b in pairwise(every))])
+    return OdometryTrack(times=every[:, 0], poses=every[:, 1:], known=known)
+
+
+def _rising(path: Path, times: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], bool]:
+    """Rising times: the log's, with those that repeat or go back put after the one before; else scans' numbers.
+
+    Returns:
+        The times [s], and whether they are the numbers.
+    """
     late = np.diff(times) <= 0
     if np.isnan(times).all():
-        return np.arange(len(times), dtype=float)
+        return np.arange(len(times), dtype=float), True
     rising, late_scans = times.copy(), np.flatnonzero(np.maximum.accumulate(times)[:-1] >= times[1:]) + 1
     for k in late_scans:
         rising[k] = rising[k - 1] + 1e-6
@@ -207,12 +244,12 @@ def _rising(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n
         logger.warning(
             "%s: times of scans are missing or do not rise, so that scans are counted instead.", path
         )
-        return np.arange(len(times), dtype=float)
+        return np.arange(len(times), dtype=float), True
     if len(late_scans):
         logger.warning(
             "%s: %d times repeat or go back, and are put after the one before.", path, len(late_scans)
         )
-    return rising
+    return rising, False
 
 
 def _spread(poses: Float[np.ndarray, "n 3"]) -> float:

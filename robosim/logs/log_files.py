@@ -1,5 +1,6 @@
 """Readers of logs: CARMEN, or odometry as a TUM file with scans in another file; and of reference trajectories."""
 
+import logging
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -7,12 +8,15 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.carmen import read_carmen
-from robosim.logs.robot_log import RobotLog, check_bearings
+from robosim.logs.robot_log import RobotLog, check_bearings, with_beam_times
 from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
 from robosim_support.reading import FileError, reading
 from slam.poses import between
+
+logger = logging.getLogger(__name__)
 
 #: Scans outside of the trajectory's time by more than this have no pose [s].
 _OUTSIDE_S = 0.5
@@ -21,34 +25,57 @@ _OUTSIDE_S = 0.5
 def read_tum_log(path: Path, scans: Path) -> RobotLog:
     """A log of odometry (TUM) and scans; FileError if a file is damaged, or they have no time in common."""
     times, bearing, ranges = _read_scans(scans)
-    track = _at(path, times)
-    steps = [between(a, b) for a, b in pairwise(track)]
+    track = _read_track(path, times)
+    _report(path, track)
+    steps = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(track.at(times)))])
+    known = np.append(True, track.is_known(times[:-1], times[1:]))
+    steps[~known] = 0.0
     return RobotLog(
         name=path.stem,
         file=path,
         bearing_rad=bearing,
         range_m=ranges,
-        displacement=np.array([np.zeros(3), *steps]),
-        known=np.ones(len(track), bool),
+        displacement=steps,
+        known=known,
         times=times,
+        track=track,
     )
 
 
 def with_reference(log: RobotLog, path: Path) -> RobotLog:
     """The log with poses of a TUM file to compare with; FileError if that is damaged, or of another time."""
-    return replace(log, reference=_at(path, log.times))
+    return replace(log, reference=_read_track(path, log.times).at(log.times))
 
 
-def _at(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-    """Poses of a trajectory at some times."""
+def _read_track(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
+    """A trajectory that has poses at some times."""
     known, poses = read_tum(path)
     with reading(path, "a trajectory", "Give one of the time of the scans"):
         if times[0] < known[0] - _OUTSIDE_S or times[-1] > known[-1] + _OUTSIDE_S:
             raise ValueError(
                 f"it lasts from {known[0]:g} to {known[-1]:g} s, and the scans from {times[0]:g} to {times[-1]:g} s"
             )
-    x, y, yaw = poses.T
-    return np.column_stack([np.interp(times, known, part) for part in (x, y, np.unwrap(yaw))])
+    return OdometryTrack(times=known, poses=poses)
+
+
+def _report(path: Path, track: OdometryTrack) -> None:
+    """Warn of late readings and restarts, where the motion is unknown."""
+    step_s = np.diff(track.times, prepend=track.times[0])
+    for found, what, remedy in (
+        (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
+        (track.restarts(), "odometry restarts", "give a log for each run"),
+    ):
+        if found.any():
+            k = int(found.argmax())
+            logger.warning(
+                "%s: at %.6f s %s (%d such places); the motion is unknown there, and scans alone give it. If the map "
+                "comes apart, %s.",
+                path,
+                track.times[k],
+                what.format(step=step_s[k]),
+                found.sum(),
+                remedy,
+            )
 
 
 def _read_scans(
@@ -79,15 +106,21 @@ def _read_scans(
 _RECORDINGS = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP": "an MCAP recording", b"SQLite format 3": "a ROS 2 bag"}
 
 
-def read_log(path: Path, scans: Path | None = None, reference: Path | None = None) -> RobotLog:
+def read_log(
+    path: Path,
+    scans: Path | None = None,
+    reference: Path | None = None,
+    beam_seconds: tuple[float, float] | None = None,
+) -> RobotLog:
     """Read a CARMEN log, packed by gzip or not, or odometry as a TUM file with scans.
 
     Each line of `scans` has time [s], first and last bearing [rad], and ranges [m]. A TUM file of reference poses
-    replaces those of the log.
+    replaces those of the log. `beam_seconds` are the times of the first and the last beam after that of the scan [s];
+    None if all are measured at once.
 
     Raises:
         FileError: If a file is damaged, or none of these.
-        ValueError: If scans are missing or too many.
+        ValueError: If scans are missing or too many, or have no such beams.
     """
     for file in (path, scans, reference):
         if file is not None:
@@ -100,6 +133,8 @@ def read_log(path: Path, scans: Path | None = None, reference: Path | None = Non
         raise ValueError(f"scans is {str(scans)!r}, but {path} has its own. Leave --scans away.")
     else:
         log = read_carmen(path)
+    if beam_seconds is not None:
+        log = with_beam_times(log, *beam_seconds)
     return log if reference is None else with_reference(log, reference)
 
 

@@ -12,14 +12,15 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
 from slam.graph.submaps import View, Views, looked_through
 from slam.graph.tracker import Tracker, TrackerConfig
-from slam.matching.scan_matching import MatchConfig, points_of_beams
+from slam.matching.scan_matching import MatchConfig, ScanPoints, points_of_beams
 from slam.matching.thin_scans import RECENT, RecentPoints, is_thin, thin_scan
-from slam.poses import to_map
+from slam.poses import between, to_map
 
 logger = logging.getLogger(__name__)
 
@@ -31,6 +32,8 @@ _DENSE_RAD = math.radians(2.0)
 _SPARSE_DEG = 8.0
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
+#: Trajectories that correct scans without odometry, each made of the scans that the one before corrects.
+_PASSES = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,13 +58,21 @@ class LogOdometryConfig:
     """The same for the turn [rad]."""
 
     def predicted(
-        self, displacement: Float[np.ndarray, "3"], known: bool, time_s: float
+        self,
+        displacement: Float[np.ndarray, "3"] | None,
+        time_s: float,
+        last: Float[np.ndarray, "3"],
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Displacement over a time and its covariance; one standard deviation ahead if it is not known."""
-        if not known:
-            deviation = np.array([*self.unknown_m, self.unknown_rad])
-            return np.array([self.unknown_m[0], 0.0, 0.0]), np.diag(deviation**2)
+        """Displacement over a time and its covariance.
+
+        If it is not known, it is one standard deviation ahead; where scans follow each other fast, the last one again,
+        and its standard deviation is less.
+        """
         part = min(max(time_s, _LEAST_S) / _WHOLE_S, 1.0)
+        if displacement is None:
+            deviation = part * np.array([*self.unknown_m, self.unknown_rad])
+            ahead = np.array([self.unknown_m[0], 0.0, 0.0])
+            return last if part < 1 else ahead, np.diag(deviation**2)
         place_m = part * self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
         turn_rad = part * self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
         return displacement, np.diag([place_m**2, place_m**2, turn_rad**2])
@@ -87,9 +98,9 @@ class LogConfig:
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.3)
     """The same for their turn [rad]."""
 
-    def tracker(self, loops: bool, bearing_rad: Float[np.ndarray, " w"]) -> TrackerConfig:
-        """Settings of the tracker for scans of such beams."""
-        growth = max(float(np.diff(bearing_rad).mean()) / _DENSE_RAD, 1.0)
+    def tracker(self, loops: bool, step_rad: float) -> TrackerConfig:
+        """Settings of the tracker for scans of beams so far apart [rad]."""
+        growth = max(step_rad / _DENSE_RAD, 1.0)
         match = MatchConfig(
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
@@ -106,6 +117,8 @@ class LogConfig:
 class Mapped:
     """Trajectory of a log."""
 
+    log: RobotLog
+    """The log, with scans corrected for the motion between their beams."""
     poses: Float[np.ndarray, "n 3"]
     """Pose of each scan: x [m], y [m], yaw [rad]; the first is (0, 0, 0)."""
     loops: int
@@ -135,8 +148,9 @@ def map_log(
             f"{log.file or log.name}: odometry goes {step_m.max():.0f} m up to scan {step_m.argmax() + 1}, where scans "
             f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
         )
+    log = _corrected(log, config)
     _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
-    step_deg = math.degrees(np.diff(log.bearing_rad).mean())
+    step_deg = math.degrees(log.step_rad())
     if step_deg > _SPARSE_DEG:
         logger.warning(
             "%s: beams are %.0f degrees apart. Maps of scans with more than %g between beams often come apart: look at "
@@ -145,25 +159,48 @@ def map_log(
             step_deg,
             _SPARSE_DEG,
         )
-    tracker = Tracker(config.tracker(loops, log.bearing_rad))
+    tracker, thin = Tracker(config.tracker(loops, log.step_rad())), is_thin(log.beams()[0])
+    bearings = log.beams()
     step_s = np.diff(log.times, prepend=log.times[0])
+    last = np.zeros(3)
     for k in watched(range(len(log.range_m)), "scans"):
-        ranges = log.range_m[k]
-        if is_thin(log.bearing_rad):
-            scan = thin_scan(log.bearing_rad, ranges, config.range_m, config.sigma_m)
-        else:
-            scan = points_of_beams(
-                log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m
-            )
-        seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
+        scan, view = _scan(bearings[k], log.range_m[k], config, thin)
         displacement, covariance = config.odometry.predicted(
-            log.displacement[k], bool(log.known[k]), float(step_s[k])
+            log.displacement[k] if log.known[k] else None, float(step_s[k]), last
         )
         if k == 0:
             displacement, covariance = np.zeros(3), 1e-8 * np.eye(3)
-        tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), displacement, covariance)
+        before = tracker.pose
+        if not tracker.update(scan, view, displacement, covariance):
+            last = between(before, tracker.pose)
     tracker.finish(lambda numbers: watched(numbers, "loops"))
-    return Mapped(poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
+    return Mapped(log=log, poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
+
+
+def _corrected(log: RobotLog, config: LogConfig) -> RobotLog:
+    """The log with scans as from one pose each; without odometry the motion is that of a first trajectory."""
+    track = None
+    for _ in range(_PASSES if log.moving().any() else 0):
+        poses = map_log(log.corrected(track), config, loops=False).poses
+        track = OdometryTrack(times=log.times, poses=poses)
+    return log.corrected(track)
+
+
+def _scan(
+    bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], config: LogConfig, thin: bool
+) -> tuple[ScanPoints, View]:
+    """Points of a scan, and how far it saw."""
+    if thin:
+        scan = thin_scan(bearing_rad, range_m, config.range_m, config.sigma_m)
+    else:
+        scan = points_of_beams(bearing_rad, range_m, config.range_m, config.resolution_m, config.sigma_m)
+    return scan, _view(bearing_rad, range_m, config.range_m)
+
+
+def _view(bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], farthest_m: float) -> View:
+    """How far a scan saw: not at all where nothing was measured."""
+    seen = np.where(range_m < farthest_m, range_m, -_NOTHING_M)
+    return View(bearing_rad=bearing_rad, range_m=np.where(np.isnan(range_m), 0.0, seen))
 
 
 def _map_grid(
@@ -188,8 +225,8 @@ def _beams(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float
 ) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "w 2"], Bool[np.ndarray, " w"]]]:
     """Pose of each scan, ends of its beams in `map` [m], and which hit something; the others end at the laser."""
-    directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
-    for pose, ranges in zip(poses, log.range_m, strict=True):
+    for pose, bearing, ranges in zip(poses, log.beams(), log.range_m, strict=True):
+        directions = np.column_stack([np.cos(bearing), np.sin(bearing)])
         hit = ranges < range_m
         yield pose, to_map(pose, np.where(hit, ranges, 0.0)[:, None] * directions), hit
 
@@ -200,10 +237,9 @@ def _lines(
     """Points (x, y) [m] in `map` of the lines that scans of few beams give together."""
     recent, found = RecentPoints(resolution_m), []
     views: list[tuple[Float[np.ndarray, 3], View]] = []
-    for pose, ranges in zip(poses, log.range_m, strict=True):
-        seen = np.where(ranges < range_m, ranges, -_NOTHING_M)
-        views = [*views[1 - RECENT :], (pose, View(bearing_rad=log.bearing_rad, range_m=seen))]
-        recent.add(pose, thin_scan(log.bearing_rad, ranges, range_m, 1.0))
+    for pose, bearing, ranges in zip(poses, log.beams(), log.range_m, strict=True):
+        views = [*views[1 - RECENT :], (pose, _view(bearing, ranges, range_m))]
+        recent.add(pose, thin_scan(bearing, ranges, range_m, 1.0))
         found.append(recent.new_surfaces(partial(looked_through, Views.of(views))).points)
     return np.concatenate(found)
 
@@ -218,7 +254,7 @@ def make_log_plan(
     """
     low, (nx, ny) = _map_grid(log, poses, resolution_m, range_m)
     passed, hit, crossed = (np.zeros((ny, nx), np.uint16) for _ in range(3))
-    thin = is_thin(log.bearing_rad)
+    thin = is_thin(log.beams()[0])
     for pose, places, is_hit in _beams(log, poses, range_m):
         # A beam that hit nothing spans no area: the outline passes by the laser there.
         laser = ((pose[:2] - low) / resolution_m).astype(np.int32)

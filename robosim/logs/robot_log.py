@@ -1,16 +1,21 @@
 """A robot's log for mapping: scans of a laser, and odometry between them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim.logs.beam_times import OdometryTrack, corrected_beams, relative
 from slam.poses import compose
 
 #: Bearings of one laser that differ by less from scan to scan are the same, rounded [rad].
 _SAME_RAD = 1e-3
+#: Scans last at most this, relative to the time from one to the next.
+_LONGEST_TURN = 1.2
+#: Beams are measured no more than this from the time of their scan [s].
+_MOST_LATE_S = 10.0
 
 
 def check_bearings(
@@ -32,16 +37,22 @@ class RobotLog:
 
     name: str
     """Its name in reports."""
-    bearing_rad: Float[np.ndarray, " w"]
-    """Directions of the beams in the laser's frame [rad], rising: counter-clockwise, 0 ahead."""
+    bearing_rad: Float[np.ndarray, "*n w"]
+    """Directions of the beams in the laser's frame [rad], rising: counter-clockwise, 0 ahead; or a row per scan."""
     range_m: Float[np.ndarray, "n w"]
-    """How far each beam went [m]; inf where nothing was hit."""
+    """How far each beam went [m]; inf where nothing was hit, NaN where nothing was measured."""
     displacement: Float[np.ndarray, "n 3"]
     """Displacement since the scan before by odometry: x, y [m], yaw [rad] in the frame before; 0 for the first."""
     known: Bool[np.ndarray, " n"]
     """Whether odometry measured it."""
     times: Float[np.ndarray, " n"]
     """Times [s], rising; numbers of the scans if the log's own times do not rise."""
+    is_counted: bool = False
+    """Whether times are numbers of the scans."""
+    beam_s: Float[np.ndarray, "*n w"] | None = None
+    """Time of each beam after its scan's [s], or a row per scan; None if scans are those of one moment."""
+    track: OdometryTrack | None = None
+    """Odometry at times of its own; None if it is known at the scans only."""
     file: Path | None = None
     """The file it was read from, for messages."""
     reference: Float[np.ndarray, "n 3"] | None = None
@@ -53,3 +64,66 @@ class RobotLog:
         for step in self.displacement[1:]:
             poses.append(compose(poses[-1], step))
         return np.array(poses)
+
+    def beams(self) -> Float[np.ndarray, "n w"]:
+        """Directions of the beams of each scan [rad]."""
+        return np.broadcast_to(self.bearing_rad, self.range_m.shape)
+
+    def step_rad(self) -> float:
+        """Mean angle between beams [rad]."""
+        return float(np.diff(self.bearing_rad).mean())
+
+    def moving(self) -> Bool[np.ndarray, " n"]:
+        """Scans of beams at different times between which odometry does not know the motion."""
+        if self.beam_s is None:
+            return np.zeros(len(self.times), bool)
+        late_s = np.broadcast_to(self.beam_s, self.range_m.shape)
+        first, last = np.minimum(late_s.min(axis=1), 0), np.maximum(late_s.max(axis=1), 0)
+        return ~self._track().is_known(self.times + first, self.times + last)
+
+    def corrected(self, other: OdometryTrack | None = None) -> "RobotLog":
+        """The log with scans as from one pose each, by the motion of odometry, or of `other` where that is not known.
+
+        Scans remain as they are where neither is.
+        """
+        if self.beam_s is None:
+            return self
+        bearing_rad, range_m = self.beams().copy(), self.range_m.copy()
+        late_s = np.broadcast_to(self.beam_s, range_m.shape)
+        for k, unknown in enumerate(self.moving()):
+            track = other if unknown else self._track()
+            if track is not None:
+                poses = track.at(self.times[k] + np.append(0.0, late_s[k]))
+                bearing_rad[k], range_m[k] = corrected_beams(
+                    bearing_rad[k], range_m[k], relative(poses[0], poses[1:])
+                )
+        return replace(self, bearing_rad=bearing_rad, range_m=range_m, beam_s=None)
+
+    def _track(self) -> OdometryTrack:
+        return self.track or OdometryTrack(times=self.times, poses=self.odometry(), known=self.known)
+
+
+def with_beam_times(log: RobotLog, first_s: float, last_s: float) -> RobotLog:
+    """The log with scans whose first and last beam are measured so long after a scan's time [s].
+
+    Raises:
+        ValueError: If the log has no times, or scans last longer than from one to the next.
+    """
+    name = log.file or log.name
+    if log.is_counted:
+        raise ValueError(
+            f"{name}: its scans have no times, so that beams have none either. Leave --beam-seconds away, or give a "
+            "log with times."
+        )
+    if not (abs(first_s) <= _MOST_LATE_S and abs(last_s) <= _MOST_LATE_S):
+        raise ValueError(
+            f"{name}: --beam-seconds {first_s:g} {last_s:g}, expected times of {_MOST_LATE_S:g} s at most. Give "
+            "those of the first and the last beam after a scan's time, in seconds."
+        )
+    usual_s, turn_s = float(np.median(np.diff(log.times))), abs(last_s - first_s)
+    if turn_s > _LONGEST_TURN * usual_s:
+        raise ValueError(
+            f"{name}: --beam-seconds {first_s:g} {last_s:g} makes scans of {turn_s:g} s, and they follow each other "
+            f"after {usual_s:.3g} s. Give the times of the first and the last beam after a scan's time, in seconds."
+        )
+    return replace(log, beam_s=np.linspace(first_s, last_s, log.range_m.shape[1]))

@@ -64,11 +64,15 @@ def ends_of_beams(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float = _RANGE_M
 ) -> Float[np.ndarray, "m 2"]:
     """Ends of beams (x, y) [m] in `map`."""
-    directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
     return np.concatenate(
         [
-            to_map(pose, (ranges[:, None] * directions)[ranges < range_m])
-            for pose, ranges in zip(poses, np.where(np.isfinite(log.range_m), log.range_m, 1e9), strict=True)
+            to_map(
+                pose,
+                (ranges[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)]))[ranges < range_m],
+            )
+            for pose, bearing, ranges in zip(
+                poses, log.beams(), np.where(np.isfinite(log.range_m), log.range_m, 1e9), strict=True
+            )
         ]
     )
 
