@@ -3,8 +3,9 @@
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from time import process_time
 from typing import Annotated
 
@@ -17,9 +18,11 @@ from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPla
 from robosim.support.checks import Range, checked
 from slam.graph.submaps import View, Views, looked_through
 from slam.graph.tracker import Tracker, TrackerConfig
+from slam.matching.line_odometry import line_odometry, refine_poses
+from slam.matching.lines import Ends
 from slam.matching.scan_matching import MatchConfig, points_of_beams
 from slam.matching.thin_scans import RECENT, RecentPoints, is_thin, thin_scan
-from slam.poses import to_map
+from slam.poses import between, to_map
 
 logger = logging.getLogger(__name__)
 
@@ -65,6 +68,12 @@ class LogOdometryConfig:
         place_m = part * self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
         turn_rad = part * self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
         return displacement, np.diag([place_m**2, place_m**2, turn_rad**2])
+
+
+#: Random part of the errors of odometry between scans of few beams, whose systematic part is estimated: x, y, yaw.
+_WITHOUT_BIAS = np.array([1.0, 1.0, 0.5])
+#: Errors of displacements by lines of scans of few beams.
+_LINE_ODOMETRY = LogOdometryConfig(position_m=0.02, position_per_m=0.02, yaw_rad=0.015, yaw_per_rad=0.04)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +154,10 @@ def map_log(
             step_deg,
             _SPARSE_DEG,
         )
+    lines = None
+    if is_thin(log.bearing_rad) and log.known[1:].all():
+        log, lines = _with_line_odometry(log, config)
+        config = replace(config, odometry=_LINE_ODOMETRY)
     tracker = Tracker(config.tracker(loops, log.bearing_rad))
     step_s = np.diff(log.times, prepend=log.times[0])
     for k in watched(range(len(log.range_m)), "scans"):
@@ -163,7 +176,26 @@ def map_log(
             displacement, covariance = np.zeros(3), 1e-8 * np.eye(3)
         tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), displacement, covariance)
     tracker.finish(lambda numbers: watched(numbers, "loops"))
-    return Mapped(poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
+    poses = tracker.poses()
+    if lines is not None and loops:
+        poses = refine_poses(poses, *lines)
+    return Mapped(poses=poses, loops=tracker.closed, seconds=process_time() - begin)
+
+
+def _with_line_odometry(
+    log: RobotLog, config: LogConfig
+) -> tuple[RobotLog, tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]]:
+    """The log with displacements by lines; ends of beams, and displacements of odometry with standard deviations."""
+    ends = Ends.of(log.bearing_rad, log.range_m, config.range_m)
+    step_s = np.diff(log.times, prepend=log.times[0])
+    covariances = [
+        config.odometry.predicted(step, True, float(time_s))[1]
+        for step, time_s in zip(log.displacement, step_s, strict=True)
+    ]
+    deviation = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)) * _WITHOUT_BIAS
+    poses, corrected = line_odometry(ends, log.displacement, deviation)
+    steps = [between(one, next_one) for one, next_one in pairwise(poses)]
+    return replace(log, displacement=np.array([np.zeros(3), *steps])), (ends, (corrected, deviation))
 
 
 def _map_grid(
