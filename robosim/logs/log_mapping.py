@@ -4,7 +4,6 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 from time import process_time
 from typing import Annotated
@@ -16,12 +15,12 @@ from jaxtyping import Bool, Float
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
-from slam.graph.submaps import View, Views, looked_through
+from slam.graph.submaps import View
 from slam.graph.tracker import Tracker, TrackerConfig
-from slam.matching.line_odometry import line_odometry, refine_poses
+from slam.matching.line_odometry import line_odometry, points_of_walls, refine_poses
 from slam.matching.lines import Ends
 from slam.matching.scan_matching import MatchConfig, points_of_beams
-from slam.matching.thin_scans import RECENT, RecentPoints, is_thin, thin_scan
+from slam.matching.thin_scans import is_thin, thin_scan
 from slam.poses import between, to_map
 
 logger = logging.getLogger(__name__)
@@ -226,20 +225,6 @@ def _beams(
         yield pose, to_map(pose, np.where(hit, ranges, 0.0)[:, None] * directions), hit
 
 
-def _lines(
-    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
-) -> Float[np.ndarray, "m 2"]:
-    """Points (x, y) [m] in `map` of the lines that scans of few beams give together."""
-    recent, found = RecentPoints(resolution_m), []
-    views: list[tuple[Float[np.ndarray, 3], View]] = []
-    for pose, ranges in zip(poses, log.range_m, strict=True):
-        seen = np.where(ranges < range_m, ranges, -_NOTHING_M)
-        views = [*views[1 - RECENT :], (pose, View(bearing_rad=log.bearing_rad, range_m=seen))]
-        recent.add(pose, thin_scan(log.bearing_rad, ranges, range_m, 1.0))
-        found.append(recent.new_surfaces(partial(looked_through, Views.of(views))).points)
-    return np.concatenate(found)
-
-
 def make_log_plan(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> FloorPlan:
@@ -272,7 +257,8 @@ def make_log_plan(
         passed[window] += seen | ended
         hit[window] += ended
     if thin:
-        walls = ((_lines(log, poses, resolution_m, range_m) - low) / resolution_m).astype(int)
+        ends = Ends.of(log.bearing_rad, log.range_m, range_m)
+        walls = ((points_of_walls(poses, ends, resolution_m) - low) / resolution_m).astype(int)
         np.add.at(hit, (walls[:, 1], walls[:, 0]), 1)
         passed = np.maximum(passed, hit)
     cells = np.full((ny, nx), UNKNOWN, np.uint8)

@@ -2,7 +2,7 @@
 
 Scan by scan: odometry predicts the pose, the scan is fitted to the lines of recent ones, from several headings, and all
 recent poses are adjusted (`slam.matching.lines`). A scan is fitted again some scans later, when lines on both sides
-of it are known. Systematic errors of odometry, a scale and a turn for each metre, are estimated on the way; a second
+of it are known. Systematic errors of odometry, a scale and a turn for each metre, are estimated too; a second
 pass begins with those of the first.
 Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022; Censi et al., Simultaneous calibration of
 odometry and sensor parameters for mobile robots, T-RO 2013.
@@ -16,7 +16,7 @@ from slam.poses import between, compose, wrap
 from slam.support.compiled import compiled
 
 #: Recent scans that are adjusted together hold so many ends, and are so many at least and at most.
-_ENDS, _FEWEST, _MOST = 220, 5, 20
+_ENDS, _FEWEST, _MOST = 220, 5, 60
 #: Distance from a line at which an end lies on it, and at which it counts half [m].
 _ON_M, _WILD_M = 0.12, 0.06
 #: The same for all scans at the end, and the share of the recent scans by which groups follow each other.
@@ -221,7 +221,17 @@ def refine_poses(
     return poses
 
 
-def _squares(points: Float[np.ndarray, "n 2"]) -> list[Int[np.ndarray, " g"]]:
+def points_of_walls(poses: Float[np.ndarray, "k 3"], ends: Ends, step_m: float) -> Float[np.ndarray, "n 2"]:
+    """Points (x, y) [m] of `map`, at most so far apart [m], on the lines through ends of beams of scans at poses."""
+    placed = ends.at(poses)
+    found = [np.zeros((0, 2))]
+    for line in find_lines(ends, poses, _squares(placed[:, :2]), _ON_AT_END_M).lines(placed):
+        place = np.arange(line[4], line[5], step_m)[:, None]
+        found.append(line[:2] + place * [-line[3], line[2]])
+    return np.concatenate(found)
+
+
+def _squares(points: Float[np.ndarray, "n 2"]) -> list[Int[np.ndarray, "..."]]:
     """Numbers of the points (x, y) [m] in overlapping squares."""
     if not len(points):
         return []

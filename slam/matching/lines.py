@@ -106,7 +106,7 @@ class OnLines(NamedTuple):
 def find_lines(
     ends: Ends,
     poses: Float[np.ndarray, "k 3"],
-    groups: list[Int[np.ndarray, " g"]],
+    groups: list[Int[np.ndarray, "..."]],
     tolerance_m: float,
 ) -> OnLines:
     """Lines through ends of the same group, each of several scans.
