@@ -30,7 +30,7 @@ _NOTHING_M = 10.0
 #: Largest angle between beams for which drift is given [rad].
 _DENSE_RAD = math.radians(2.0)
 #: With more between beams, maps are doubtful [deg].
-_SPARSE_DEG = 8.0
+_SPARSE_DEG = 20.0
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
 
