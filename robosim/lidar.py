@@ -6,9 +6,14 @@
                  0.5 m and to 3.5 % beyond
     ust-10lx     Hokuyo UST-10LX, specification: 1081 beams over 270 degrees, 0.06 to 10 m, accurate to 40 mm
     ring-64      no product: 64 beams all around with the errors of an RPLIDAR A1, for learning
+    rangers-4    four ultrasonic HC-SR04 (ElecFreaks data sheet), to the front, left, right and back: cones of 30
+                 degrees, 0.02 to 4 m, precise to 3 mm
+    vl53l5cx     ST VL53L5CX, data sheet DS13754: 8 columns of zones over 45 degrees, 0.02 to 4 m, precise to 15 mm up
+                 to 0.2 m and to 5 % beyond
 
-Each casts one ray per beam with Embree. Ranges have Gaussian noise that grows with the distance. Beams return nothing
-if no surface is within range, if they graze one, and at random, rarely.
+Each casts one ray per beam with Embree, and several for a cone, of which the nearest return counts. Ranges have
+Gaussian noise that grows with the distance. Beams return nothing if no surface is within range, if they graze one, and
+at random, rarely.
 Left out: mixed pixels at edges, mirrors and glass, the robot's motion within a turn.
 
 Data sheets give bounds: they are treated as two standard deviations, and the error of the Hokuyo, which is common to
@@ -31,6 +36,9 @@ from robosim.support.ray_casting import make_ray_scene
 from robosim_support.compiled import compiled
 from slam.sensing.laser import LaserScan
 
+#: Rays of a beam that is a cone.
+_RAYS = 9
+
 
 @dataclass(frozen=True, kw_only=True)
 @checked
@@ -52,6 +60,8 @@ class LidarModel:
     """Beams of a turn."""
     fov_deg: Annotated[float, Range(1, 360, "degrees")] = 360.0
     """Angle from the first to the last beam [deg]; 360 for all around."""
+    cone_deg: Annotated[float, Range(0, 90, "degrees")] = 0.0
+    """Width of a beam, which returns the range of the nearest surface in it [deg]; 0 for a ray."""
     min_range_m: Annotated[float, Range(0, 1000, "m")] = 0.15
     """Nearer surfaces are not measured [m]."""
     max_range_m: Annotated[float, Range(0.01, 1000, "m")] = 12.0
@@ -139,13 +149,18 @@ class EmbreeLidar:
 
     def _cast(self, pose: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Ranges [m], inf where nothing is within reach, and angles from the normals [rad]."""
-        angle = self._bearing + pose[2]
+        half = math.radians(self.model.cone_deg) / 2
+        rays = np.linspace(-half, half, _RAYS) if half else np.zeros(1)
+        angle = (self._bearing[:, None] + rays + pose[2]).ravel()
         direction = np.zeros((len(angle), 3), np.float32)
         direction[:, 0], direction[:, 1] = np.cos(angle), np.sin(angle)
         origin = np.empty_like(direction)
         origin[:] = np.array([pose[0], pose[1], self.config.height_m]) - self._centre
         hits = self._scene.run(origin, direction, output=True)
-        return _ranges_and_slants(angle, hits["tfar"], hits["primID"], self._normal, self.model.max_range_m)
+        found = _ranges_and_slants(angle, hits["tfar"], hits["primID"], self._normal, self.model.max_range_m)
+        ranges, slant = (each.reshape(-1, len(rays)) for each in found)
+        nearest = ranges.argmin(axis=1)[:, None]
+        return np.take_along_axis(ranges, nearest, 1)[:, 0], np.take_along_axis(slant, nearest, 1)[:, 0]
 
 
 @compiled
@@ -179,3 +194,21 @@ ust_10lx = partial(
     ),
 )
 ring_64 = partial(EmbreeLidar, model=LidarModel(beams=64))
+rangers_4 = partial(
+    EmbreeLidar,
+    model=LidarModel(
+        beams=4, cone_deg=30.0, min_range_m=0.02, max_range_m=4.0, sigma_m=0.0015, sigma_share=0.0
+    ),
+)
+vl53l5cx = partial(
+    EmbreeLidar,
+    model=LidarModel(
+        beams=8,
+        fov_deg=45.0 * 7 / 8,
+        cone_deg=45.0 / 8,
+        min_range_m=0.02,
+        max_range_m=4.0,
+        sigma_m=0.0075,
+        sigma_share=0.025,
+    ),
+)

@@ -116,6 +116,8 @@ LIDAR = Kind(
         "lds-01": "robosim.lidar:lds_01",
         "ust-10lx": "robosim.lidar:ust_10lx",
         "ring-64": "robosim.lidar:ring_64",
+        "rangers-4": "robosim.lidar:rangers_4",
+        "vl53l5cx": "robosim.lidar:vl53l5cx",
     },
     has=("scan", "true_scan"),
     made_from="a list of meshes and a LidarConfig",

@@ -53,7 +53,8 @@ class SimulatorConfig:
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
     lidar: LidarPart = "none"
-    """2D lidar with the camera or, with --camera none, instead of it: rplidar-a1, lds-01, ust-10lx or ring-64."""
+    """2D lidar with the camera or, with --camera none, instead of it: rplidar-a1, lds-01, ust-10lx,
+    ring-64, rangers-4 or vl53l5cx."""
     laser: LidarConfig = field(default_factory=LidarConfig)
     """Height and errors of the lidar's beams."""
     robot: RobotConfig = field(default_factory=RobotConfig)

@@ -3,8 +3,8 @@
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from time import process_time
 from typing import Annotated
 
@@ -16,10 +16,12 @@ from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
-from slam.graph.submaps import View, Views, looked_through
+from slam.graph.submaps import View
 from slam.graph.tracker import Tracker, TrackerConfig
+from slam.matching.line_odometry import line_odometry, points_of_walls, refine_poses
+from slam.matching.lines import Ends
 from slam.matching.scan_matching import MatchConfig, ScanPoints, points_of_beams
-from slam.matching.thin_scans import RECENT, RecentPoints, is_thin, thin_scan
+from slam.matching.thin_scans import is_thin, thin_scan
 from slam.poses import between, to_map
 
 logger = logging.getLogger(__name__)
@@ -29,7 +31,7 @@ _NOTHING_M = 10.0
 #: Largest angle between beams for which drift is given [rad].
 _DENSE_RAD = math.radians(2.0)
 #: With more between beams, maps are doubtful [deg].
-_SPARSE_DEG = 8.0
+_SPARSE_DEG = 20.0
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
 #: Trajectories that correct scans without odometry, each made of the scans that the one before corrects.
@@ -76,6 +78,12 @@ class LogOdometryConfig:
         place_m = part * self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
         turn_rad = part * self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
         return displacement, np.diag([place_m**2, place_m**2, turn_rad**2])
+
+
+#: Random part of the errors of odometry between scans of few beams, whose systematic part is estimated: x, y, yaw.
+_WITHOUT_BIAS = np.array([1.0, 1.0, 0.5])
+#: Errors of displacements by lines of scans of few beams.
+_LINE_ODOMETRY = LogOdometryConfig(position_m=0.02, position_per_m=0.02, yaw_rad=0.015, yaw_per_rad=0.04)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,8 +167,11 @@ def map_log(
             step_deg,
             _SPARSE_DEG,
         )
-    tracker, thin = Tracker(config.tracker(loops, log.step_rad())), is_thin(log.beams()[0])
-    bearings = log.beams()
+    thin, lines = is_thin(log.beams()[0]), None
+    if thin and log.known[1:].all():
+        log, lines = _with_line_odometry(log, config)
+        config = replace(config, odometry=_LINE_ODOMETRY)
+    tracker, bearings = Tracker(config.tracker(loops, log.step_rad())), log.beams()
     step_s = np.diff(log.times, prepend=log.times[0])
     last = np.zeros(3)
     for k in watched(range(len(log.range_m)), "scans"):
@@ -174,7 +185,10 @@ def map_log(
         if not tracker.update(scan, view, displacement, covariance):
             last = between(before, tracker.pose)
     tracker.finish(lambda numbers: watched(numbers, "loops"))
-    return Mapped(log=log, poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
+    poses = tracker.poses()
+    if lines is not None and loops:
+        poses = refine_poses(poses, *lines)
+    return Mapped(log=log, poses=poses, loops=tracker.closed, seconds=process_time() - begin)
 
 
 def _corrected(log: RobotLog, config: LogConfig) -> RobotLog:
@@ -203,6 +217,22 @@ def _view(bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"]
     return View(bearing_rad=bearing_rad, range_m=np.where(np.isnan(range_m), 0.0, seen))
 
 
+def _with_line_odometry(
+    log: RobotLog, config: LogConfig
+) -> tuple[RobotLog, tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]]:
+    """The log with displacements by lines; ends of beams, and displacements of odometry with standard deviations."""
+    ends = Ends.of(log.beams(), log.range_m, config.range_m)
+    step_s = np.diff(log.times, prepend=log.times[0])
+    covariances = [
+        config.odometry.predicted(step, float(time_s), np.zeros(3))[1]
+        for step, time_s in zip(log.displacement, step_s, strict=True)
+    ]
+    deviation = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)) * _WITHOUT_BIAS
+    poses, corrected = line_odometry(ends, log.displacement, deviation)
+    steps = [between(one, next_one) for one, next_one in pairwise(poses)]
+    return replace(log, displacement=np.array([np.zeros(3), *steps])), (ends, (corrected, deviation))
+
+
 def _map_grid(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> tuple[Float[np.ndarray, "2"], tuple[int, int]]:
@@ -229,19 +259,6 @@ def _beams(
         directions = np.column_stack([np.cos(bearing), np.sin(bearing)])
         hit = ranges < range_m
         yield pose, to_map(pose, np.where(hit, ranges, 0.0)[:, None] * directions), hit
-
-
-def _lines(
-    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
-) -> Float[np.ndarray, "m 2"]:
-    """Points (x, y) [m] in `map` of the lines that scans of few beams give together."""
-    recent, found = RecentPoints(resolution_m), []
-    views: list[tuple[Float[np.ndarray, 3], View]] = []
-    for pose, bearing, ranges in zip(poses, log.beams(), log.range_m, strict=True):
-        views = [*views[1 - RECENT :], (pose, _view(bearing, ranges, range_m))]
-        recent.add(pose, thin_scan(bearing, ranges, range_m, 1.0))
-        found.append(recent.new_surfaces(partial(looked_through, Views.of(views))).points)
-    return np.concatenate(found)
 
 
 def make_log_plan(
@@ -276,7 +293,8 @@ def make_log_plan(
         passed[window] += seen | ended
         hit[window] += ended
     if thin:
-        walls = ((_lines(log, poses, resolution_m, range_m) - low) / resolution_m).astype(int)
+        ends = Ends.of(log.beams(), log.range_m, range_m)
+        walls = ((points_of_walls(poses, ends, resolution_m) - low) / resolution_m).astype(int)
         np.add.at(hit, (walls[:, 1], walls[:, 0]), 1)
         passed = np.maximum(passed, hit)
     cells = np.full((ny, nx), UNKNOWN, np.uint8)

@@ -4,13 +4,16 @@ import resource
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.logs.log_files import read_log
-from robosim.logs.log_mapping import LogConfig, map_log
+from robosim.logs.log_mapping import LogConfig, LogOdometryConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
+from robosim.plans.floorplan import FREE, OCCUPIED
+from tests.benchmarks.drone_logs import RANGE_M, read_drone_log
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.made_logs import make_log
 from tests.benchmarks.results import Results
@@ -33,6 +36,7 @@ def main(
     *,
     beams: tuple[int, ...] = (60, 30, 11),
     made: tuple[int, ...] = (1000, 4000, 16000),
+    drone: Path | None = None,
     options: OmitArgPrefixes[Options] = DEFAULT,
 ) -> Results:
     """Errors of trajectories against references with all beams and with few, and processor time over scans.
@@ -40,6 +44,7 @@ def main(
     Args:
         logs: CARMEN logs with reference poses.
         beams: Numbers of beams, in equal steps of those of a log.
+        drone: ROS 1 bag of a drone with four rangers; its map is written as a picture.
         made: Numbers of scans of logs that are made on a floor of 1,200 m2, ten scans a second.
         options: Of every benchmark.
     """
@@ -54,6 +59,8 @@ def main(
             error = compare_trajectories(found.poses, log.reference)
             results.add("few beams", title, f"{count} beams", error["rpe_m"], "m", digits=3)
             results.add("few beams", title, f"{count} beams, heading", error["rpe_deg"], "°", digits=2)
+    if drone is not None:
+        _map_drone(results, drone, Path("runs") / "drone.png")
     for scans in made:
         log = make_log(TRIAL_FLOORS["large-1"](), scans, options.seed)
         assert log.reference is not None
@@ -100,6 +107,22 @@ def _compare(results: Results, title: str, log: RobotLog) -> None:
         ("time", graph.seconds, "s", 1),
     ):
         results.add("logs", title, name, value, unit, digits=digits)
+
+
+def _map_drone(results: Results, bag: Path, picture: Path) -> None:
+    """Cells of 5 cm that the rangers fill by the drone's own estimate and by the map; there is no reference."""
+    log = read_drone_log(bag)
+    odometry = LogOdometryConfig(position_m=0.01, position_per_m=0.03, yaw_rad=0.01, yaw_per_rad=0.05)
+    found = map_log(log, LogConfig(range_m=RANGE_M, odometry=odometry))
+    plan = make_log_plan(log, found.poses, 0.05, RANGE_M)
+    grey = np.full(plan.occupancy.shape, 205, np.uint8)
+    grey[plan.occupancy == FREE], grey[plan.occupancy == OCCUPIED] = 255, 0
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(picture), np.flipud(grey))
+    for name, poses in (("odometry", log.odometry()), ("graph", found.poses)):
+        results.add("drone", log.name, f"cells, {name}", count_filled_cells(log, poses), "", digits=0)
+    results.add("drone", log.name, "loops", found.loops, "", digits=0)
+    results.add("drone", log.name, "time", found.seconds, "s", digits=1)
 
 
 def _thinned(log: RobotLog, beams: int) -> RobotLog:

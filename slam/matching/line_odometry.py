@@ -1,0 +1,241 @@
+"""Odometry of scans of few beams: displacements that put the ends of beams of many scans on common lines.
+
+Scan by scan: odometry predicts the pose, the scan is fitted to the lines of recent ones, from several headings, and all
+recent poses are adjusted (`slam.matching.lines`). A scan is fitted again some scans later, when lines on both sides
+of it are known. Systematic errors of odometry, a scale and a turn for each metre, are estimated too; a second
+pass begins with those of the first.
+Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022; Censi et al., Simultaneous calibration of
+odometry and sensor parameters for mobile robots, T-RO 2013.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from robosim_support.compiled import compiled
+from slam.matching.lines import WILD, Ends, OnLines, adjust_poses, find_lines
+from slam.poses import between, compose, wrap
+
+#: Recent scans that are adjusted together hold so many ends, and are so many at least and at most.
+_ENDS, _FEWEST, _MOST = 220, 5, 60
+#: Distance from a line at which an end lies on it, and at which it counts half [m].
+_ON_M, _WILD_M = 0.12, 0.06
+#: The same for all scans at the end, and the share of the recent scans by which groups follow each other.
+_ON_AT_END_M, _WILD_AT_END_M, _OVERLAP = 0.1, 0.05, 3
+#: A new scan's ends are paired with lines no farther away than this [m], beyond their ends by no more than this [m].
+_GATE_M, _BEYOND_M, _SIGMA_M = 0.3, 0.5, 0.03
+#: Other headings [rad] and places [m] that a scan is fitted from, and by how much they must be better (log-likelihood).
+_HEADINGS_RAD, _ASIDE_M, _BETTER = (0.03, 0.07, 0.12), 0.06, 4.0
+#: Scans after which a scan is fitted again.
+_AGAIN = (6, 1)
+#: Deviations of systematic errors before they are known: scale, turn per metre [rad/m] and per radian; and those of
+#: single displacements they are estimated from [m, rad].
+_SCALE, _TURN_PER_M, _TURN_PER_RAD, _STEP_M, _STEP_RAD = 0.05, 0.03, 0.05, 0.04, 0.035
+#: Distances from lines [m], as above, in turn, when all poses are refined; and the squares in which lines are found.
+_REFINED_M = ((0.2, 0.1), (0.2, 0.1), (0.15, 0.08), (0.12, 0.06), (0.1, 0.05), (0.1, 0.05))
+_SQUARE_M, _STEP_OF_SQUARES_M = 4.0, 2.5
+#: A second pass trusts the errors of the first as much as so many times the prior.
+_KNOWN = 30.0
+
+
+class Calibration:
+    """Systematic errors of odometry: scale of distances, turn for each metre [rad/m], and scale of turns."""
+
+    def __init__(self, values: Float[np.ndarray, "3"] | None = None) -> None:
+        """Begin without any, or with those of an earlier pass."""
+        self.values = np.zeros(3) if values is None else values
+        self._information = np.diag(np.array([_SCALE, _TURN_PER_M, _TURN_PER_RAD]) ** -2.0)
+        if values is not None:
+            self._information *= _KNOWN
+        self._sum = self._information @ self.values
+
+    def corrected(self, measured: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+        """A displacement of odometry without them."""
+        scale, per_m, per_rad = self.values
+        distance_m = np.hypot(measured[0], measured[1])
+        turn = (1 + per_rad) * measured[2] + per_m * distance_m
+        return np.array([(1 + scale) * measured[0], (1 + scale) * measured[1], turn])
+
+    def add(self, measured: Float[np.ndarray, "3"], estimated: Float[np.ndarray, "3"]) -> None:
+        """Learn from a displacement that is known better; outliers count little."""
+        slopes = np.array([[measured[0], 0.0, 0.0], [0.0, np.hypot(measured[0], measured[1]), measured[2]]])
+        error = (estimated - measured)[[0, 2]]
+        deviation = np.array([_STEP_M, _STEP_RAD])
+        trust = 1 / (deviation**2 + (error - slopes @ self.values) ** 2 / 4)
+        self._information += slopes.T @ (trust[:, None] * slopes)
+        self._sum += slopes.T @ (trust * error)
+        self.values = np.linalg.solve(self._information, self._sum)
+
+
+def line_odometry(
+    ends: Ends, displacement: Float[np.ndarray, "k 3"], deviation: Float[np.ndarray, "k 3"]
+) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]:
+    """Poses of scans by odometry and common lines.
+
+    Args:
+        ends: Ends of the beams of the scans.
+        displacement: Since the scan before, by odometry: x, y [m], yaw [rad]; that of the first is not used.
+        deviation: Its standard deviations, without systematic errors.
+
+    Returns:
+        Poses from (0, 0, 0), yaw unwrapped; and displacements of odometry without systematic errors.
+    """
+    window = int(np.clip(_ENDS * len(displacement) / max(len(ends.scan), 1), _FEWEST, _MOST))
+    calibration = Calibration()
+    for values in (None, 0):
+        calibration = Calibration(None if values is None else calibration.values)
+        poses = _one_pass(ends, displacement, deviation, calibration, window)
+    corrected = np.array([calibration.corrected(step) for step in displacement])
+    step = max(window // _OVERLAP, 1)
+    for _ in range(3):
+        firsts = range(0, max(len(poses) - window, 0) + step, step)
+        groups = [np.arange(*np.searchsorted(ends.scan, [first, first + window])) for first in firsts]
+        on = find_lines(ends, poses, groups, _ON_AT_END_M)
+        poses = adjust_poses(poses, ends, on, (corrected, deviation), _WILD_AT_END_M)
+    return poses, corrected
+
+
+def _one_pass(
+    ends: Ends,
+    displacement: Float[np.ndarray, "k 3"],
+    deviation: Float[np.ndarray, "k 3"],
+    calibration: Calibration,
+    window: int,
+) -> Float[np.ndarray, "k 3"]:
+    """Poses scan by scan; the calibration learns."""
+    poses = np.zeros((len(displacement), 3))
+    for k in range(1, len(poses)):
+        first = max(0, k - window + 1)
+        recent = ends.between(first, k + 1)
+        motion = np.array([calibration.corrected(step) for step in displacement[first : k + 1]])
+        own = (motion, deviation[first : k + 1])
+        poses[k] = compose(poses[k - 1], motion[-1])
+        poses[k, 2] = poses[k - 1, 2] + motion[-1, 2]
+        track = poses[first : k + 1].copy()
+        before = np.arange(int(np.searchsorted(recent.scan, k - first)))
+        _fit(track, recent, find_lines(recent, track, [before], _ON_M), own, k - first)
+        on = find_lines(recent, track, [np.arange(len(recent.scan))], _ON_M)
+        track = adjust_poses(track, recent, on, own, _WILD_M)
+        for again in (k - first - back for back in _AGAIN):
+            if again > 2:
+                _fit(track, recent, on, own, again)
+        poses[first : k + 1] = track
+        if first:
+            calibration.add(displacement[first], between(poses[first - 1], poses[first]))
+    return poses
+
+
+def _fit(
+    track: Float[np.ndarray, "k 3"],
+    ends: Ends,
+    on: OnLines,
+    motion: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
+    k: int,
+) -> None:
+    """Fit one scan to the lines of the others, near what odometry predicts from its neighbours; its pose changes."""
+    lines = on.without(ends.scan[on.end] == k).lines(ends.at(track))
+    predicted, deviation = [compose(track[k - 1], motion[0][k])], [motion[1][k]]
+    if k + 1 < len(track):
+        predicted.append(compose(track[k + 1], between(motion[0][k + 1], np.zeros(3))))
+        deviation.append(motion[1][k + 1])
+    turns = [[0.0, 0.0, sign * turn] for sign in (-1, 1) for turn in _HEADINGS_RAD]
+    shifts = [[x * _ASIDE_M, y * _ASIDE_M, 0.0] for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    starts = track[k] + np.array([[0.0, 0.0, 0.0], *turns, *shifts])
+    own = ends.point[ends.scan == k]
+    if len(own) > 2 and len(lines):
+        track[k] = _best(own, lines, np.array(predicted), np.array(deviation), starts)
+
+
+@compiled
+def _best(
+    points: np.ndarray, lines: np.ndarray, predicted: np.ndarray, deviation: np.ndarray, starts: np.ndarray
+) -> np.ndarray:
+    """The most likely pose by Gauss-Newton steps from some; the first of them is preferred."""
+    best, least = starts[0].copy(), np.inf
+    for number in range(len(starts)):
+        pose = starts[number].copy()
+        for _ in range(6):
+            matrix, pull = np.zeros((3, 3)), np.zeros(3)
+            cost = _BETTER if number else 0.0
+            for k in range(len(predicted)):
+                for i in range(3):
+                    error = pose[i] - predicted[k, i]
+                    if i == 2:
+                        error = (error + np.pi) % (2 * np.pi) - np.pi
+                    wild = (error / deviation[k, i] / WILD) ** 2
+                    cost += 0.5 * WILD**2 * np.log1p(wild)
+                    trust = 1 / (1 + wild) / deviation[k, i] ** 2
+                    matrix[i, i] += trust
+                    pull[i] += trust * error
+            c, s = np.cos(pose[2]), np.sin(pose[2])
+            for k in range(len(points)):
+                x, y = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+                line, off = _nearest(x, y, pose, lines)
+                wild = (off / _WILD_M) ** 2
+                cost += 0.5 * (_WILD_M / _SIGMA_M) ** 2 * np.log1p(wild)
+                if line >= 0:
+                    nx, ny = lines[line, 2], lines[line, 3]
+                    slope = np.array([nx, ny, ny * x - nx * y])
+                    trust = 1 / (1 + wild) / _SIGMA_M**2
+                    matrix += trust * np.outer(slope, slope)
+                    pull += trust * off * slope
+            if cost < least:
+                best, least = pose.copy(), cost
+            pose = pose - np.linalg.solve(matrix, pull)
+    return best
+
+
+@compiled
+def _nearest(x: float, y: float, pose: np.ndarray, lines: np.ndarray) -> tuple[int, float]:
+    """The line nearest to the end of a beam, given from the robot, and its distance [m]; -1 and the gate if none."""
+    nearest, least = -1, _GATE_M
+    for k in range(len(lines)):
+        dx, dy, nx, ny = x + pose[0] - lines[k, 0], y + pose[1] - lines[k, 1], lines[k, 2], lines[k, 3]
+        along = nx * dy - ny * dx
+        off = nx * dx + ny * dy
+        if (
+            abs(off) < abs(least)
+            and lines[k, 4] - _BEYOND_M < along < lines[k, 5] + _BEYOND_M
+            and -(nx * x + ny * y) > 0.2 * np.hypot(x, y)
+        ):
+            nearest, least = k, off
+    return nearest, least
+
+
+def refine_poses(
+    poses: Float[np.ndarray, "k 3"],
+    ends: Ends,
+    motion: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
+) -> Float[np.ndarray, "k 3"]:
+    """Poses adjusted to lines of all scans that saw the same place; the first stays.
+
+    Args:
+        poses: Estimates, right to some decimetres: x [m], y [m], yaw [rad].
+        ends: Ends of the beams of the scans.
+        motion: Displacement since the scan before, and its standard deviations [m, m, rad].
+    """
+    poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+    for on_m, wild_m in _REFINED_M:
+        groups = _squares(ends.at(poses)[:, :2])
+        poses = adjust_poses(poses, ends, find_lines(ends, poses, groups, on_m), motion, wild_m)
+    poses[:, 2] = wrap(poses[:, 2])
+    return poses
+
+
+def points_of_walls(poses: Float[np.ndarray, "k 3"], ends: Ends, step_m: float) -> Float[np.ndarray, "n 2"]:
+    """Points (x, y) [m] of `map`, at most so far apart [m], on the lines through ends of beams of scans at poses."""
+    placed = ends.at(poses)
+    found = [np.zeros((0, 2))]
+    for line in find_lines(ends, poses, _squares(placed[:, :2]), _ON_AT_END_M).lines(placed):
+        place = np.arange(line[4], line[5], step_m)[:, None]
+        found.append(line[:2] + place * [-line[3], line[2]])
+    return np.concatenate(found)
+
+
+def _squares(points: Float[np.ndarray, "n 2"]) -> list[Int[np.ndarray, "..."]]:
+    """Numbers of the points (x, y) [m] in overlapping squares."""
+    if not len(points):
+        return []
+    corner = points.min(axis=0)
+    cells = np.unique(np.floor((points - corner) / _STEP_OF_SQUARES_M).astype(int), axis=0)
+    centres = corner + (cells + 0.5) * _STEP_OF_SQUARES_M
+    return [np.flatnonzero((np.abs(points - centre) < _SQUARE_M / 2).all(axis=1)) for centre in centres]
