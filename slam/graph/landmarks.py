@@ -136,6 +136,17 @@ class Landmarks:
             seen = _Seen(self._time, self._distance_m, node, here.copy(), bearing, stretch, first)
             self._take(graph, landmark, seen)
 
+    def merge(self, pose: int, other: int, at: Float[np.ndarray, "3"]) -> None:
+        """Follow a pose of the graph that was merged with another, in whose frame it lies at `at`."""
+        for landmarks in (*self._sources.values(), *self._images.values()):
+            for one in landmarks:
+                one.seen = [
+                    seen._replace(node=other - (other > pose), at=compose(at, seen.at))
+                    if seen.node == pose
+                    else seen._replace(node=seen.node - (seen.node > pose))
+                    for seen in one.seen
+                ]
+
     def transmitters(self, graph: PoseGraph) -> dict[str, Transmitter]:
         """Estimated positions of sources: for each, the landmark that was in line of sight most often."""
         found = {}

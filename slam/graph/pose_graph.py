@@ -16,7 +16,7 @@ Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotic
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import SuperLU, splu
 
-from slam.poses import rotation, wrap
+from slam.poses import between, compose, rotation, wrap
 
 #: Squared error, in variances, at which a loop, or a number of a sighting, begins to lose its weight: 99.9 % of right
 #: ones are below (chi square of three degrees of freedom, and of one).
@@ -132,11 +132,65 @@ class PoseGraph:
         others = [
             k
             for k, c in enumerate(self.constraints)
-            if not (c.loop and (c.first, c.second) == (first, second))
+            if not (c.loop and {c.first, c.second} == {first, second})
         ]
         self.constraints = [self.constraints[k] for k in others]
         self.weights = [self.weights[k] for k in others]
         self._uncertain.clear()
+
+    def merge(self, pose: int, other: int) -> Float[np.ndarray, "3"]:
+        """Remove a pose, which stays where it is relative to another. Numbers of later poses decrease by one.
+
+        What was measured from it now counts for the other, with the covariance between both in addition. Two poses keep
+        one displacement by odometry, the most certain, and get no loop if they have a constraint, so that places
+        visited again add no constraints.
+        Reference: Johannsson et al., Temporally scalable visual SLAM using a reduced pose graph, ICRA 2013.
+
+        Returns:
+            The removed pose in the frame of the other: x [m], y [m], yaw [rad].
+        """
+        at = between(self.poses[other], self.poses[pose])
+        back, ahead, behind = (
+            between(at, np.zeros(3)),
+            self.uncertainty(other)[pose],
+            self.uncertainty(pose)[other],
+        )
+        rest, transferred = [], []
+        for c, weight in zip(self.constraints, self.weights, strict=True):
+            if pose not in (c.first, c.second):
+                rest.append((c, weight))
+            elif other in (c.first, c.second):
+                continue
+            elif c.first == pose:
+                spread = chained(at, ahead, c.pose, c.covariance)
+                transferred.append(
+                    (replace(c, first=other, pose=compose(at, c.pose), covariance=spread), weight)
+                )
+            else:
+                spread = chained(c.pose, c.covariance, back, behind)
+                transferred.append(
+                    (replace(c, second=other, pose=compose(c.pose, back), covariance=spread), weight)
+                )
+        for c, weight in transferred:
+            same = [k for k, (o, _) in enumerate(rest) if {o.first, o.second} == {c.first, c.second}]
+            alike = [k for k in same if not rest[k][0].loop]
+            if (c.loop and not same and weight > _BELIEVED) or not (c.loop or alike):
+                rest.append((c, weight))
+            elif not c.loop and _size(c.covariance) < _size(rest[alike[0]][0].covariance):
+                rest[alike[0]] = c, weight
+        self.constraints = [
+            replace(c, first=c.first - (c.first > pose), second=c.second - (c.second > pose)) for c, _ in rest
+        ]
+        self.weights = [weight for _, weight in rest]
+        self.sightings = [
+            replace(s, pose=other - (other > pose), at=compose(at, s.at))
+            if s.pose == pose
+            else replace(s, pose=s.pose - (s.pose > pose))
+            for s in self.sightings
+        ]
+        del self.poses[pose]
+        self._uncertain.clear()
+        return at
 
     def believed(self) -> list[Constraint]:
         """Constraints that are believed more than half."""
@@ -210,7 +264,7 @@ class PoseGraph:
         held = [c for c, weight in zip(self.constraints, self.weights, strict=True) if weight > _BELIEVED]
         first, second = np.array([(c.first, c.second) for c in held], int).reshape(-1, 2).T
         covariance = np.array([c.covariance for c in held]).reshape(-1, 3, 3)
-        size = covariance[:, 0, 0] + covariance[:, 1, 1] + _ARM_M**2 * covariance[:, 2, 2]
+        size = _size(covariance)
         _, before = dijkstra(
             csr_matrix((size, (first, second)), shape=(n, n)),
             directed=False,
@@ -248,6 +302,12 @@ def chained(
     turned_step = turn[:2, :2] @ step[:2]
     lever = np.array([[1.0, 0.0, -turned_step[1]], [0.0, 1.0, turned_step[0]], [0.0, 0.0, 1.0]])
     return np.asarray(lever @ covariance @ lever.T + turn @ step_covariance @ turn.T)
+
+
+def _size(covariance: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
+    """Variance of shifts and of a turn together [m^2]."""
+    size = covariance[..., 0, 0] + covariance[..., 1, 1] + _ARM_M**2 * covariance[..., 2, 2]
+    return np.asarray(size)
 
 
 def _lever(away: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3 3"]:

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from robosim_support.compiled import compiled
 from slam.matching.levels import SurfaceLevels, Surfaces, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
-from slam.poses import between, to_map
+from slam.poses import between, compose, to_map
 
 #: Part of the strongest curvature of a fit that the noise of normals adds in every direction.
 _OF_NORMALS = 0.02
@@ -65,6 +65,10 @@ class Submap:
         """
         self.poses: list[Float[np.ndarray, 3]] = []
         """Of all scans."""
+        self.numbers: list[int] = []
+        """Of these among all scans of the trajectory."""
+        self.loops = 0
+        """Number of loops closed from it."""
         self.views: list[tuple[Float[np.ndarray, 3], View]] = []
         """Poses and ranges of scans; once it is packed, of some."""
         self._cell_m = cell_m
@@ -99,6 +103,11 @@ class Submap:
         """Keep only what later fits need: surfaces without cells, and some views."""
         self._surfaces, self._levels = self.surfaces, None
         self.views = _some_views(self.views)
+
+    def merge(self, other: "Submap", at: Float[np.ndarray, "3"]) -> None:
+        """Take the scans of another, whose frame lies at a pose, without what they saw."""
+        self.poses += [compose(at, pose) for pose in other.poses]
+        self.numbers += other.numbers
 
     def outline(self) -> ScanPoints:
         """Its surfaces as one scan in its own frame."""

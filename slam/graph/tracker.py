@@ -3,8 +3,8 @@
 Each scan is matched to the consistent surfaces around, and combined with odometry by covariances: where a scan gives no
 information, along a corridor, the pose grows uncertain along it. Every few metres a submap is closed and fitted to all
 others that may show the same place; a fit becomes a constraint of the graph. If odometry is so uncertain that the other
-submap must be searched for, the fit counts only after a second fit confirms it. When the graph changes, all poses
-follow.
+submap must be searched for, the fit counts only once more fits of neighbours confirm it than contradict it. When the
+graph changes, all poses follow. Submaps that show nothing new are merged with others.
 
 One fit is computed with each scan, so the time of an update is bounded; a closed loop takes effect some scans later.
 `Tracker.finish` fits all submaps again at the end, when poses are known better.
@@ -13,7 +13,6 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (the 
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -37,11 +36,12 @@ from slam.graph.submaps import (
     fit,
     least_covariance,
     looked_through,
+    seen_by,
 )
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.matching.thin_scans import RecentPoints
-from slam.poses import between, compose, rotation, wrap
+from slam.poses import between, compose, rotation, to_map, wrap
 from slam.sensing.bearings import Bearing
 
 
@@ -86,6 +86,8 @@ class _Pending(NamedTuple):
     here: int
     there: int
     fit: Fit
+    is_likely: bool
+    """Whether odometry makes it likely; if not, it can only contradict others."""
 
 
 #: A fit needs no confirmation if odometry is uncertain by no more than this [m, rad].
@@ -98,6 +100,12 @@ _NEAR = 6
 _TRIES, _TRIES_OF_FITTING = 6, 3
 #: Loops after which a submap needs no more with what is known to fit.
 _ENOUGH = 6
+#: A submap is merged with another if at least so many fit it, and of its surfaces this part is seen by so many.
+_HELD, _COVERED, _SHOWN = 3, 0.9, 5
+#: Most fits that are remembered for confirmation.
+_REMEMBERED = 100
+#: A fit that is compared to no better than this neither confirms nor contradicts another [m].
+_OPEN_M = 1.0
 #: Most waiting fits.
 _WAITING = 24
 #: Scans and distance [m] after which a submap is closed if one within this distance [m] is not known to fit.
@@ -150,8 +158,8 @@ class Tracker:
         self._apart = False
         self._unsolved_m = 0.0
         self._recent = RecentPoints(self.config.cell_m)
-        self._fitted = 0
-        self._loops: dict[int, int] = defaultdict(int)
+        self._fitted = self.submaps[0]
+        self._n_scans, self._n_judged = 0, 1
 
     def predict(
         self, displacement: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
@@ -195,6 +203,8 @@ class Tracker:
         if scan.thin:
             scan = self._lines(scan, view)
         self.submaps[-1].add(self._here, scan, view)
+        self.submaps[-1].numbers.append(self._n_scans)
+        self._n_scans += 1
         self._around.enter(self.pose, scan)
         has_changed = False
         if self._queue:
@@ -304,8 +314,12 @@ class Tracker:
         for _ in range(_ROUNDS if self.config.loops else 0):
             closed = self.closed
             for here in watched(range(2, len(self.submaps))):
-                believed = {(c.first, c.second) for c in self.graph.believed() if c.loop}
-                self._queue = [pair for pair in self._candidates(here) if pair not in believed]
+                believed = [
+                    {c.first, c.second}
+                    for c in self.graph.believed()
+                    if c.loop and here in (c.first, c.second)
+                ]
+                self._queue = [pair for pair in self._candidates(here) if set(pair) not in believed]
                 while self._queue:
                     self._try()
                 self._settle(_UNSOLVED_AT_END_M)
@@ -315,8 +329,13 @@ class Tracker:
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
         """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
-        anchors = zip(self.graph.poses, self.submaps, strict=True)
-        return np.array([compose(anchor, pose) for anchor, submap in anchors for pose in submap.poses])
+        found = np.zeros((self._n_scans, 3))
+        for anchor, submap in zip(self.graph.poses, self.submaps, strict=True):
+            if submap.poses:
+                own = np.array(submap.poses)
+                yaw = wrap(anchor[2] + own[:, 2])
+                found[submap.numbers] = np.column_stack([to_map(anchor, own[:, :2]), yaw])
+        return found
 
     def _judge(self, view: View, prior: Float[np.ndarray, "3 3"]) -> Judge:
         """The judge of poses by the last scans."""
@@ -341,11 +360,14 @@ class Tracker:
         covariance = np.linalg.inv(blind + 0.5 * (matched + matched.T))
         self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
         self.submaps.append(Submap(self.config.cell_m))
-        self._pack(last - 1)
+        if last > 0:
+            self._pack(self.submaps[last - 1])
         self._recent.move(between(self._here, np.zeros(3)))
         self._here, self._distance_m, self._turned_rad = np.zeros(3), 0.0, 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
+            self._merge_covered()
+            last = len(self.submaps) - 2
             self._queue = [*self._candidates(last), *self._queue][:_WAITING]
         before, self._n_bearings = self._n_bearings, self.landmarks.taken
         has_changed = self._n_bearings > before and self._solve()
@@ -353,10 +375,55 @@ class Tracker:
             self._look_around()
         return has_changed
 
-    def _pack(self, submap: int) -> None:
+    def _pack(self, submap: Submap) -> None:
         """Free memory of a submap whose scans do not judge new ones."""
-        if 0 <= submap < len(self.submaps) - 2:
-            self.submaps[submap].pack()
+        if submap not in self.submaps[-2:]:
+            submap.pack()
+
+    def _merge_covered(self) -> None:
+        """Merge submaps that show nothing new with those that show the same, so that the graph grows with the area."""
+        waiting = {number for pair in self._queue for number in pair}
+        while self._n_judged < len(self.submaps) - 2 and self._n_judged not in waiting:
+            other = self._covering(self._n_judged)
+            if other is None:
+                self._n_judged += 1
+            else:
+                self._merge(self._n_judged, other)
+                waiting = {number - (number > self._n_judged) for number in waiting}
+
+    def _covering(self, number: int) -> int | None:
+        """Of the submaps that fit one, that which shows most of it, if several others around show nearly all."""
+        points = self.submaps[number].outline().points
+        loops = [c for c in self.graph.believed() if c.loop and number in (c.first, c.second)]
+        fitting = {c.first + c.second - number for c in loops}
+        if len(fitting) < _HELD or not len(points):
+            return None
+        fits = self._together(self.graph.uncertainty(number))
+        fits[[number, *range(len(fits) - 2, len(fits))]] = False
+        away_m = np.hypot(*(np.array(self.graph.poses) - self.graph.poses[number])[:, :2].T)
+        around = np.flatnonzero(fits & (away_m < _NEIGHBOUR_M))
+        shown = np.zeros((len(self.submaps), len(points)), bool)
+        for other in {*fitting, *around.tolist()}:
+            place = between(self.graph.poses[other], self.graph.poses[number])
+            shown[other] = seen_by(Views.of(self.submaps[other].views), to_map(place, points))[0]
+        if float((shown.sum(axis=0) >= _SHOWN).mean()) < _COVERED:
+            return None
+        return max(sorted(fitting), key=lambda other: int(shown[other].sum()))
+
+    def _merge(self, number: int, other: int) -> None:
+        at = self.graph.merge(number, other)
+        self.landmarks.merge(number, other, at)
+        self.submaps[other].merge(self.submaps.pop(number), at)
+        self._queue = [
+            (here - (here > number), there - (there > number))
+            for here, there in self._queue
+            if number not in (here, there)
+        ]
+        self._pending = [
+            one._replace(here=one.here - (one.here > number), there=one.there - (one.there > number))
+            for one in self._pending
+            if number not in (one.here, one.there)
+        ]
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
         """Submaps that may overlap with a closed one, the most likely first."""
@@ -397,30 +464,28 @@ class Tracker:
         One that had to be searched for deviates by any amount.
         """
         covariance = self.graph.uncertainty(here)[there]
-        if self._loops[here] >= _ENOUGH and self._together(covariance[None])[0]:
+        if self.submaps[here].loops >= _ENOUGH and self._together(covariance[None])[0]:
             return 0.0
         predicted = between(self.graph.poses[here], self.graph.poses[there])
         found = fit(self.submaps[there], self.submaps[here], predicted, covariance, self.config.match)
-        if here != self._fitted:
+        if self.submaps[here] is not self._fitted:
             self._pack(self._fitted)
-            self._fitted = here
+            self._fitted = self.submaps[here]
         deviation = np.sqrt(np.diag(covariance))
         sure = math.hypot(deviation[0], deviation[1]) < _SURE_M and deviation[2] < _SURE_RAD
         least = self.config.agreement if sure else self.config.searched_agreement
         if found is None or found.overlap < self.config.overlap or found.agreement < least:
             return 0.0
         away = difference(found.pose, predicted, 1.0)
-        if away @ np.linalg.solve(covariance + found.covariance, away) > _SAME:
+        is_likely = bool(away @ np.linalg.solve(covariance + found.covariance, away) < _SAME)
+        if sure and not is_likely:
             return 0.0
-        closed = [_Pending(here, there, found)]
-        if not sure:
-            closed += [old for old in self._pending if self._same(old, closed[0])]
-            if len(closed) == 1:
-                self._pending += closed
-                return 0.0
-            self._pending = [old for old in self._pending if old not in closed]
+        new = _Pending(here, there, found, is_likely)
+        closed = [new] if sure else self._confirmed(new)
         for one in closed:
-            self._close(*one)
+            self._close(one.here, one.there, one.fit)
+        if not closed:
+            return 0.0
         return float(np.linalg.norm(away)) if sure else math.inf
 
     def _solve(self) -> bool:
@@ -432,18 +497,43 @@ class Tracker:
         return moved_m > _MOVED_M
 
     def _close(self, here: int, there: int, found: Fit) -> None:
-        self._loops[here] += 1
+        self.submaps[here].loops += 1
         self.graph.forget_loop(here, there)
         self.graph.hold(
             Constraint(first=here, second=there, pose=found.pose, covariance=found.covariance, loop=True)
         )
 
-    def _same(self, old: _Pending, new: _Pending) -> bool:
-        """Whether two fits agree."""
-        if (old.here, old.there) == (new.here, new.there):
-            return False
-        if abs(old.here - new.here) > _NEAR or abs(old.there - new.there) > _NEAR:
-            return False
+    def _confirmed(self, new: _Pending) -> list[_Pending]:
+        """A fit that had to be searched for and those that confirm it; none if others contradict it, which then wait.
+
+        Along a corridor with equal doors all neighbours fit, at places that contradict each other.
+        """
+        others = [old for old in self._pending if (old.here, old.there) != (new.here, new.there)]
+        agreeing, n_against = [], 0
+        for old in others:
+            if self._is_near(old, new):
+                away, spread = self._compared(old, new)
+                # Fits that leave the place open, as along a corridor, agree with any by chance.
+                if np.trace(spread[:2, :2]) < _OPEN_M**2:
+                    is_same = away @ np.linalg.solve(spread, away) < _SAME
+                    n_against += not is_same
+                    agreeing += [old] if is_same and old.is_likely else []
+        if new.is_likely and len(agreeing) > n_against:
+            self._pending = [old for old in others if old not in agreeing]
+            return [new, *agreeing]
+        self._pending = [*others, new][-_REMEMBERED:]
+        return []
+
+    @staticmethod
+    def _is_near(old: _Pending, new: _Pending) -> bool:
+        """Whether two fits are of neighbours, so that one is evidence for or against the other."""
+        is_same = (old.here, old.there) == (new.here, new.there)
+        return not is_same and max(abs(old.here - new.here), abs(old.there - new.there)) <= _NEAR
+
+    def _compared(
+        self, old: _Pending, new: _Pending
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """Difference between two fits, and its covariance."""
         poses = self.graph.poses
         to_old, from_old = (
             between(poses[new.here], poses[old.here]),
@@ -454,8 +544,7 @@ class Tracker:
         chain = compose(to_old, old.fit.pose)
         spread = chained(chain, spread, from_old, self.graph.uncertainty(old.there)[new.there])
         chain = compose(chain, from_old)
-        away = difference(chain, new.fit.pose, 1.0)
-        return bool(away @ np.linalg.solve(spread + new.fit.covariance, away) < _SAME)
+        return difference(chain, new.fit.pose, 1.0), spread + new.fit.covariance
 
     def _look_around(self) -> None:
         """Merge the consistent surfaces around."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from slam.graph.pose_graph import Constraint, PoseGraph, chained
+from slam.graph.pose_graph import Constraint, PoseGraph, Sighting, chained
 from slam.poses import between, compose
 
 STEP = np.diag([0.03, 0.03, 0.01]) ** 2
@@ -160,3 +160,57 @@ def test_chaining_with_an_exact_pose_only_turns():
     covariance = np.diag([1.0, 4.0, 9.0])
     turned = chained(np.array([5.0, 5.0, math.pi / 2]), np.zeros((3, 3)), np.zeros(3), covariance)
     np.testing.assert_allclose(turned, np.diag([4.0, 1.0, 9.0]), atol=1e-12)
+
+
+def test_merging_a_pose_leaves_the_chain_of_covariances():
+    """On a line 0-1-2-3, pose 2 merged with 1: the others stay, and 0 to 3 is the sum of steps, closed form.
+
+    The displacement 1 to 2 counts once as part of the chain from 1 to the next.
+    """
+    graph, step = PoseGraph(np.zeros(3)), np.array([1.0, 0.0, 0.3])
+    for k in range(3):
+        graph.add(compose(graph.poses[-1], step))
+        graph.hold(Constraint(first=k, second=k + 1, pose=step, covariance=STEP))
+    before, spread = np.array(graph.poses), graph.uncertainty(0)[3]
+    at = graph.merge(2, 1)
+    np.testing.assert_allclose(at, step, atol=1e-12)
+    np.testing.assert_allclose(np.array(graph.poses), before[[0, 1, 3]], atol=1e-12)
+    np.testing.assert_allclose(graph.uncertainty(0)[2], spread, rtol=1e-9, atol=1e-12)
+    assert {(c.first, c.second) for c in graph.constraints} == {(0, 1), (1, 2)}
+    graph.solve()
+    np.testing.assert_allclose(np.array(graph.poses), before[[0, 1, 3]], atol=1e-9)
+
+
+def test_merged_poses_keep_one_displacement_of_a_pair():
+    """Of two routes between two places, the more certain stays, and no second loop of a pair."""
+    graph = PoseGraph(np.zeros(3))
+    for k in range(1, 5):
+        graph.add(np.array([float(k % 2), 0.0, 0.0]))
+        pose = np.array([1.0 if k % 2 else -1.0, 0.0, 0.0])
+        graph.hold(Constraint(first=k - 1, second=k, pose=pose, covariance=STEP / k))
+    graph.hold(Constraint(first=2, second=0, pose=np.zeros(3), covariance=1e-9 * np.eye(3), loop=True))
+    graph.hold(Constraint(first=3, second=1, pose=np.zeros(3), covariance=1e-9 * np.eye(3), loop=True))
+    graph.merge(2, 0)
+    graph.merge(2, 1)
+    pairs = [{c.first, c.second} for c in graph.constraints]
+    assert sorted(map(sorted, pairs)) == [[0, 1], [1, 2]]
+    np.testing.assert_allclose(graph.constraints[0].covariance, STEP / 3, rtol=0.1, atol=1e-7)
+
+
+def test_a_sighting_from_a_merged_pose_keeps_its_place_on_the_map():
+    """Seen from pose 1, which is merged with 0: seen from the same point of `map`; later numbers decrease."""
+    graph, step = PoseGraph(np.array([1.0, 2.0, 0.5])), np.array([1.0, 0.2, 0.3])
+    for k in range(2):
+        graph.add(compose(graph.poses[-1], step))
+        graph.hold(Constraint(first=k, second=k + 1, pose=step, covariance=STEP))
+    graph.add_place(np.array([5.0, 5.0]))
+    at = np.array([0.3, 0.1, -0.2])
+    for pose in (1, 2):
+        graph.see(
+            Sighting(pose=pose, at=at, place=0, bearing_rad=0.1, sigma_rad=0.1, range_m=5, sigma_range=1)
+        )
+    before = [compose(graph.poses[one.pose], one.at) for one in graph.sightings]
+    graph.merge(1, 0)
+    assert [one.pose for one in graph.sightings] == [0, 1]
+    after = [compose(graph.poses[one.pose], one.at) for one in graph.sightings]
+    np.testing.assert_allclose(after, before, atol=1e-12)

@@ -1,13 +1,16 @@
 """A robot that drives round a ring of corridors: odometry drifts, loops close, and the past is put right."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from robosim.logs.trajectory_scores import compare_trajectories
-from slam.graph.tracker import Tracker, TrackerConfig
+from slam.graph.pose_graph import Constraint
+from slam.graph.submaps import Fit
+from slam.graph.tracker import Tracker, TrackerConfig, _Pending
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose
 from tests.slam.beams import along, ranges, rectangle, seen
@@ -125,3 +128,66 @@ def test_a_jump_leaves_open_what_the_match_does_not_say_by_decimetres_only() -> 
     std = np.sqrt(np.diag(tracker.graph.uncertainty(0)[1]))
     assert std[0] < 0.05
     assert 0.2 < std[1] < 0.6
+
+
+def test_the_graph_grows_with_the_area_not_with_the_time():
+    """Ten rounds of the same ring: hardly more submaps than after six, and every scan keeps its pose, to 0.2 m."""
+    rng, tracker = np.random.default_rng(0), Tracker(TrackerConfig(match=MATCHING))
+    route = along([(1, 1), *[(23, 1), (23, 15), (1, 15), (1, 1)] * 10])
+    tracker.reset(route[0])
+    tracker.update(*seen(ranges(RING, route[0], rng)), np.zeros(3), 1e-10 * np.eye(3))
+    counts = []
+    for k, (before, pose) in enumerate(pairwise(route)):
+        displacement = between(before, pose) + rng.multivariate_normal(np.zeros(3), NOISE)
+        tracker.update(*seen(ranges(RING, pose, rng)), displacement, NOISE)
+        if k in (6 * len(route) // 10, len(route) - 2):
+            counts.append(len(tracker.submaps))
+    assert counts[1] <= counts[0] + 4
+    poses = tracker.poses()
+    assert len(poses) == len(route)
+    assert np.hypot(*(poses - np.array(route))[:, :2].T).max() < 0.2
+
+
+def _searched(here: int, there: int, x_m: float, wide_m: float = 0.02) -> _Pending:
+    """A fit of a submap 50 m along a corridor to one at its beginning."""
+    found = Fit(
+        pose=np.array([x_m, 0.0, 0.0]),
+        covariance=np.diag([wide_m, 0.02, 0.01]) ** 2,
+        overlap=100,
+        agreement=1.0,
+    )
+    return _Pending(here, there, found, True)
+
+
+@pytest.mark.parametrize(
+    ("others", "counts"),
+    [
+        ([], False),
+        ([_searched(9, 1, 0.0)], True),
+        ([_searched(9, 1, 0.0, wide_m=10.0)], False),
+        ([_searched(9, 1, 0.0), _searched(9, 2, 4.6)], False),
+        ([_searched(9, 1, 4.6)], False),
+    ],
+    ids=["alone", "confirmed", "by one that leaves it open", "as many contradict", "contradicted"],
+)
+def test_a_fit_that_was_searched_for_counts_if_more_confirm_it_than_contradict(others, counts):
+    """Submaps 1, 2 and 8, 9 on a straight line, 5 m between neighbours: fits agree by the closed form of the chain."""
+    tracker = Tracker()
+    for k in range(1, 11):
+        node = tracker.graph.add(np.array([5.0 * k, 0.0, 0.0]))
+        step = np.diag([0.05, 0.05, 0.005]) ** 2
+        tracker.graph.hold(Constraint(first=k - 1, second=node, pose=np.array([5.0, 0, 0]), covariance=step))
+    # Where 1 and 2 lie in the frame of 8 and 9, if odometry between them is right and each fit is off by as much.
+    off_m = -39.0
+    new = _searched(8, 1, off_m + 5.0)
+    tracker._pending = [
+        one._replace(
+            fit=replace(
+                one.fit,
+                pose=one.fit.pose
+                + np.array([off_m + 5.0 * (one.there - 1) - 5.0 * (one.here - 8) + 5.0, 0, 0]),
+            )
+        )
+        for one in others
+    ]
+    assert bool(tracker._confirmed(new)) == counts
