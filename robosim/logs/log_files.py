@@ -92,14 +92,16 @@ def _read_scans(
         values = np.array(rows)
         times, (first, last) = values[:, 0], values[0, 1:3]
         check_rising(lines, times)
-        if not -7 < first < last < 7:
+        if not -7 < first < last < min(first + 6.3, 7):
             raise ValueError(
-                f"line {lines[0]} has bearings from {first:g} to {last:g}, expected rising ones in radians"
+                f"line {lines[0]} has bearings from {first:g} to {last:g}, expected rising ones in radians, one turn at "
+                "most"
             )
         check_bearings(lines, values[:, 1:3])
         ranges = values[:, 3:]
         ranges = np.where((ranges > 0.05) & (ranges < 1e3), ranges, np.inf)
-        return times, np.linspace(first, last, ranges.shape[1]), ranges
+        turn = 2 * np.pi if first < -np.pi - 1e-6 else 0.0
+        return times, turn + np.linspace(first, last, ranges.shape[1]), ranges
 
 
 #: First bytes of recordings that are not supported, and their names.

@@ -43,7 +43,7 @@ class View:
     """How far one scan saw in each direction."""
 
     bearing_rad: Float[np.ndarray, " w"]
-    """Directions in the robot's frame [rad], in order, rising."""
+    """Directions in the robot's frame [rad], rising, from -pi or more on; a full turn may end beyond pi."""
     range_m: Float[np.ndarray, " w"]
     """How far away the surface seen is [m]; negative where there is none: nothing up to that range then."""
 
@@ -278,6 +278,8 @@ def _look(
             dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
             distance_m = np.hypot(dx, dy)
             direction = np.arctan2(c * dy - s * dx, c * dx + s * dy)
+            if direction < bearing[0]:
+                direction += 2 * np.pi
             beam = np.searchsorted(bearing, direction)
             if beam == 0 or beam == len(bearing):
                 continue

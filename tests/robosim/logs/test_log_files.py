@@ -273,6 +273,21 @@ def test_tables_of_scans_name_the_line(tmp_path, row, column, word, said):
         read_log(odometry, scans)
 
 
+def test_bearings_make_one_turn_at_most(tmp_path):
+    """Those of a whole turn that ends at 0 begin at 0; those of more than a turn are an error."""
+    odometry, scans = DRIVE.write_tum(tmp_path)
+    lines = [line.split() for line in scans.read_text().splitlines()]
+    turned = [[time, "-6.2", "0", *ranges] for time, _, _, *ranges in lines]
+    scans.write_text("\n".join(map(" ".join, turned)))
+    assert read_log(odometry, scans).bearing_rad[[0, -1]] == pytest.approx([2 * np.pi - 6.2, 2 * np.pi])
+    longer = [[time, "-3.2", "3.2", *ranges] for time, _, _, *ranges in lines]
+    scans.write_text("\n".join(map(" ".join, longer)))
+    with pytest.raises(
+        FileError, match=r"line 1 has bearings from -3.2 to 3.2, expected .* one turn at most"
+    ):
+        read_log(odometry, scans)
+
+
 @pytest.mark.parametrize("step", ["0", "-0.01"])
 def test_beams_that_do_not_rise_are_errors(tmp_path, step):
     path = tmp_path / "room.clf"

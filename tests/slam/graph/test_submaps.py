@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slam.graph.submaps import Submap, covariance_of, fit, observed
+from slam.graph.submaps import Submap, View, Views, covariance_of, fit, observed, seen_by
 from slam.graph.tracker import TrackerConfig
 from slam.matching.levels import SurfaceLevels
 from slam.matching.scan_matching import MatchConfig, ScanPoints, match_scan
@@ -116,3 +116,16 @@ def test_a_wall_right_ahead_determines_the_turn():
     assert deviation[0] < 0.01
     assert deviation[1] > 1.0
     assert deviation[2] < math.radians(1.5)
+
+
+def test_beams_from_0_to_360_degrees_see_all_around():
+    """As those from -180 to 180 degrees do: a point on a circle is seen, one half as far is looked through."""
+    around = np.radians(np.arange(0.5, 360, 5))
+    points = np.column_stack([np.cos(around), np.sin(around)])
+    for first_deg in (-180, -90, 0):
+        bearing = np.radians(np.arange(first_deg, first_deg + 360.0))
+        views = Views.of([(np.zeros(3), View(bearing_rad=bearing, range_m=np.full(360, 4.0)))])
+        same, through = seen_by(views, np.concatenate([4 * points, 2 * points]))
+        n = len(points)
+        assert same[:n].all() and not same[n:].any()
+        assert through[n:].all() and not through[:n].any()
