@@ -5,13 +5,16 @@ from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
+import numpy as np
+from jaxtyping import Float
 from rich.console import Console
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
-from robosim.logs.log_mapping import LogConfig
+from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
+from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked
 
@@ -44,11 +47,8 @@ def slam(
         how: How the map is made.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.drawing.plots import draw_maps, draw_trajectories
     from robosim.logs.log_files import read_log
-    from robosim.logs.log_mapping import make_log_plan, map_log
     from robosim.logs.trajectory_scores import compare_trajectories, count_filled_cells
-    from robosim.plans.files import write_ros
     from robosim.support.files import write_json
     from robosim.support.tum import write_tum
 
@@ -84,14 +84,7 @@ def slam(
                 file = {"graph": "trajectory"}.get(name, name)
                 write_tum(place / f"{file}.tum", log.times, poses)
                 _add(table, log.name, name, row)
-            plans: dict[str, FloorPlan] = {
-                name: make_log_plan(log, trajectories[name], how.resolution_m, how.range_m)
-                for name in ("graph", "reference")
-                if name in trajectories
-            }
-            write_ros(plans["graph"], place / "map.yaml")
-            draw_maps(place / "map.png", plans, trajectories)
-            draw_trajectories(place / "trajectories.png", log, trajectories)
+            _write_maps(place, log, trajectories, how)
             result = {"log": log.name, "scans": len(log.range_m), "trajectories": rows}
             write_json(place / "result.json", result)
             results.append(result)
@@ -102,6 +95,23 @@ def slam(
     )
     last = folder if len(read) == 1 else folder / read[-1].name
     console.print(f"Next: robosim plan {quote(str(last / 'map.yaml'))}")
+
+
+def _write_maps(
+    folder: Path, log: RobotLog, trajectories: dict[str, Float[np.ndarray, "n 3"]], how: LogConfig
+) -> None:
+    """Maps of the scans by the graph and by the reference, and pictures of them and of all trajectories."""
+    from robosim.drawing.plots import draw_maps, draw_trajectories
+    from robosim.plans.files import write_ros
+
+    plans: dict[str, FloorPlan] = {
+        name: make_log_plan(log, trajectories[name], how.resolution_m, how.range_m)
+        for name in ("graph", "reference")
+        if name in trajectories
+    }
+    write_ros(plans["graph"], folder / "map.yaml")
+    draw_maps(folder / "map.png", plans, trajectories)
+    draw_trajectories(folder / "trajectories.png", log, trajectories)
 
 
 def _watched(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:

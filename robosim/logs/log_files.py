@@ -94,8 +94,8 @@ def _read_scans(
         check_rising(lines, times)
         if not -7 < first < last < min(first + 6.3, 7):
             raise ValueError(
-                f"line {lines[0]} has bearings from {first:g} to {last:g}, expected rising ones in radians, one turn at "
-                "most"
+                f"line {lines[0]} has bearings from {first:g} to {last:g}, expected rising ones in radians, of one "
+                "turn at most"
             )
         check_bearings(lines, values[:, 1:3])
         ranges = values[:, 3:]

@@ -156,7 +156,7 @@ def map_log(
             f"{log.file or log.name}: odometry goes {step_m.max():.0f} m up to scan {step_m.argmax() + 1}, where scans "
             f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
         )
-    log = _corrected(log, config)
+    log = _corrected(log, config, watched)
     _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
     step_deg = math.degrees(log.step_rad())
     if step_deg > _SPARSE_DEG:
@@ -169,7 +169,7 @@ def map_log(
         )
     thin, lines = is_thin(log.beams()[0]), None
     if thin and log.known[1:].all():
-        log, lines = _with_line_odometry(log, config)
+        log, lines = _with_line_odometry(log, config, lambda numbers: watched(numbers, "lines"))
         config = replace(config, odometry=_LINE_ODOMETRY)
     tracker, bearings = Tracker(config.tracker(loops, log.step_rad())), log.beams()
     step_s = np.diff(log.times, prepend=log.times[0])
@@ -191,11 +191,11 @@ def map_log(
     return Mapped(log=log, poses=poses, loops=tracker.closed, seconds=process_time() - begin)
 
 
-def _corrected(log: RobotLog, config: LogConfig) -> RobotLog:
+def _corrected(log: RobotLog, config: LogConfig, watched: Callable[[range, str], Iterable[int]]) -> RobotLog:
     """The log with scans as from one pose each; without odometry the motion is that of a first trajectory."""
     track = None
     for _ in range(_PASSES if log.moving().any() else 0):
-        poses = map_log(log.corrected(track), config, loops=False).poses
+        poses = map_log(log.corrected(track), config, loops=False, watched=watched).poses
         track = OdometryTrack(times=log.times, poses=poses)
     return log.corrected(track)
 
@@ -218,7 +218,7 @@ def _view(bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"]
 
 
 def _with_line_odometry(
-    log: RobotLog, config: LogConfig
+    log: RobotLog, config: LogConfig, watched: Callable[[range], Iterable[int]]
 ) -> tuple[RobotLog, tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]]:
     """The log with displacements by lines; ends of beams, and displacements of odometry with standard deviations."""
     ends = Ends.of(log.beams(), log.range_m, config.range_m)
@@ -228,7 +228,7 @@ def _with_line_odometry(
         for step, time_s in zip(log.displacement, step_s, strict=True)
     ]
     deviation = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)) * _WITHOUT_BIAS
-    poses, corrected = line_odometry(ends, log.displacement, deviation)
+    poses, corrected = line_odometry(ends, log.displacement, deviation, watched)
     steps = [between(one, next_one) for one, next_one in pairwise(poses)]
     return replace(log, displacement=np.array([np.zeros(3), *steps])), (ends, (corrected, deviation))
 

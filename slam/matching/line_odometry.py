@@ -8,6 +8,8 @@ Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022; C
 odometry and sensor parameters for mobile robots, T-RO 2013.
 """
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -67,7 +69,10 @@ class Calibration:
 
 
 def line_odometry(
-    ends: Ends, displacement: Float[np.ndarray, "k 3"], deviation: Float[np.ndarray, "k 3"]
+    ends: Ends,
+    displacement: Float[np.ndarray, "k 3"],
+    deviation: Float[np.ndarray, "k 3"],
+    watched: Callable[[range], Iterable[int]] = iter,
 ) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]:
     """Poses of scans by odometry and common lines.
 
@@ -75,6 +80,7 @@ def line_odometry(
         ends: Ends of the beams of the scans.
         displacement: Since the scan before, by odometry: x, y [m], yaw [rad]; that of the first is not used.
         deviation: Its standard deviations, without systematic errors.
+        watched: Wraps the range of scans, in each of two passes, to report progress.
 
     Returns:
         Poses from (0, 0, 0), yaw unwrapped; and displacements of odometry without systematic errors.
@@ -83,7 +89,9 @@ def line_odometry(
     calibration = Calibration()
     for values in (None, 0):
         calibration = Calibration(None if values is None else calibration.values)
-        poses = _one_pass(ends, displacement, deviation, calibration, window)
+        poses = np.zeros((len(displacement), 3))
+        for k in watched(range(1, len(poses))):
+            _take_in(k, poses, ends, (displacement, deviation), calibration, window)
     corrected = np.array([calibration.corrected(step) for step in displacement])
     step = max(window // _OVERLAP, 1)
     for _ in range(3):
@@ -94,34 +102,33 @@ def line_odometry(
     return poses, corrected
 
 
-def _one_pass(
+def _take_in(
+    k: int,
+    poses: Float[np.ndarray, "k 3"],
     ends: Ends,
-    displacement: Float[np.ndarray, "k 3"],
-    deviation: Float[np.ndarray, "k 3"],
+    odometry: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
     calibration: Calibration,
     window: int,
-) -> Float[np.ndarray, "k 3"]:
-    """Poses scan by scan; the calibration learns."""
-    poses = np.zeros((len(displacement), 3))
-    for k in range(1, len(poses)):
-        first = max(0, k - window + 1)
-        recent = ends.between(first, k + 1)
-        motion = np.array([calibration.corrected(step) for step in displacement[first : k + 1]])
-        own = (motion, deviation[first : k + 1])
-        poses[k] = compose(poses[k - 1], motion[-1])
-        poses[k, 2] = poses[k - 1, 2] + motion[-1, 2]
-        track = poses[first : k + 1].copy()
-        before = np.arange(int(np.searchsorted(recent.scan, k - first)))
-        _fit(track, recent, find_lines(recent, track, [before], _ON_M), own, k - first)
-        on = find_lines(recent, track, [np.arange(len(recent.scan))], _ON_M)
-        track = adjust_poses(track, recent, on, own, _WILD_M)
-        for again in (k - first - back for back in _AGAIN):
-            if again > 2:
-                _fit(track, recent, on, own, again)
-        poses[first : k + 1] = track
-        if first:
-            calibration.add(displacement[first], between(poses[first - 1], poses[first]))
-    return poses
+) -> None:
+    """Estimate the pose of a scan, adjust those of recent ones, and learn from the one that leaves them."""
+    displacement, deviation = odometry
+    first = max(0, k - window + 1)
+    recent = ends.between(first, k + 1)
+    motion = np.array([calibration.corrected(step) for step in displacement[first : k + 1]])
+    own = (motion, deviation[first : k + 1])
+    poses[k] = compose(poses[k - 1], motion[-1])
+    poses[k, 2] = poses[k - 1, 2] + motion[-1, 2]
+    track = poses[first : k + 1].copy()
+    before = np.arange(int(np.searchsorted(recent.scan, k - first)))
+    _fit(track, recent, find_lines(recent, track, [before], _ON_M), own, k - first)
+    on = find_lines(recent, track, [np.arange(len(recent.scan))], _ON_M)
+    track = adjust_poses(track, recent, on, own, _WILD_M)
+    for again in (k - first - back for back in _AGAIN):
+        if again > 2:
+            _fit(track, recent, on, own, again)
+    poses[first : k + 1] = track
+    if first:
+        calibration.add(displacement[first], between(poses[first - 1], poses[first]))
 
 
 def _fit(

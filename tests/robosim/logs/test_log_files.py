@@ -283,7 +283,7 @@ def test_bearings_make_one_turn_at_most(tmp_path):
     longer = [[time, "-3.2", "3.2", *ranges] for time, _, _, *ranges in lines]
     scans.write_text("\n".join(map(" ".join, longer)))
     with pytest.raises(
-        FileError, match=r"line 1 has bearings from -3.2 to 3.2, expected .* one turn at most"
+        FileError, match=r"line 1 has bearings from -3.2 to 3.2, expected .* of one turn at most"
     ):
         read_log(odometry, scans)
 
