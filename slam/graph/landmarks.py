@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from slam.graph.pose_graph import PoseGraph, Sighting
+from slam.graph.least_squares import Sighting
+from slam.graph.pose_graph import PoseGraph
 from slam.poses import compose, wrap
 from slam.sensing.bearings import Bearing
 

@@ -25,7 +25,8 @@ from robosim_support.checks import Range, checked
 from slam.graph.alongside import mirror_image_angle_rad
 from slam.graph.judging import Judge
 from slam.graph.landmarks import Landmarks, Transmitter
-from slam.graph.pose_graph import Constraint, PoseGraph, chained
+from slam.graph.least_squares import Constraint
+from slam.graph.pose_graph import PoseGraph, chained
 from slam.graph.submaps import (
     OF_SCAN,
     Fit,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from slam.graph.pose_graph import Constraint, PoseGraph, Sighting, chained
+from slam.graph.least_squares import Constraint, Sighting
+from slam.graph.pose_graph import PoseGraph, chained
 from slam.poses import between, compose
 
 STEP = np.diag([0.03, 0.03, 0.01]) ** 2

@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from slam.graph.landmarks import Landmarks
-from slam.graph.pose_graph import Constraint, PoseGraph, Sighting
+from slam.graph.least_squares import Constraint, Sighting
+from slam.graph.pose_graph import PoseGraph
 from slam.poses import between, compose, wrap
 from slam.sensing.bearings import Bearing
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robosim.logs.trajectory_scores import compare_trajectories
-from slam.graph.pose_graph import Constraint
+from slam.graph.least_squares import Constraint
 from slam.graph.submaps import Fit
 from slam.graph.tracker import Tracker, TrackerConfig, _Pending
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
