@@ -17,7 +17,8 @@ from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
 from slam.graph.submaps import View
-from slam.graph.tracker import Tracker, TrackerConfig
+from slam.graph.tracker import Tracker
+from slam.graph.tracker_config import TrackerConfig
 from slam.matching.line_odometry import line_odometry, points_of_walls, refine_poses
 from slam.matching.lines import Ends
 from slam.matching.scan_matching import MatchConfig, ScanPoints, points_of_beams

@@ -14,101 +14,37 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (the 
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
 from slam.graph.alongside import mirror_image_angle_rad
 from slam.graph.judging import Judge
 from slam.graph.landmarks import Landmarks, Transmitter
 from slam.graph.least_squares import Constraint
+from slam.graph.loop_closing import LoopCloser
 from slam.graph.pose_graph import PoseGraph, chained
 from slam.graph.submaps import (
     OF_SCAN,
-    Fit,
     Submap,
     View,
     Views,
     covariance_of,
-    fit,
     least_covariance,
     looked_through,
     seen_by,
 )
+from slam.graph.tracker_config import TrackerConfig
 from slam.matching.levels import SurfaceLevels, difference, matches
-from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
+from slam.matching.scan_matching import Match, ScanPoints
 from slam.matching.thin_scans import RecentPoints
 from slam.poses import between, compose, rotation, to_map, wrap
 from slam.sensing.bearings import Bearing
 
-
-@dataclass(frozen=True, kw_only=True)
-@checked
-class TrackerConfig:
-    """Settings of the tracker."""
-
-    cell_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
-    """Side of the cells of surfaces [m]."""
-    submap_m: Annotated[float, Range(0.1, 1000, "m")] = 4.0
-    """Distance after which a submap is closed [m]."""
-    submap_scans: Annotated[int, Range(1, 100_000, "scans")] = 60
-    """Scans after which it is closed, at the latest."""
-    loops: bool = True
-    """Whether loops are closed; without, poses do not change later."""
-    radio: bool = True
-    """Whether sources of a radio are landmarks."""
-    match: MatchConfig = field(default_factory=MatchConfig)
-    """Settings of scan matching."""
-    together_m: Annotated[float, Range(0.001, 10, "m")] = 0.05
-    """Submaps are matched if their position relative to the current one is known to this [m]."""
-    together_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = math.radians(1.0)
-    """The same for their yaw [rad]."""
-    drift_m: Annotated[float, Range(0, 10, "m")] = 0.01
-    """Drift of matched poses, beyond the covariance of matches, per square root of a metre driven [m]."""
-    drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.03)
-    """The same for their yaw [rad]."""
-    drift_turn_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.12)
-    """Drift of their yaw per square root of a radian turned [rad]."""
-    overlap: Annotated[int, Range(1, 1_000_000, "surfaces")] = 40
-    """Surfaces that two submaps must both have seen to be fitted."""
-    agreement: Annotated[float, Range(0, 1)] = 0.8
-    """Part of the surfaces seen by both that must not contradict, where odometry is precise."""
-    searched_agreement: Annotated[float, Range(0, 1)] = 0.9
-    """The same if it had to be searched for."""
-
-
-class _Pending(NamedTuple):
-    """A fit that waits for confirmation."""
-
-    here: int
-    there: int
-    fit: Fit
-    is_likely: bool
-    """Whether odometry makes it likely; if not, it can only contradict others."""
-
-
-#: A fit needs no confirmation if odometry is uncertain by no more than this [m, rad].
-_SURE_M, _SURE_RAD = 0.25, math.radians(3.0)
-#: Squared difference, in variances, up to which two fits agree.
-_SAME = 16.27
-#: Largest difference between numbers of submaps whose fits may confirm each other.
-_NEAR = 6
-#: Most fits per submap with neighbours that are not known to fit, and with those that are.
-_TRIES, _TRIES_OF_FITTING = 6, 3
-#: Loops after which a submap needs no more with what is known to fit.
-_ENOUGH = 6
 #: A submap is merged with another if at least so many fit it, and of its surfaces this part is seen by so many.
 _HELD, _COVERED, _SHOWN = 3, 0.9, 5
-#: Most fits that are remembered for confirmation.
-_REMEMBERED = 100
-#: A fit that is compared to no better than this neither confirms nor contradicts another [m].
-_OPEN_M = 1.0
-#: Most waiting fits.
-_WAITING = 24
 #: Scans and distance [m] after which a submap is closed if one within this distance [m] is not known to fit.
 _SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 #: Submaps are closed early if sources are received and the heading is more uncertain than this [rad].
@@ -133,12 +69,13 @@ _PULLED = 0.5
 _AROUND_M = 25.0
 #: Most submaps around that a scan is matched to, the nearest: nearer ones have seen the same surfaces.
 _MOST_AROUND = 40
+_DEFAULTS = TrackerConfig()
 
 
 class Tracker:
     """Tracks a robot, and corrects its trajectory when loops close."""
 
-    def __init__(self, config: TrackerConfig = TrackerConfig()) -> None:
+    def __init__(self, config: TrackerConfig = _DEFAULTS) -> None:
         self.config = config
         self._least_m = OF_SCAN * config.match.sigma_m
         self.reset(np.zeros(3))
@@ -153,13 +90,11 @@ class Tracker:
         self._here = np.zeros(3)
         self._spread = self._blind = np.zeros((3, 3))
         self._distance_m = self._turned_rad = 0.0
-        self._queue: list[tuple[int, int]] = []
-        self._pending: list[_Pending] = []
+        self._loops = LoopCloser(self.config, self.graph, self.submaps)
         self._around = SurfaceLevels(self.config.cell_m)
         self._apart = False
         self._unsolved_m = 0.0
         self._recent = RecentPoints(self.config.cell_m)
-        self._fitted = self.submaps[0]
         self._n_scans, self._n_judged = 0, 1
 
     def predict(
@@ -208,10 +143,10 @@ class Tracker:
         self._n_scans += 1
         self._around.enter(self.pose, scan)
         has_changed = False
-        if self._queue:
-            self._try()
+        if self._loops.queue:
+            self._unsolved_m += self._loops.try_next()
             # Fits that confirm the poses wait for each other.
-            has_changed = self._settle(_UNSOLVED_M if self._queue else _CONFIRMED_M)
+            has_changed = self._settle(_UNSOLVED_M if self._loops.queue else _CONFIRMED_M)
         # Submaps around that are not known to fit are tried soon.
         most = self.config.submap_scans
         if self._apart and self._distance_m > _SOON_M:
@@ -309,8 +244,8 @@ class Tracker:
         """
         if len(self.submaps[-1].poses) > 1:
             self._begin()
-        while self._queue:
-            self._try()
+        while self._loops.queue:
+            self._unsolved_m += self._loops.try_next()
             self._settle(_UNSOLVED_M)
         for _ in range(_ROUNDS if self.config.loops else 0):
             closed = self.closed
@@ -320,9 +255,11 @@ class Tracker:
                     for c in self.graph.believed()
                     if c.loop and here in (c.first, c.second)
                 ]
-                self._queue = [pair for pair in self._candidates(here) if set(pair) not in believed]
-                while self._queue:
-                    self._try()
+                self._loops.queue = [
+                    pair for pair in self._loops.candidates(here) if set(pair) not in believed
+                ]
+                while self._loops.queue:
+                    self._unsolved_m += self._loops.try_next()
                 self._settle(_UNSOLVED_AT_END_M)
             self._settle(0.0)
             if self.closed == closed:
@@ -362,28 +299,23 @@ class Tracker:
         self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
         self.submaps.append(Submap(self.config.cell_m))
         if last > 0:
-            self._pack(self.submaps[last - 1])
+            self._loops.pack(self.submaps[last - 1])
         self._recent.move(between(self._here, np.zeros(3)))
         self._here, self._distance_m, self._turned_rad = np.zeros(3), 0.0, 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
             self._merge_covered()
             last = len(self.submaps) - 2
-            self._queue = [*self._candidates(last), *self._queue][:_WAITING]
+            self._loops.add(last)
         before, self._n_bearings = self._n_bearings, self.landmarks.taken
         has_changed = self._n_bearings > before and self._solve()
         if not has_changed:
             self._look_around()
         return has_changed
 
-    def _pack(self, submap: Submap) -> None:
-        """Free memory of a submap whose scans do not judge new ones."""
-        if submap not in self.submaps[-2:]:
-            submap.pack()
-
     def _merge_covered(self) -> None:
         """Merge submaps that show nothing new with those that show the same, so that the graph grows with the area."""
-        waiting = {number for pair in self._queue for number in pair}
+        waiting = {number for pair in self._loops.queue for number in pair}
         while self._n_judged < len(self.submaps) - 2 and self._n_judged not in waiting:
             other = self._covering(self._n_judged)
             if other is None:
@@ -399,7 +331,7 @@ class Tracker:
         fitting = {c.first + c.second - number for c in loops}
         if len(fitting) < _HELD or not len(points):
             return None
-        fits = self._together(self.graph.uncertainty(number))
+        fits = self._loops.together(self.graph.uncertainty(number))
         fits[[number, *range(len(fits) - 2, len(fits))]] = False
         away_m = np.hypot(*(np.array(self.graph.poses) - self.graph.poses[number])[:, :2].T)
         around = np.flatnonzero(fits & (away_m < _NEIGHBOUR_M))
@@ -415,79 +347,11 @@ class Tracker:
         at = self.graph.merge(number, other)
         self.landmarks.merge(number, other, at)
         self.submaps[other].merge(self.submaps.pop(number), at)
-        self._queue = [
-            (here - (here > number), there - (there > number))
-            for here, there in self._queue
-            if number not in (here, there)
-        ]
-        self._pending = [
-            one._replace(here=one.here - (one.here > number), there=one.there - (one.there > number))
-            for one in self._pending
-            if number not in (one.here, one.there)
-        ]
-
-    def _candidates(self, here: int) -> list[tuple[int, int]]:
-        """Submaps that may overlap with a closed one, the most likely first."""
-        uncertain = self.graph.uncertainty(here)[: max(here - 1, 0)]
-        poses = np.array(self.graph.poses[: here + 1])
-        circles = np.array([submap.circle() for submap in self.submaps[: here + 1]])
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x, y, radius_m = circles.T
-        middle = poses[:, :2] + np.column_stack([c * x - s * y, s * x + c * y])
-        gap_m = np.hypot(*(middle[: len(uncertain)] - middle[here]).T)
-        open_m = 3 * np.sqrt(uncertain[:, 0, 0] + uncertain[:, 1, 1])
-        is_near = gap_m - open_m < 0.7 * (radius_m[: len(uncertain)] + radius_m[here])
-        fits = self._together(uncertain)
-        found = []
-        for some, tries in ((~fits, _TRIES), (fits, _TRIES_OF_FITTING)):
-            near = np.flatnonzero(is_near & some)
-            found += [(here, int(there)) for there in near[np.argsort(gap_m[near], kind="stable")[:tries]]]
-        return found
-
-    def _together(self, spread: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
-        """Which submaps are known to fit another, by the covariance between them."""
-        wide = np.hypot(spread[:, 0, 0], spread[:, 1, 1]) > self.config.together_m**2
-        return ~wide & (spread[:, 2, 2] < self.config.together_rad**2)
-
-    def _try(self) -> None:
-        """Fit one pair of submaps."""
-        here, there = self._queue.pop(0)
-        if self.submaps[here].poses and self.submaps[there].poses:
-            self._unsolved_m += self._fit(here, there)
+        self._loops.remove(number)
 
     def _settle(self, deviation_m: float) -> bool:
         """Optimise the graph if closed loops deviate by more in all [m]; whether poses changed."""
         return self._unsolved_m > deviation_m and self._solve()
-
-    def _fit(self, here: int, there: int) -> float:
-        """Fit two submaps; by how much a loop that is closed deviates from the poses [m], a radian as a metre.
-
-        One that had to be searched for deviates by any amount.
-        """
-        covariance = self.graph.uncertainty(here)[there]
-        if self.submaps[here].loops >= _ENOUGH and self._together(covariance[None])[0]:
-            return 0.0
-        predicted = between(self.graph.poses[here], self.graph.poses[there])
-        found = fit(self.submaps[there], self.submaps[here], predicted, covariance, self.config.match)
-        if self.submaps[here] is not self._fitted:
-            self._pack(self._fitted)
-            self._fitted = self.submaps[here]
-        deviation = np.sqrt(np.diag(covariance))
-        sure = math.hypot(deviation[0], deviation[1]) < _SURE_M and deviation[2] < _SURE_RAD
-        least = self.config.agreement if sure else self.config.searched_agreement
-        if found is None or found.overlap < self.config.overlap or found.agreement < least:
-            return 0.0
-        away = difference(found.pose, predicted, 1.0)
-        is_likely = bool(away @ np.linalg.solve(covariance + found.covariance, away) < _SAME)
-        if sure and not is_likely:
-            return 0.0
-        new = _Pending(here, there, found, is_likely)
-        closed = [new] if sure else self._confirmed(new)
-        for one in closed:
-            self._close(one.here, one.there, one.fit)
-        if not closed:
-            return 0.0
-        return float(np.linalg.norm(away)) if sure else math.inf
 
     def _solve(self) -> bool:
         """Optimise the graph; whether any pose changed."""
@@ -497,62 +361,12 @@ class Tracker:
             self._look_around()
         return moved_m > _MOVED_M
 
-    def _close(self, here: int, there: int, found: Fit) -> None:
-        self.submaps[here].loops += 1
-        self.graph.forget_loop(here, there)
-        self.graph.hold(
-            Constraint(first=here, second=there, pose=found.pose, covariance=found.covariance, loop=True)
-        )
-
-    def _confirmed(self, new: _Pending) -> list[_Pending]:
-        """A fit that had to be searched for and those that confirm it; none if others contradict it, which then wait.
-
-        Along a corridor with equal doors all neighbours fit, at places that contradict each other.
-        """
-        others = [old for old in self._pending if (old.here, old.there) != (new.here, new.there)]
-        agreeing, n_against = [], 0
-        for old in others:
-            if self._is_near(old, new):
-                away, spread = self._compared(old, new)
-                # Fits that leave the place open, as along a corridor, agree with any by chance.
-                if np.trace(spread[:2, :2]) < _OPEN_M**2:
-                    is_same = away @ np.linalg.solve(spread, away) < _SAME
-                    n_against += not is_same
-                    agreeing += [old] if is_same and old.is_likely else []
-        if new.is_likely and len(agreeing) > n_against:
-            self._pending = [old for old in others if old not in agreeing]
-            return [new, *agreeing]
-        self._pending = [*others, new][-_REMEMBERED:]
-        return []
-
-    @staticmethod
-    def _is_near(old: _Pending, new: _Pending) -> bool:
-        """Whether two fits are of neighbours, so that one is evidence for or against the other."""
-        is_same = (old.here, old.there) == (new.here, new.there)
-        return not is_same and max(abs(old.here - new.here), abs(old.there - new.there)) <= _NEAR
-
-    def _compared(
-        self, old: _Pending, new: _Pending
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Difference between two fits, and its covariance."""
-        poses = self.graph.poses
-        to_old, from_old = (
-            between(poses[new.here], poses[old.here]),
-            between(poses[old.there], poses[new.there]),
-        )
-        spread = self.graph.uncertainty(new.here)[old.here]
-        spread = chained(to_old, spread, old.fit.pose, old.fit.covariance)
-        chain = compose(to_old, old.fit.pose)
-        spread = chained(chain, spread, from_old, self.graph.uncertainty(old.there)[new.there])
-        chain = compose(chain, from_old)
-        return difference(chain, new.fit.pose, 1.0), spread + new.fit.covariance
-
     def _look_around(self) -> None:
         """Merge the consistent surfaces around."""
         config, last = self.config, len(self.submaps) - 1
         poses = np.array(self.graph.poses)
         away_m = np.hypot(*(poses - poses[last])[:, :2].T)
-        fits = self._together(self.graph.uncertainty(last))
+        fits = self._loops.together(self.graph.uncertainty(last))
         fits[max(last - 1, 0) :] = True
         self._apart = config.loops and bool((~fits & (away_m < _NEIGHBOUR_M)).any())
         around = np.flatnonzero(fits & (away_m < _AROUND_M))

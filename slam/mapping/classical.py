@@ -27,7 +27,8 @@ from robosim_support.checks import Range, checked
 from slam.actions import Action
 from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
-from slam.graph.tracker import Tracker, TrackerConfig
+from slam.graph.tracker import Tracker
+from slam.graph.tracker_config import TrackerConfig
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid

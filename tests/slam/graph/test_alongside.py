@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from slam.graph.alongside import mirror_image_angle_rad
-from slam.graph.tracker import Tracker, TrackerConfig
+from slam.graph.tracker import Tracker
+from slam.graph.tracker_config import TrackerConfig
 from slam.matching.scan_matching import MatchConfig
 from slam.poses import to_map
 from slam.sensing.bearings import Bearing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.graph.submaps import Submap, View, Views, covariance_of, fit, observed, seen_by
-from slam.graph.tracker import TrackerConfig
+from slam.graph.tracker_config import TrackerConfig
 from slam.matching.levels import SurfaceLevels
 from slam.matching.scan_matching import MatchConfig, ScanPoints, match_scan
 from slam.poses import between, compose

@@ -9,8 +9,10 @@ import pytest
 
 from robosim.logs.trajectory_scores import compare_trajectories
 from slam.graph.least_squares import Constraint
+from slam.graph.loop_closing import Pending
 from slam.graph.submaps import Fit
-from slam.graph.tracker import Tracker, TrackerConfig, _Pending
+from slam.graph.tracker import Tracker
+from slam.graph.tracker_config import TrackerConfig
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose
 from tests.slam.beams import along, ranges, rectangle, seen
@@ -148,7 +150,7 @@ def test_the_graph_grows_with_the_area_not_with_the_time():
     assert np.hypot(*(poses - np.array(route))[:, :2].T).max() < 0.2
 
 
-def _searched(here: int, there: int, x_m: float, wide_m: float = 0.02) -> _Pending:
+def _searched(here: int, there: int, x_m: float, wide_m: float = 0.02) -> Pending:
     """A fit of a submap 50 m along a corridor to one at its beginning."""
     found = Fit(
         pose=np.array([x_m, 0.0, 0.0]),
@@ -156,7 +158,7 @@ def _searched(here: int, there: int, x_m: float, wide_m: float = 0.02) -> _Pendi
         overlap=100,
         agreement=1.0,
     )
-    return _Pending(here, there, found, True)
+    return Pending(here, there, found, True)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +182,7 @@ def test_a_fit_that_was_searched_for_counts_if_more_confirm_it_than_contradict(o
     # Where 1 and 2 lie in the frame of 8 and 9, if odometry between them is right and each fit is off by as much.
     off_m = -39.0
     new = _searched(8, 1, off_m + 5.0)
-    tracker._pending = [
+    tracker._loops.pending = [
         one._replace(
             fit=replace(
                 one.fit,
@@ -190,4 +192,4 @@ def test_a_fit_that_was_searched_for_counts_if_more_confirm_it_than_contradict(o
         )
         for one in others
     ]
-    assert bool(tracker._confirmed(new)) == counts
+    assert bool(tracker._loops.confirmed(new)) == counts

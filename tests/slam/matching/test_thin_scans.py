@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from slam.graph.submaps import View, Views, seen_by
-from slam.graph.tracker import Tracker, TrackerConfig
+from slam.graph.tracker import Tracker
+from slam.graph.tracker_config import TrackerConfig
 from slam.matching.scan_matching import MatchConfig
 from slam.matching.thin_scans import RecentPoints, is_thin, thin_scan
 from slam.poses import between, compose
