@@ -31,8 +31,8 @@ logger = logging.getLogger(__name__)
 _NOTHING_M = 10.0
 #: Largest angle between beams for which drift is given [rad].
 _DENSE_RAD = math.radians(2.0)
-#: With more between beams, maps are doubtful [deg].
-_SPARSE_DEG = 20.0
+#: With more between beams, displacements come from lines of many scans, and maps are doubtful [deg].
+_SPARSE_DEG = 4.0
 #: Least time between scans for errors of odometry, and that of the whole constant part [s].
 _LEAST_S, _WHOLE_S = 0.05, 0.6
 #: Trajectories that correct scans without odometry, each made of the scans that the one before corrects.
@@ -169,7 +169,7 @@ def map_log(
             _SPARSE_DEG,
         )
     thin, lines = is_thin(log.beams()[0]), None
-    if thin and log.known[1:].all():
+    if step_deg > _SPARSE_DEG and log.known[1:].all():
         log, lines = _with_line_odometry(log, config, lambda numbers: watched(numbers, "lines"))
         config = replace(config, odometry=_LINE_ODOMETRY)
     tracker, bearings = Tracker(config.tracker(loops, log.step_rad())), log.beams()
