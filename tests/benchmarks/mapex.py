@@ -30,7 +30,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.support.installation import shipped_network
 from robosim_support.compiled import compiled
 from slam.exploration.choosing import load_chooser
-from slam.exploration.explorer import ExplorerConfig, FrontierExplorer
+from slam.exploration.explorer import LEARNED, ExplorerConfig, FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
 from tests.benchmarks.harness import DEFAULT, Options, figure_of, run_units
 from tests.benchmarks.results import Results
@@ -55,7 +55,7 @@ STARTS = {
 def main(
     folder: Positional[Path],
     *,
-    explorers: tuple[str, ...] = ("nearest", "cheapest", "gain", "learned"),
+    explorers: tuple[str, ...] = ("nearest", "cheapest", "gain", "learned", "tour"),
     floors: tuple[str, ...] = (),
     steps: int = STEPS,
     options: OmitArgPrefixes[Options] = DEFAULT,
@@ -397,8 +397,21 @@ def explore(name: str, folder: Path, floor: str, start: int, steps: int) -> dict
 
 
 def make_explorer(name: str) -> Chooser:
-    """The published rules, or an explorer by its rating."""
+    """The published rules, or an explorer by its rating, with settings for this lidar."""
     if name == PUBLISHED:
         return PublishedNearest()
-    choose = load_chooser(shipped_network("explorer")) if name == "learned" else None
-    return FrontierExplorer(ExplorerConfig(rating=name), choose)
+    if name == "learned":
+        config = ExplorerConfig(rating=name, turn_weight=0.0, **LEARNED)
+        return FrontierExplorer(config, load_chooser(shipped_network("explorer")))
+    return FrontierExplorer(
+        ExplorerConfig(
+            rating=name,
+            turn_weight=0.0,
+            min_cells=8,
+            piece_m=4.0,
+            view_m=6.0,
+            depth_m=6.0,
+            max_gain_m2=30.0,
+            gain_weight=2.0,
+        )
+    )
