@@ -17,9 +17,9 @@ predictions, ICRA 2025, and its code.
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -27,23 +27,25 @@ from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.support.installation import shipped_network
+from robosim.navigation import learned_explorer
 from robosim_support.compiled import compiled
-from slam.exploration.choosing import load_chooser
-from slam.exploration.explorer import LEARNED, ExplorerConfig, FrontierExplorer
+from slam.exploration.explorer import Explorer, ExplorerConfig, FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
+from tests.benchmarks.exploration import area_under
 from tests.benchmarks.harness import DEFAULT, Options, figure_of, run_units
 from tests.benchmarks.results import Results
 
-#: Side of a cell [m], steps of a run, cells of a step, and steps between scores of the map.
-CELL_M, STEPS, STRIDE, EVERY = 0.1, 1000, 3, 50
-#: Range [cells] and rays of the lidar.
-REACH, RAYS = 200, 2500
-#: Cost of a cell next to what is occupied or unknown, and least size of a published frontier [cells].
-WORST, REGION = 10, 10
-#: Distance to a goal at which the published rules choose again [cells].
-NEAR = 10
+#: Side of a cell [m], steps of a run, cells of a step, steps between IoUs; range [cells] and rays of the lidar.
+CELL_M, STEPS, STRIDE, EVERY, REACH, RAYS = 0.1, 1000, 3, 50, 200, 2500
+#: Cost of a cell next to what is occupied or unknown; size of published frontiers, and distance to a goal at which
+#: another one is chosen, both above [cells].
+WORST, REGION, NEAR = 10, 10, 10
 PUBLISHED = "published nearest"
+#: Settings of explorers for this lidar and a robot that drives in any direction.
+LIDAR: dict[str, Any] = {
+    "turn_weight": 0.0, "min_cells": 8, "piece_m": 4.0, "view_m": 6.0, "depth_m": 6.0, "max_gain_m2": 30.0,
+    "gain_weight": 2.0,
+}  # fmt: skip
 #: Starts (row, column) from the top, in cells, of the published scripts less their padding of 500.
 STARTS = {
     "50010535_PLAN2": ((15, 15), (268, 51), (15, 1017), (273, 1012)),
@@ -72,44 +74,39 @@ def main(
     names = floors or tuple(sorted(path.name[:-8] for path in folder.glob("*_occ.png")))
     rows = (PUBLISHED, *explorers)
     units = {
-        f"{explorer}, {name}, {start}": (explorer, folder, name, start, steps)
-        for explorer in rows
-        for name in names
-        for start in range(4)
+        f"{row}, {name}, {start}": (row, folder, name, start, steps)
+        for row, name, start in product(rows, names, range(4))
     }
     found = run_units(explore, units, options.folder("mapex"), workers=options.workers)
     results = Results()
-    curves = {row: [one for key, one in found.items() if key.startswith(f"{row}, ")] for row in rows}
     for row in rows:
-        summarise(row, curves[row], curves[PUBLISHED], names, results)
-    results.figures = {"mapex": draw(curves)}
+        summarise(row, found, results)
+    results.figures = {"mapex": draw(rows, found)}
     return options.finish("mapex", results)
 
 
-def summarise(
-    row: str,
-    runs: Sequence[Mapping[str, Any]],
-    published: Sequence[Mapping[str, Any]],
-    names: Sequence[str],
-    results: Results,
-) -> None:
+def summarise(row: str, runs: Mapping[str, dict[str, Any]], results: Results) -> None:
     """Add the scores of one explorer: areas under coverage, ratios to the published choice, IoU and time."""
-    coverage = np.array([run["coverage"] for run in runs])
-    area = np.array([area_under(curve) for curve in coverage])
-    other = np.array([area_under(np.array(run["coverage"])) for run in published])
+    own, published = (
+        [run for key, run in runs.items() if key.startswith(f"{name}, ")] for name in (row, PUBLISHED)
+    )
+    coverage = np.array([run["coverage"] for run in own])
+    area, other = (np.array([area_under(run["coverage"]) for run in part]) for part in (own, published))
+
+    def add(name: str, value: float, unit: str = "", digits: int = 3, **more: Any) -> None:
+        results.add("mapex", row, name, value, unit, digits=digits, cases=len(area), **more)
+
     ratio, low, high = geometric_mean(area / other)
-    add = results.add
-    add("mapex", row, "area under coverage", area.mean(), digits=3, cases=len(area))
-    add("mapex", row, "ratio", ratio, digits=3, spread=(low, high), cases=len(area))
+    add("area under coverage", area.mean())
+    add("ratio", ratio, digits=2, spread=(low, high))
     for steps in (250, 500, 1000):
-        at = min(steps, coverage.shape[1] - 1)
-        add("mapex", row, f"seen after {steps}", 100 * coverage[:, at].mean(), "%", digits=1, cases=len(area))
-    iou = np.array([run["iou"] for run in runs])
-    add("mapex", row, "mean IoU", iou.mean(), digits=3, cases=len(area))
-    add("mapex", row, "choice", 1e3 * np.mean([run["choice_s"] for run in runs]), "ms", digits=1)
-    for k, name in enumerate(names):
-        part = (area / other)[4 * k : 4 * k + 4]
-        add("mapex floors", name, row, geometric_mean(part)[0], digits=2, cases=4)
+        add(f"seen after {steps}", 100 * coverage[:, : steps + 1][:, -1].mean(), "%", 1)
+    add("mean IoU", np.mean([run["iou"] for run in own]))
+    add("choice", 1e3 * np.mean([run["choice_s"] for run in own]), "ms", 1)
+    floors = [key.split(", ")[1] for key in runs if key.startswith(f"{row}, ")]
+    for floor in dict.fromkeys(floors):
+        ratio = geometric_mean((area / other)[np.array(floors) == floor])[0]
+        results.add("mapex floors", floor, row, ratio, digits=2, cases=floors.count(floor))
 
 
 def geometric_mean(ratios: Float[np.ndarray, " n"]) -> tuple[float, float, float]:
@@ -120,64 +117,42 @@ def geometric_mean(ratios: Float[np.ndarray, " n"]) -> tuple[float, float, float
     return math.exp(logs.mean()), math.exp(low), math.exp(high)
 
 
-def area_under(coverage: Float[np.ndarray, " n"]) -> float:
-    """Area under coverage over steps, by trapezoids, divided by its width: 0 to 1."""
-    return float(np.trapezoid(coverage) / (len(coverage) - 1))
-
-
-def draw(curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
+def draw(rows: Sequence[str], runs: Mapping[str, dict[str, Any]]) -> Figure:
     """Mean coverage and IoU over steps, by explorer."""
-    figure, (left, right) = figure_of(2)
-    for row, runs in curves.items():
-        for axes, name, every in ((left, "coverage", 1), (right, "iou", EVERY)):
-            mean = np.mean([run[name] for run in runs], axis=0)
+    figure, panels = figure_of(2)
+    for axes, name, every in zip(panels, ("coverage", "iou"), (1, EVERY), strict=True):
+        for row in rows:
+            mean = np.mean([run[name] for key, run in runs.items() if key.startswith(f"{row}, ")], axis=0)
             axes.plot(every * np.arange(len(mean)), mean, label=row)
-    left.set(xlabel="steps", ylabel="coverage")
-    right.set(xlabel="steps", ylabel="IoU of occupied cells")
-    left.legend()
+        axes.set(xlabel="steps", ylabel=name)
+    panels[0].legend()
     return figure
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Floor:
-    """A floor, with rows from below."""
+class Floor(NamedTuple):
+    """A floor, rows from below: what stops robot and rays, the drawing's walls, cells of rooms, and starts."""
 
     wall: Bool[np.ndarray, "ny nx"]
-    """What stops robot and rays: walls, and what is outside."""
     drawn: Bool[np.ndarray, "ny nx"]
-    """Walls of the drawing, with which a map is compared."""
     rooms: Bool[np.ndarray, "ny nx"]
-    """Cells over which coverage is counted."""
     starts: tuple[tuple[int, int], ...]
-    """Rows and columns."""
 
 
 def read_floor(folder: Path, name: str) -> Floor:
-    """Read a floor from pictures of 0.05 m per pixel, a quarter as many cells; a cell with any wall is a wall.
-
-    Raises:
-        ValueError: If a picture is missing.
-    """
-    pictures = [
+    """Read a floor from pictures of 0.05 m per pixel; a cell of four pixels with any wall is a wall."""
+    occupied, rooms = (
         cv2.imread(str(folder / f"{name}_{part}.png"), cv2.IMREAD_GRAYSCALE) for part in ("occ", "rooms")
-    ]
-    if any(picture is None for picture in pictures):
-        raise ValueError(f"{folder} has no {name}_occ.png and {name}_rooms.png, expected both.")
-    drawn, rooms = (_halved(mask) for mask in (pictures[0] == 0, pictures[1] > 0))
-    # The outside is what is free and connected to the border, unless the outline leaks into rooms.
-    part = cv2.connectedComponents(np.pad(~drawn, 1, constant_values=True).astype(np.uint8), connectivity=4)[
-        1
-    ]
-    outside = (part == part[0, 0])[1:-1, 1:-1]
-    wall = drawn | outside if not (outside & rooms).mean() > 0.01 else drawn
-    starts = STARTS.get(name) or _corners(rooms & ~wall)
-    rows = len(wall) - 1
-    return Floor(
-        wall=wall[::-1].copy(),
-        drawn=drawn[::-1].copy(),
-        rooms=rooms[::-1].copy(),
-        starts=tuple((rows - row, column) for row, column in starts),
     )
+    drawn, rooms = _halved(occupied == 0), _halved(rooms > 0)
+    # The outside is what is free and connected to the border, unless the outline leaks into rooms.
+    free = np.pad(~drawn, 1, constant_values=True).astype(np.uint8)
+    part = cv2.connectedComponents(free, connectivity=4)[1]
+    outside = (part == part[0, 0])[1:-1, 1:-1]
+    wall = drawn | outside if (outside & rooms).mean() <= 0.01 else drawn
+    starts = STARTS.get(name) or _corners(rooms & ~wall)
+    wall, drawn, rooms = (np.ascontiguousarray(mask[::-1]) for mask in (wall, drawn, rooms))
+    upwards = tuple((len(wall) - 1 - row, column) for row, column in starts)
+    return Floor(wall=wall, drawn=drawn, rooms=rooms, starts=upwards)
 
 
 def _halved(mask: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "my mx"]:
@@ -187,7 +162,7 @@ def _halved(mask: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "my mx"]:
 
 
 def _corners(free: Bool[np.ndarray, "ny nx"]) -> tuple[tuple[int, int], ...]:
-    """The place with half a metre around it that is nearest to each corner, on the largest connected part."""
+    """The places in the largest room, with half a metre around them, that are nearest to the corners of the floor."""
     space = cv2.erode(free.astype(np.uint8), np.ones((5, 5), np.uint8))
     label, sizes = cv2.connectedComponentsWithStats(space)[1:3]
     cells = np.argwhere(label == 1 + np.argmax(sizes[1:, cv2.CC_STAT_AREA]))
@@ -196,43 +171,31 @@ def _corners(free: Bool[np.ndarray, "ny nx"]) -> tuple[tuple[int, int], ...]:
     return tuple((int(row), int(column)) for row, column in nearest)
 
 
-class Chooser(Protocol):
-    """Interface of explorers."""
-
-    def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """Where to go [m]; None ends the run."""
-
-
 class PublishedNearest:
     """The published rules for the nearest frontier, by straight distance."""
 
-    def __init__(self) -> None:
-        self._goal: Int[np.ndarray, 2] | None = None
+    _goal: Int[np.ndarray, "2"] | None = None
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """Where to go [m]; None if no frontier is left."""
         here = np.array(estimate.frame.index(estimate.pose[:2]))
-        known, passable = estimate.explored, planning_cost(estimate) > 0
+        passable = planning_cost(estimate) > 0
         passable[tuple(here)] = True
         part = cv2.connectedComponents(passable.astype(np.uint8), connectivity=4)[1]
-        reach = part == part[tuple(here)]
-        if self._goal is None or not self._is_valid(self._goal, here, reach):
-            centres = sorted(
-                _regions(known, estimate.known_free), key=lambda c: float(((c - here) ** 2).sum())
-            )
-            self._goal = next((one for one in centres if self._is_valid(one, here, reach)), None)
+
+        def is_valid(goal: Int[np.ndarray, "2"]) -> bool:
+            return bool(part[tuple(goal)] == part[tuple(here)] and math.hypot(*(goal - here)) >= NEAR)
+
+        if self._goal is None or not is_valid(self._goal):
+            centres = sorted(_regions(estimate), key=lambda cell: math.hypot(*(cell - here)))
+            self._goal = next(filter(is_valid, centres), None)
         return None if self._goal is None else estimate.frame.to_points(self._goal[::-1] + 0.5)
 
-    @staticmethod
-    def _is_valid(
-        goal: Int[np.ndarray, "2"], here: Int[np.ndarray, "2"], passable: Bool[np.ndarray, "ny nx"]
-    ) -> bool:
-        return bool(passable[tuple(goal)] and math.hypot(*(goal - here)) >= NEAR)
 
-
-def _regions(known: Bool[np.ndarray, "ny nx"], free: Bool[np.ndarray, "ny nx"]) -> list[Int[np.ndarray, "2"]]:
+def _regions(estimate: MapEstimate) -> list[Int[np.ndarray, "2"]]:
     """The cell (row, column) of each frontier that is nearest to its mean."""
-    edge = free & (cv2.dilate((~known).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+    unknown = (~estimate.explored).astype(np.uint8)
+    edge = estimate.known_free & (cv2.dilate(unknown, np.ones((3, 3), np.uint8)) > 0)
     cells = np.argwhere(edge)
     label = cv2.connectedComponents(edge.astype(np.uint8), connectivity=8)[1][edge]
     regions = [cells[label == k] for k in np.flatnonzero(np.bincount(label) > REGION)]
@@ -251,19 +214,15 @@ class LidarWalk:
 
     def __init__(self, floor: Floor, start: int) -> None:
         self.floor = floor
-        shape = floor.wall.shape
-        self._frame = GridFrame(origin_xy=(0.0, 0.0), resolution_m=CELL_M, shape=shape)
-        self._probability = np.full(shape, 0.5, np.float32)
+        self._frame = GridFrame(origin_xy=(0.0, 0.0), resolution_m=CELL_M, shape=floor.wall.shape)
+        self._probability = np.full(floor.wall.shape, 0.5, np.float32)
         self._cell, self._yaw = floor.starts[start], 0.0
-        self._look()
+        _scan(self.floor.wall, self._probability, *self._cell, REACH, RAYS)
 
-    @property
     def coverage(self) -> float:
         """Share of the rooms' cells that are known."""
-        known = self._probability[self.floor.rooms] != 0.5
-        return float(known.mean())
+        return float((self._probability[self.floor.rooms] != 0.5).mean())
 
-    @property
     def iou(self) -> float:
         """IoU of occupied cells of the map with the drawing."""
         found = self._probability > 0.5
@@ -271,13 +230,13 @@ class LidarWalk:
 
     def estimate(self) -> MapEstimate:
         """What the robot knows."""
-        row, column = self._cell
+        place = self._frame.to_points(np.array(self._cell[::-1]) + 0.5)
         return MapEstimate(
             frame=self._frame,
             obstacle_probability=self._probability,
             explored=self._probability != 0.5,
             blocked=np.zeros(self._frame.shape, bool),
-            pose=np.array([(column + 0.5) * CELL_M, (row + 0.5) * CELL_M, self._yaw]),
+            pose=np.array([*place, self._yaw]),
         )
 
     def advance(self, goal_xy: Float[np.ndarray, "2"]) -> None:
@@ -294,19 +253,12 @@ class LidarWalk:
                 break
             self._yaw = math.atan2(row - 1 - self._cell[0], column - 1 - self._cell[1])
             self._cell = (row - 1, column - 1)
-        self._look()
-
-    def _look(self) -> None:
-        """Enter what the lidar sees."""
         _scan(self.floor.wall, self._probability, *self._cell, REACH, RAYS)
 
 
 @compiled
 def _scan(wall: np.ndarray, probability: np.ndarray, row: int, column: int, reach: int, rays: int) -> None:
-    """Mark the cells that rays from the centre of a cell cross as free, and the first wall as occupied.
-
-    Reference: Amanatides and Woo, A fast voxel traversal algorithm, Eurographics 1987.
-    """
+    """Mark cells that rays from a cell's centre cross as free, and the first wall (Amanatides and Woo, 1987)."""
     ny, nx = wall.shape
     for ray in range(rays):
         angle = 2 * math.pi * (ray + 0.5) / rays
@@ -332,22 +284,18 @@ def _path(cost: np.ndarray, start: int, goal: int, width: int) -> np.ndarray:
 
     It leads to the goal, or to the reachable cell nearest to it; `cost` is flat, 0 where nothing passes.
     """
-    n_buckets = 16
-    best = np.full(len(cost), 2**30, np.int32)
-    before = np.full(len(cost), -1, np.int32)
+    best, before = np.full(len(cost), 2**30, np.int32), np.full(len(cost), -1, np.int32)
     cells, links = np.empty(4 * len(cost), np.int32), np.empty(4 * len(cost), np.int32)
-    heads = np.full(n_buckets, -1, np.int32)
+    heads, done = np.full(16, -1, np.int32), np.zeros(len(cost), np.bool_)
     goal_y, goal_x = goal // width, goal % width
-    done = np.zeros(len(cost), np.bool_)
     total = abs(start // width - goal_y) + abs(start % width - goal_x)
     count, waiting, nearest, gap = 1, 1, start, 2**30
-    best[start], cells[0], links[0], heads[total % n_buckets] = 0, start, -1, 0
-    while waiting:
-        while heads[total % n_buckets] < 0:
+    best[start], cells[0], links[0], heads[total % 16] = 0, start, -1, 0
+    while waiting and gap:
+        while heads[total % 16] < 0:
             total += 1
-        entry = heads[total % n_buckets]
-        heads[total % n_buckets] = links[entry]
-        here = cells[entry]
+        here = cells[heads[total % 16]]
+        heads[total % 16] = links[heads[total % 16]]
         waiting -= 1
         if done[here]:
             continue
@@ -355,16 +303,13 @@ def _path(cost: np.ndarray, start: int, goal: int, width: int) -> np.ndarray:
         off = (here // width - goal_y) ** 2 + (here % width - goal_x) ** 2
         if off < gap:
             nearest, gap = here, off
-        if off == 0:
-            break
         for step in (-width, -1, 1, width):
             there = here + step
             if cost[there] == 0 or done[there] or best[here] + cost[there] >= best[there]:
                 continue
             best[there], before[there] = best[here] + cost[there], here
             bound = best[there] + abs(there // width - goal_y) + abs(there % width - goal_x)
-            cells[count], links[count] = there, heads[bound % n_buckets]
-            heads[bound % n_buckets] = count
+            cells[count], links[count], heads[bound % 16] = there, heads[bound % 16], count
             count, waiting = count + 1, waiting + 1
     path = [nearest]
     while path[-1] != start:
@@ -375,7 +320,7 @@ def _path(cost: np.ndarray, start: int, goal: int, width: int) -> np.ndarray:
 def explore(name: str, folder: Path, floor: str, start: int, steps: int) -> dict[str, Any]:
     """One run: coverage before each step and after the last, IoU at some, and seconds of a choice."""
     walk, explorer = LidarWalk(read_floor(folder, floor), start), make_explorer(name)
-    coverage, iou, seconds = [walk.coverage], [walk.iou], 0.0
+    coverage, iou, seconds = [walk.coverage()], [walk.iou()], 0.0
     for step in range(1, steps + 1):
         estimate, begin = walk.estimate(), time.process_time()
         goal = explorer.goal(estimate)
@@ -383,35 +328,21 @@ def explore(name: str, folder: Path, floor: str, start: int, steps: int) -> dict
         if goal is None:
             break
         walk.advance(goal)
-        coverage.append(walk.coverage)
+        coverage.append(walk.coverage())
         if step % EVERY == 0:
-            iou.append(walk.iou)
+            iou.append(walk.iou())
     # A run that ends sooner keeps its last values.
-    taken = len(coverage)
     return {
-        "coverage": coverage + [walk.coverage] * (steps + 1 - taken),
-        "iou": iou + [walk.iou] * (steps // EVERY + 1 - len(iou)),
-        "steps": taken - 1,
-        "choice_s": seconds / taken,
+        "coverage": coverage + coverage[-1:] * (steps + 1 - len(coverage)),
+        "iou": iou + [walk.iou()] * (steps // EVERY + 1 - len(iou)),
+        "choice_s": seconds / len(coverage),
     }
 
 
-def make_explorer(name: str) -> Chooser:
+def make_explorer(name: str) -> Explorer:
     """The published rules, or an explorer by its rating, with settings for this lidar."""
     if name == PUBLISHED:
         return PublishedNearest()
     if name == "learned":
-        config = ExplorerConfig(rating=name, turn_weight=0.0, **LEARNED)
-        return FrontierExplorer(config, load_chooser(shipped_network("explorer")))
-    return FrontierExplorer(
-        ExplorerConfig(
-            rating=name,
-            turn_weight=0.0,
-            min_cells=8,
-            piece_m=4.0,
-            view_m=6.0,
-            depth_m=6.0,
-            max_gain_m2=30.0,
-            gain_weight=2.0,
-        )
-    )
+        return learned_explorer(ExplorerConfig(turn_weight=0.0))
+    return FrontierExplorer(ExplorerConfig(rating=name, **LIDAR))

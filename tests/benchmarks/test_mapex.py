@@ -60,7 +60,7 @@ def test_the_lidar_sees_its_half_of_a_hall_and_what_the_opening_shows():
     shadow = (columns > 41) & (rows - 20 < (columns - 20) * 29.5 / 19.5 - 3)
     assert not known[shadow].any()
     assert known[58, 41:44].all()
-    assert walk.coverage == pytest.approx(known[~hall()].mean())
+    assert walk.coverage() == pytest.approx(known[~hall()].mean())
 
 
 def test_paths_cost_what_scipy_says():
@@ -117,7 +117,7 @@ def test_a_run_keeps_its_goal_until_within_a_metre():
         goals.append(goal)
         places.append(walk.estimate().pose[:2])
         walk.advance(goal)
-    assert walk.coverage > 0.99 and len(goals) < 100
+    assert walk.coverage() > 0.99 and len(goals) < 100
     legs = np.abs(np.diff(places, axis=0)).sum(axis=1) / mapex.CELL_M
     assert legs.max() < 3 + 1e-6
     for before, after, place in zip(goals[:-1], goals[1:], places[1:], strict=True):
