@@ -42,6 +42,8 @@ MEMORY = 400
 #: The robot stands before a frontier that is nearer than this [m], and faces one at a smaller bearing [rad].
 _BEFORE_M, _FACING_RAD = 0.6, math.radians(40.0)
 
+#: Least decisions between choices on a large map, and most cells of a map that a tour searches at once: time.
+_EVERY_ON_LARGE, _WHOLE_CELLS = 8, 1_000_000
 #: Turns assumed between two visits of a tour.
 _TURNS_BETWEEN = 6.0
 #: Frontiers of a tour that are the nearest; the others promise the most.
@@ -146,7 +148,8 @@ class FrontierExplorer:
             return estimate.pose[:2]
         self._age += 1
         self._budget -= 1
-        if self._goal is None or self._age >= self.config.every or not self._worth_it(estimate, self._goal):
+        every = self.config.every if estimate.size_factor == 1 else max(self.config.every, _EVERY_ON_LARGE)
+        if self._goal is None or self._age >= every or not self._worth_it(estimate, self._goal):
             self._goal = self._choose(estimate)
             self._age = 0
         if self._goal is None and self._look_around(estimate):
@@ -197,8 +200,9 @@ class FrontierExplorer:
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The goal of the best frontier; if none is reachable, places where the robot was stopped count as free."""
         margin = 2 * estimate.frame.resolution_m
-        # On a large map the surroundings are searched first, except for a tour.
-        whole = self.config.rating == "tour" or estimate.size_factor == 1
+        # On a large map the surroundings are searched first; by a tour, only if there are many cells.
+        cells = estimate.obstacle_probability.size
+        whole = estimate.size_factor == 1 or (self.config.rating == "tour" and cells <= _WHOLE_CELLS)
         for find_box, bumps in ((near_box, True), (known_box, True), (known_box, False)):
             if find_box is near_box and whole:
                 continue
