@@ -222,6 +222,27 @@ def test_between_two_equal_ends_of_a_corridor_it_makes_up_its_mind():
     assert np.abs(step).sum() < 18, "out to one end and back to the other"
 
 
+@pytest.mark.parametrize(("size_m", "choices"), [((20, 20), 6), ((60, 40), 3)])
+def test_a_goal_is_chosen_every_fourth_decision_and_on_a_large_map_every_eighth(size_m, choices, monkeypatch):
+    """In 24 decisions with a goal that remains valid."""
+    solid = hall(size_m)
+    explored = np.zeros_like(solid)
+    explored[100:200, 100:200] = True
+    estimate = MapEstimate(
+        frame=GridFrame(origin_xy=(0.0, 0.0), resolution_m=CELL, shape=solid.shape),
+        obstacle_probability=np.where(explored, 0.05, 0.5).astype(np.float32),
+        explored=explored,
+        blocked=np.zeros_like(solid),
+        pose=np.array([7.5, 7.5, 0.0]),
+    )
+    explorer, made = FrontierExplorer(), []
+    choose = explorer._choose
+    monkeypatch.setattr(explorer, "_choose", lambda estimate: made.append(1) or choose(estimate))
+    for _ in range(24):
+        assert explorer.goal(estimate) is not None
+    assert len(made) == choices
+
+
 def test_exploration_repeats_itself():
     """Goals and poses bit for bit."""
     first, second = (_explore(GridWorld(*WORLDS["two rooms"]), 30) for _ in range(2))
