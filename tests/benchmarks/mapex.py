@@ -19,7 +19,7 @@ import time
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.navigation import learned_explorer
 from robosim_support.compiled import compiled
-from slam.exploration.explorer import Explorer, ExplorerConfig, FrontierExplorer
+from slam.exploration.explorer import Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
 from tests.benchmarks.exploration import area_under
 from tests.benchmarks.harness import DEFAULT, Options, figure_of, run_units
@@ -141,9 +141,10 @@ class Floor(NamedTuple):
 def read_floor(folder: Path, name: str) -> Floor:
     """Read a floor from pictures of 0.05 m per pixel; a cell of four pixels with any wall is a wall."""
     occupied, rooms = (
-        cv2.imread(str(folder / f"{name}_{part}.png"), cv2.IMREAD_GRAYSCALE) for part in ("occ", "rooms")
+        np.asarray(cv2.imread(str(folder / f"{name}_{part}.png"), cv2.IMREAD_GRAYSCALE))
+        for part in ("occ", "rooms")
     )
-    drawn, rooms = _halved(occupied == 0), _halved(rooms > 0)
+    drawn, rooms = _halved(np.equal(occupied, 0)), _halved(np.greater(rooms, 0))
     # The outside is what is free and connected to the border, unless the outline leaks into rooms.
     free = np.pad(~drawn, 1, constant_values=True).astype(np.uint8)
     part = cv2.connectedComponents(free, connectivity=4)[1]
@@ -345,4 +346,4 @@ def make_explorer(name: str) -> Explorer:
         return PublishedNearest()
     if name == "learned":
         return learned_explorer(ExplorerConfig(turn_weight=0.0))
-    return FrontierExplorer(ExplorerConfig(rating=name, **LIDAR))
+    return FrontierExplorer(ExplorerConfig(rating=cast(ExplorerName, name), **LIDAR))
