@@ -23,7 +23,7 @@ from robosim.support.parts import Part
 from slam.control.controller import ControlConfig, LocalPolicy
 from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
-from slam.exploration.explorer import Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
+from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
 from slam.mapping.odometry import OdometryConfig, calibrated
 from slam.planning.cost_map import CostConfig
@@ -82,11 +82,13 @@ def _rated(rating: ExplorerName, config: ExplorerConfig) -> FrontierExplorer:
 nearest_explorer = partial(_rated, "nearest")
 cheapest_explorer = partial(_rated, "cheapest")
 gain_explorer = partial(_rated, "gain")
+tour_explorer = partial(_rated, "tour")
 
 
 def learned_explorer(config: ExplorerConfig) -> FrontierExplorer:
     """Chooses among frontiers by the shipped network."""
-    return FrontierExplorer(replace(config, rating="learned"), load_chooser(shipped_network("explorer")))
+    config = replace(config, rating="learned", **LEARNED)
+    return FrontierExplorer(config, load_chooser(shipped_network("explorer")))
 
 
 def learned_controller(config: ControlConfig) -> LearnedController:

@@ -51,6 +51,7 @@ EXPLORER = Kind(
         "nearest": "robosim.navigation:nearest_explorer",
         "cheapest": "robosim.navigation:cheapest_explorer",
         "gain": "robosim.navigation:gain_explorer",
+        "tour": "robosim.navigation:tour_explorer",
         "learned": "robosim.navigation:learned_explorer",
     },
     has=("goal",),

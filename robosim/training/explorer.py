@@ -37,7 +37,7 @@ from robosim.training.policy_weights import (
 from robosim.training.training_plots import plot_coverage
 from robosim_support.restoring import check_weights, restore_optimiser
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
-from slam.exploration.explorer import ExplorerConfig, ExplorerName, FrontierExplorer
+from slam.exploration.explorer import LEARNED, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve
 from slam.planning.cost_map import CostConfig
 from slam.support.weights import Weights
@@ -86,7 +86,8 @@ def walk_home(
         np.random.default_rng([recipe.seed, home, 2]),
         np.radians(SimulatorConfig().image.hfov_deg),
     )
-    config = ExplorerConfig(rating=rating, cost=CostConfig(radius_m=robot.radius_m))
+    settings = LEARNED if rating == "learned" else {}
+    config = ExplorerConfig(rating=rating, cost=CostConfig(radius_m=robot.radius_m), **settings)
     explorer = FrontierExplorer(config, choose)
     coverage = [] if coverage is None else coverage
     coverage.append(walk.coverage)

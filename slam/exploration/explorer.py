@@ -3,9 +3,9 @@
 One travel-time field from the robot gives the costs of the paths to all frontiers. "nearest", the baseline, chooses the
 frontier with the cheapest path. The other ratings count decisions (turns of 10 degrees and steps of a quarter metre
 along the path) for the most promising frontiers: "cheapest" chooses the fewest decisions, "gain" weighs the unseen area
-behind against decisions, "learned" uses a network. A goal stays until its frontier has been seen or another one is
-clearly better. A frontier that remains although the robot stands before it, or that is not reached within its budget of
-decisions, is given up.
+behind against decisions, "tour" chooses the first frontier of the best order of visits, "learned" uses a network. A
+goal stays until its frontier has been seen or another one is clearly better. A frontier that remains although the robot
+stands before it, or that is not reached within its budget of decisions, is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """
 
@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -22,6 +22,7 @@ from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
+from slam.exploration.tour import costs_between, shared_areas, values_of_orders
 from slam.grid import MapEstimate
 from slam.planning.cost_map import (
     Box,
@@ -41,7 +42,14 @@ MEMORY = 400
 #: The robot stands before a frontier that is nearer than this [m], and faces one at a smaller bearing [rad].
 _BEFORE_M, _FACING_RAD = 0.6, math.radians(40.0)
 
-ExplorerName = Literal["nearest", "cheapest", "gain", "learned"]
+#: Least decisions between choices on a large map, and most cells of a map that a tour searches at once: time.
+_EVERY_ON_LARGE, _WHOLE_CELLS = 8, 1_000_000
+#: Turns assumed between two visits of a tour.
+_TURNS_BETWEEN = 6.0
+#: Frontiers of a tour that are the nearest; the others promise the most.
+_NEAREST = 3
+
+ExplorerName = Literal["nearest", "cheapest", "gain", "tour", "learned"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +58,7 @@ class ExplorerConfig:
     """How frontiers are found and rated."""
 
     rating: ExplorerName = "gain"
-    """Criterion: path cost, decisions, unseen area against decisions, or a learned choice."""
+    """Criterion: path cost, decisions, unseen area against decisions, an order of visits, or a learned choice."""
     cost: CostConfig = field(default_factory=CostConfig)
     """Cost per metre."""
     view_m: Annotated[float, Range(0.1, 100, "m")] = 3.2
@@ -59,22 +67,34 @@ class ExplorerConfig:
     """Shorter frontiers are ignored [cells]."""
     piece_m: Annotated[float, Range(0.05, 100, "m")] = 1.6
     """Longer frontiers are cut into pieces of about this size [m]."""
-    depth_m: Annotated[float, Range(0, 100, "m")] = 1.5
+    depth_m: Annotated[float, Range(0, 100, "m")] = 5.0
     """Depth of unseen space behind a frontier [m]: its length times this bounds the area."""
     gain_weight: Annotated[float, Range(0, 1e6)] = 10.0
     """Decisions that a square metre of unseen area is worth."""
-    max_gain_m2: Annotated[float, Range(0, 1e6, "m2")] = 5.0
+    max_gain_m2: Annotated[float, Range(0, 1e6, "m2")] = 16.0
     """Unseen area above which a frontier gets no better [m^2]."""
-    keep: Annotated[float, Range(0, 1e6, "decisions")] = 4.0
+    keep: Annotated[float, Range(0, 1e6, "decisions")] = 10.0
     """Decisions by which another frontier must be better before the goal is changed."""
     candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 6
     """Frontiers for which decisions are counted exactly."""
-    every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
+    tour: Annotated[int, Range(1, 12, "frontiers")] = 10
+    """The same for "tour", whose work grows exponentially."""
+    horizon: Annotated[float, Range(1, 1e6, "decisions")] = 60.0
+    """Decisions until a visit of a tour by which its gain is worth 1/e."""
+    visit: Annotated[float, Range(0, 1e6, "decisions")] = 4.0
+    """Decisions of a visit itself, in a tour."""
+    turn_weight: Annotated[float, Range(0, 100)] = 1.0
+    """Weight of turns; 0 for a robot that sees all around and drives in any direction."""
+    every: Annotated[int, Range(1, 1_000_000, "decisions")] = 4
     """Decisions after which frontiers are rated again even if the goal remains valid."""
     near_m: Annotated[float, Range(0, 100, "m")] = 1.4
     """A frontier nearer than this is looked at when the robot faces it [m]; the planner stops before that."""
     patience: Annotated[int, Range(1, 1_000_000, "decisions")] = 12
     """Decisions near a frontier that show nothing new after which it is given up."""
+
+
+#: Settings on which the features of the shipped learned choice depend.
+LEARNED: dict[str, Any] = {"depth_m": 1.5, "max_gain_m2": 5.0, "keep": 4.0, "every": 8}
 
 
 @runtime_checkable
@@ -128,7 +148,8 @@ class FrontierExplorer:
             return estimate.pose[:2]
         self._age += 1
         self._budget -= 1
-        if self._goal is None or self._age >= self.config.every or not self._worth_it(estimate, self._goal):
+        every = self.config.every if estimate.size_factor == 1 else max(self.config.every, _EVERY_ON_LARGE)
+        if self._goal is None or self._age >= every or not self._worth_it(estimate, self._goal):
             self._goal = self._choose(estimate)
             self._age = 0
         if self._goal is None and self._look_around(estimate):
@@ -179,9 +200,11 @@ class FrontierExplorer:
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The goal of the best frontier; if none is reachable, places where the robot was stopped count as free."""
         margin = 2 * estimate.frame.resolution_m
-        # On a large map the surroundings are searched first.
+        # On a large map the surroundings are searched first; by a tour, only if there are many cells.
+        cells = estimate.obstacle_probability.size
+        whole = estimate.size_factor == 1 or (self.config.rating == "tour" and cells <= _WHOLE_CELLS)
         for find_box, bumps in ((near_box, True), (known_box, True), (known_box, False)):
-            if find_box is near_box and estimate.size_factor == 1:
+            if find_box is near_box and whole:
                 continue
             low, high = find_box(estimate)
             box = cut_box(estimate, low - margin, high + margin, bumps=bumps)
@@ -199,16 +222,35 @@ class FrontierExplorer:
 
     def _best(self, box: Box, travel_time: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
         """Goal of the frontier with the best rating."""
-        promising = sorted(frontiers, key=lambda f: self._guess(f, box.pose))[: self.config.candidates]
-        offers = [self._offer(box, travel_time, frontier) for frontier in promising]
+        promising = sorted(frontiers, key=lambda f: self._guess(f, box.pose))
+        number = self.config.candidates
+        if self.config.rating == "tour":
+            nearest = sorted(frontiers, key=lambda f: f.cost_m)[:_NEAREST]
+            promising = [*nearest, *(frontier for frontier in promising if frontier not in nearest)]
+            number = self.config.tour
+        offers = [self._offer(box, travel_time, frontier) for frontier in promising[:number]]
         if self._choose_offer:
             best = offers[self._choose_offer(describe(offers, box, self.config.view_m))]
+        elif self.config.rating == "tour":
+            best = self._first_of_tour(box, travel_time, offers)
         else:
             best = min(offers, key=lambda offer: offer.rating)
         goal = best.frontier.goal_xy
         if self._goal is None or math.hypot(*(goal - self._goal)) > 0.5:
             self._turn_to(goal, 3 * best.decisions + 40)
         return goal
+
+    def _first_of_tour(self, box: Box, travel_time: TravelTime, offers: list[Offer]) -> Offer:
+        """The frontier with which the best order of visits begins."""
+        config = self.config
+        places = np.array([offer.frontier.near_xy for offer in offers])
+        bound = [min(offer.frontier.length_m * config.depth_m, config.max_gain_m2) for offer in offers]
+        area = np.minimum(shared_areas(box, places, config.view_m), bound)
+        wait = np.array([offer.rating for offer in offers]) + config.visit
+        turns = config.turn_weight * _TURNS_BETWEEN
+        between = costs_between(travel_time, places) / FORWARD_M + config.visit + turns
+        values = values_of_orders(area, np.exp(-wait / config.horizon), np.exp(-between / config.horizon))
+        return offers[int(np.argmax(values))]
 
     def _offer(self, box: Box, travel_time: TravelTime, frontier: Frontier) -> Offer:
         """A frontier with its cost, area and rating."""
@@ -240,11 +282,11 @@ class FrontierExplorer:
         turn = abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD
         guess = frontier.cost_m / FORWARD_M - self._bonus(frontier)
         if self.config.rating != "nearest":
-            guess += turn
-        if self._counts_area:
-            area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
-            guess -= self.config.gain_weight * area
-        return guess
+            guess += self.config.turn_weight * turn
+        area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
+        if self.config.rating == "tour":
+            return -area * math.exp(-guess / self.config.horizon)
+        return guess - self.config.gain_weight * area if self._counts_area else guess
 
     def _bonus(self, frontier: Frontier) -> float:
         """Bonus of the frontier that is the current goal [decisions]."""
@@ -262,4 +304,4 @@ class FrontierExplorer:
             return 0.0
         yaw = np.concatenate([[pose[2]], np.arctan2(legs[:, 1], legs[:, 0])])
         turns = sum(abs(wrap(float(d))) for d in np.diff(yaw)) / TURN_RAD
-        return turns + max(0.0, length(corners) - 0.5) / FORWARD_M
+        return self.config.turn_weight * turns + max(0.0, length(corners) - 0.5) / FORWARD_M

@@ -5,7 +5,9 @@ import pytest
 import torch
 from safetensors.numpy import save_file
 
+from robosim.navigation import gain_explorer, learned_explorer
 from slam.exploration.choosing import FEATURES, HIDDEN, Chooser, evaluate, initial_weights, load_chooser
+from slam.exploration.explorer import ExplorerConfig
 from slam.learning.ppo import PpoConfig, Walk, advantages, improve
 
 
@@ -53,6 +55,13 @@ def test_numpy_and_torch_agree():
     theirs = evaluate(tensors, torch.from_numpy(features), torch.from_numpy(there), torch)
     for a, b in zip(own, theirs, strict=True):
         np.testing.assert_allclose(a, b.numpy(), rtol=1e-4, atol=1e-5)
+
+
+def test_the_shipped_choice_has_the_settings_of_its_training():
+    """Features depend on them; defaults for other ratings differ."""
+    config = learned_explorer(ExplorerConfig()).config
+    assert (config.depth_m, config.max_gain_m2, config.keep, config.every) == (1.5, 5.0, 4.0, 8)
+    assert gain_explorer(ExplorerConfig()).config == ExplorerConfig(rating="gain")
 
 
 @pytest.mark.parametrize("content", [{}, {"own.weight": np.zeros((2, HIDDEN), np.float32)}])

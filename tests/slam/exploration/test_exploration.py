@@ -26,9 +26,9 @@ WORLDS = {
 }
 
 
-def _explore(world: GridWorld, decisions: int, hidden=None):
+def _explore(world: GridWorld, decisions: int, hidden=None, rating="gain"):
     """Goals and poses until the explorer is done; cells that are hidden never show, whatever is looked at."""
-    planner, controller, explorer = Planner(), Controller(), FrontierExplorer()
+    planner, controller, explorer = Planner(), Controller(), FrontierExplorer(ExplorerConfig(rating=rating))
     goals, poses = [], []
     for _ in range(decisions):
         if hidden is not None:
@@ -74,7 +74,7 @@ def _drawn(seed: int) -> MapEstimate:
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("rating", ["gain", "cheapest", "nearest"])
+@pytest.mark.parametrize("rating", ["gain", "cheapest", "nearest", "tour"])
 def test_a_goal_is_where_seen_floor_meets_what_is_unseen(seed, rating):
     """On drawn maps, the centre of a cell of the brute-force set; half a cell or a neighbour off is not."""
     estimate = _drawn(seed)
@@ -124,6 +124,28 @@ def test_the_nearest_frontier_is_the_nearer_one_and_gain_prefers_the_larger():
     assert gain[0] > 4.5
 
 
+def test_a_tour_collects_a_pocket_at_hand_and_gain_leaves_it_for_the_larger_end():
+    """A patch of 0.6 m 1.2 m behind the robot, and an end of 3 m at 3 m: coming back for the patch would take 6 m."""
+    world = GridWorld(hall((10, 3)), (3.0, 1.5, math.pi)).know_all()
+    for box in ((1.2, 1.2, 1.8, 1.8), (7.0, 0.1, 9.9, 2.9)):
+        world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
+    goals = {
+        rating: FrontierExplorer(ExplorerConfig(rating=rating)).goal(world.estimate())
+        for rating in ("tour", "gain")
+    }
+    assert goals["tour"][0] < 2.5
+    assert goals["gain"][0] > 6.5
+
+
+def test_without_a_weight_turns_do_not_count():
+    """Patches 1.2 m behind and 2.2 m ahead: the one behind is cheapest for a robot that drives in any direction."""
+    world = GridWorld(hall((8, 3)), (4.0, 1.5, 0.0)).know_all()
+    for box in ((2.2, 1.2, 2.8, 1.8), (6.2, 1.2, 6.8, 1.8)):
+        world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
+    config = ExplorerConfig(rating="cheapest", turn_weight=0.0)
+    assert FrontierExplorer(config).goal(world.estimate())[0] < 3.0
+
+
 def test_what_is_seen_from_the_edge_of_an_open_half_plane_is_half_a_disc():
     """Pi r^2 / 2 = 16.1 m^2 at 3.2 m; half of it with a wall over one side, at most length x depth.
 
@@ -156,12 +178,13 @@ def test_what_is_seen_from_the_edge_of_an_open_half_plane_is_half_a_disc():
     assert area(probability, length_m=2.0) == pytest.approx(3.0)
 
 
+@pytest.mark.parametrize("rating", ["gain", "tour"])
 @pytest.mark.parametrize("name", WORLDS)
-def test_exploration_sees_all_that_the_hull_can_reach_and_ends(name):
+def test_exploration_sees_all_that_the_hull_can_reach_and_ends(name, rating):
     """All reachable cells (by SciPy's distances and components of the true world) seen; done within 300 decisions."""
     world = GridWorld(*WORLDS[name])
     reachable = world.reachable()
-    _, _, done = _explore(world, 300)
+    _, _, done = _explore(world, 300, rating=rating)
     assert done
     assert reachable.sum() > 500
     assert world.explored[reachable].all()
@@ -199,6 +222,27 @@ def test_between_two_equal_ends_of_a_corridor_it_makes_up_its_mind():
     assert np.abs(step).sum() < 18, "out to one end and back to the other"
 
 
+@pytest.mark.parametrize(("size_m", "choices"), [((20, 20), 6), ((60, 40), 3)])
+def test_a_goal_is_chosen_every_fourth_decision_and_on_a_large_map_every_eighth(size_m, choices, monkeypatch):
+    """In 24 decisions with a goal that remains valid."""
+    solid = hall(size_m)
+    explored = np.zeros_like(solid)
+    explored[100:200, 100:200] = True
+    estimate = MapEstimate(
+        frame=GridFrame(origin_xy=(0.0, 0.0), resolution_m=CELL, shape=solid.shape),
+        obstacle_probability=np.where(explored, 0.05, 0.5).astype(np.float32),
+        explored=explored,
+        blocked=np.zeros_like(solid),
+        pose=np.array([7.5, 7.5, 0.0]),
+    )
+    explorer, made = FrontierExplorer(), []
+    choose = explorer._choose
+    monkeypatch.setattr(explorer, "_choose", lambda estimate: made.append(1) or choose(estimate))
+    for _ in range(24):
+        assert explorer.goal(estimate) is not None
+    assert len(made) == choices
+
+
 def test_exploration_repeats_itself():
     """Goals and poses bit for bit."""
     first, second = (_explore(GridWorld(*WORLDS["two rooms"]), 30) for _ in range(2))
@@ -206,7 +250,7 @@ def test_exploration_repeats_itself():
     np.testing.assert_array_equal(first[1], second[1])
 
 
-@pytest.mark.parametrize("values", [{"candidates": 0}, {"every": 0}, {"patience": 0}])
+@pytest.mark.parametrize("values", [{"candidates": 0}, {"every": 0}, {"patience": 0}, {"tour": 13}])
 def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
