@@ -88,7 +88,7 @@ _WITHOUT_BIAS = np.array([1.0, 1.0, 0.5])
 _LINE_ODOMETRY = np.array([0.02, 0.02, 0.02, 0.04])
 #: Settings of the tracker for such scans. Submaps bend with the displacements: fits of them deviate from references by
 #: 0.05 m to 0.12 m and 0.5 to 1.5 degrees (medians of four logs with 30 and with 11 beams).
-_SPARSE = {"submap_error": 1.5, "together_m": 0.1, "together_rad": math.radians(2.0)}
+_SUBMAP_ERROR, _TOGETHER_M, _TOGETHER_RAD = 1.5, 0.1, math.radians(2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +124,11 @@ class LogConfig:
             drift_m=growth * self.drift_m,
             drift_rad=growth * self.drift_rad,
         )
-        return replace(tracker, **_SPARSE) if step_rad > _SPARSE_RAD else tracker
+        if step_rad <= _SPARSE_RAD:
+            return tracker
+        return replace(
+            tracker, submap_error=_SUBMAP_ERROR, together_m=_TOGETHER_M, together_rad=_TOGETHER_RAD
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

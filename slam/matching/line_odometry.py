@@ -34,8 +34,10 @@ _AGAIN = (6, 1)
 #: Deviations of systematic errors before they are known: scale, turn per metre [rad/m] and per radian; and those of
 #: single displacements they are estimated from [m, rad].
 _SCALE, _TURN_PER_M, _TURN_PER_RAD, _STEP_M, _STEP_RAD = 0.05, 0.03, 0.05, 0.04, 0.035
-#: Distances from lines [m], as above, in turn, when all poses are refined; and the squares in which lines are found.
+#: Distances from lines [m], as above, in turn, when all poses are refined; how often, since scans that were decimetres
+#: off reach their lines late; and the squares in which lines are found.
 _REFINED_M = ((0.2, 0.1), (0.2, 0.1), (0.15, 0.08), (0.12, 0.06), (0.1, 0.05), (0.1, 0.05))
+_REFINEMENTS = 2
 _SQUARE_M, _STEP_OF_SQUARES_M = 4.0, 2.5
 #: A second pass trusts the errors of the first as much as so many times the prior.
 _KNOWN = 30.0
@@ -238,7 +240,7 @@ def refine_poses(
         motion: Displacement since the scan before, and its standard deviations [m, m, rad].
     """
     poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    for on_m, wild_m in _REFINED_M:
+    for on_m, wild_m in _REFINED_M * _REFINEMENTS:
         groups = _squares(ends.at(poses)[:, :2])
         poses = adjust_poses(poses, ends, find_lines(ends, poses, groups, on_m), motion, wild_m)
     poses[:, 2] = wrap(poses[:, 2])
