@@ -83,9 +83,8 @@ class LogOdometryConfig:
 
 #: Random part of the errors of odometry between scans of few beams, whose systematic part is estimated: x, y, yaw.
 _WITHOUT_BIAS = np.array([1.0, 1.0, 0.5])
-#: Errors of displacements by lines of scans of few beams: constant [m], per metre, constant [rad], per radian;
-#: where turns of odometry are less certain than usual, they grow with the root of that.
-_LINE_ODOMETRY = np.array([0.02, 0.02, 0.02, 0.04])
+#: Errors of displacements by lines of scans of few beams.
+_LINE_ODOMETRY = LogOdometryConfig(position_m=0.02, position_per_m=0.02, yaw_rad=0.02, yaw_per_rad=0.04)
 #: Settings of the tracker for such scans. Submaps bend with the displacements: fits of them deviate from references by
 #: 0.05 m to 0.12 m and 0.5 to 1.5 degrees (medians of four logs with 30 and with 11 beams).
 _SUBMAP_ERROR, _TOGETHER_M, _TOGETHER_RAD = 1.5, 0.1, math.radians(2.0)
@@ -179,8 +178,8 @@ def map_log(
         )
     thin, lines = is_thin(log.beams()[0]), None
     if is_sparse and log.known[1:].all():
-        log, odometry, lines = _with_line_odometry(log, config, lambda numbers: watched(numbers, "lines"))
-        config = replace(config, odometry=odometry)
+        log, lines = _with_line_odometry(log, config, lambda numbers: watched(numbers, "lines"))
+        config = replace(config, odometry=_LINE_ODOMETRY)
     tracker, bearings = Tracker(config.tracker(loops, log.step_rad())), log.beams()
     step_s = np.diff(log.times, prepend=log.times[0])
     last = np.zeros(3)
@@ -229,10 +228,8 @@ def _view(bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"]
 
 def _with_line_odometry(
     log: RobotLog, config: LogConfig, watched: Callable[[range], Iterable[int]]
-) -> tuple[
-    RobotLog, LogOdometryConfig, tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
-]:
-    """The log with displacements by lines, and their errors; ends of beams, and odometry with standard deviations."""
+) -> tuple[RobotLog, tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]]:
+    """The log with displacements by lines; ends of beams, and displacements of odometry with standard deviations."""
     ends = Ends.of(log.beams(), log.range_m, config.range_m)
     step_s = np.diff(log.times, prepend=log.times[0])
     covariances = [
@@ -242,12 +239,7 @@ def _with_line_odometry(
     deviation = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)) * _WITHOUT_BIAS
     poses, motion = line_odometry(ends, log.displacement, deviation, watched)
     steps = [between(one, next_one) for one, next_one in pairwise(poses)]
-    growth = math.sqrt(motion[1][-1, 2] / deviation[-1, 2])
-    position_m, position_per_m, yaw_rad, yaw_per_rad = (float(each) for each in growth * _LINE_ODOMETRY)
-    odometry = LogOdometryConfig(
-        position_m=position_m, position_per_m=position_per_m, yaw_rad=yaw_rad, yaw_per_rad=yaw_per_rad
-    )
-    return replace(log, displacement=np.array([np.zeros(3), *steps])), odometry, (ends, motion)
+    return replace(log, displacement=np.array([np.zeros(3), *steps])), (ends, motion)
 
 
 def _map_grid(
