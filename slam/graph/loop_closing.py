@@ -120,7 +120,8 @@ class LoopCloser:
         if self._submaps[here].loops >= _ENOUGH and self.together(covariance[None])[0]:
             return 0.0
         predicted = between(self._graph.poses[here], self._graph.poses[there])
-        found = fit(self._submaps[there], self._submaps[here], predicted, covariance, self._config.match)
+        submaps, config = (self._submaps[there], self._submaps[here]), self._config
+        found = fit(*submaps, predicted, covariance, config.match, config.submap_error)
         if self._submaps[here] is not self._fitted:
             self.pack(self._fitted)
             self._fitted = self._submaps[here]

@@ -179,8 +179,17 @@ def fit(
     predicted: Float[np.ndarray, "3"],
     covariance: Float[np.ndarray, "3 3"],
     matching: MatchConfig,
+    error: float = OF_SUBMAP,
 ) -> Fit | None:
     """Fit one submap to another.
+
+    Args:
+        one: The submap that is moved.
+        other: The submap in whose frame it is.
+        predicted: Pose of the one in the frame of the other: x [m], y [m], yaw [rad].
+        covariance: Of that pose.
+        matching: Settings of matching.
+        error: Least standard deviation of the fit, relative to that of a point.
 
     Returns:
         The pose that contradicts least; None if nothing is near.
@@ -193,7 +202,7 @@ def fit(
         if not match.paired.any():
             continue
         overlap, agreement = _judged(one, other, match.pose)
-        own = covariance_of(match.information, outline, OF_SUBMAP * matching.sigma_m)
+        own = covariance_of(match.information, outline, error * matching.sigma_m)
         found = Fit(
             pose=match.pose,
             covariance=_OFF**2 * own,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from robosim_support.checks import Range, checked
+from slam.graph.submaps import OF_SUBMAP
 from slam.matching.scan_matching import MatchConfig
 
 
@@ -25,6 +26,8 @@ class TrackerConfig:
     """Whether sources of a radio are landmarks."""
     match: MatchConfig = field(default_factory=MatchConfig)
     """Settings of scan matching."""
+    submap_error: Annotated[float, Range(0, 100)] = OF_SUBMAP
+    """Least standard deviation of a fit of submaps, which are not quite rigid, relative to that of a point."""
     together_m: Annotated[float, Range(0.001, 10, "m")] = 0.05
     """Submaps are matched if their position relative to the current one is known to this [m]."""
     together_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = math.radians(1.0)

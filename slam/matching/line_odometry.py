@@ -8,6 +8,7 @@ Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022; C
 odometry and sensor parameters for mobile robots, T-RO 2013.
 """
 
+import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -25,18 +26,23 @@ _ON_M, _WILD_M = 0.12, 0.06
 _ON_AT_END_M, _WILD_AT_END_M, _OVERLAP = 0.1, 0.05, 3
 #: A new scan's ends are paired with lines no farther away than this [m], beyond their ends by no more than this [m].
 _GATE_M, _BEYOND_M, _SIGMA_M = 0.3, 0.5, 0.03
-#: Other headings [rad] and places [m] that a scan is fitted from, and by how much they must be better (log-likelihood).
-_HEADINGS_RAD, _ASIDE_M, _BETTER = (0.03, 0.07, 0.12), 0.06, 4.0
+#: Other headings that a scan is fitted from: so far apart [rad], up to so many standard deviations of odometry; other
+#: places [m]; and by how much they must be better (log-likelihood).
+_HEADING_RAD, _DEVIATIONS, _ASIDE_M, _BETTER = 0.04, 2.5, 0.06, 4.0
 #: Scans after which a scan is fitted again.
 _AGAIN = (6, 1)
 #: Deviations of systematic errors before they are known: scale, turn per metre [rad/m] and per radian; and those of
 #: single displacements they are estimated from [m, rad].
 _SCALE, _TURN_PER_M, _TURN_PER_RAD, _STEP_M, _STEP_RAD = 0.05, 0.03, 0.05, 0.04, 0.035
-#: Distances from lines [m], as above, in turn, when all poses are refined; and the squares in which lines are found.
+#: Distances from lines [m], as above, in turn, when all poses are refined; how often, since scans that were decimetres
+#: off reach their lines late; and the squares in which lines are found.
 _REFINED_M = ((0.2, 0.1), (0.2, 0.1), (0.15, 0.08), (0.12, 0.06), (0.1, 0.05), (0.1, 0.05))
+_REFINEMENTS = 2
 _SQUARE_M, _STEP_OF_SQUARES_M = 4.0, 2.5
 #: A second pass trusts the errors of the first as much as so many times the prior.
 _KNOWN = 30.0
+#: Turns of odometry may deviate by so many times what is given.
+_MOST_NOISE = 4.0
 
 
 class Calibration:
@@ -73,7 +79,7 @@ def line_odometry(
     displacement: Float[np.ndarray, "k 3"],
     deviation: Float[np.ndarray, "k 3"],
     watched: Callable[[range], Iterable[int]] = iter,
-) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]:
+) -> tuple[Float[np.ndarray, "k 3"], tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]]:
     """Poses of scans by odometry and common lines.
 
     Args:
@@ -83,23 +89,35 @@ def line_odometry(
         watched: Wraps the range of scans, in each of two passes, to report progress.
 
     Returns:
-        Poses from (0, 0, 0), yaw unwrapped; and displacements of odometry without systematic errors.
+        Poses from (0, 0, 0), yaw unwrapped; and displacements of odometry without systematic errors, with their
+        standard deviations: those of turns follow from how much they deviate from the poses.
     """
     window = int(np.clip(_ENDS * len(displacement) / max(len(ends.scan), 1), _FEWEST, _MOST))
-    calibration = Calibration()
+    given, calibration = deviation, Calibration()
     for values in (None, 0):
         calibration = Calibration(None if values is None else calibration.values)
         poses = np.zeros((len(displacement), 3))
         for k in watched(range(1, len(poses))):
             _take_in(k, poses, ends, (displacement, deviation), calibration, window)
-    corrected = np.array([calibration.corrected(step) for step in displacement])
+        corrected = np.array([calibration.corrected(step) for step in displacement])
+        deviation = given * [1.0, 1.0, _turn_noise(poses, corrected, given)]
     step = max(window // _OVERLAP, 1)
     for _ in range(3):
         firsts = range(0, max(len(poses) - window, 0) + step, step)
         groups = [np.arange(*np.searchsorted(ends.scan, [first, first + window])) for first in firsts]
         on = find_lines(ends, poses, groups, _ON_AT_END_M)
         poses = adjust_poses(poses, ends, on, (corrected, deviation), _WILD_AT_END_M)
-    return poses, corrected
+    return poses, (corrected, deviation)
+
+
+def _turn_noise(
+    poses: Float[np.ndarray, "k 3"], corrected: Float[np.ndarray, "k 3"], deviation: Float[np.ndarray, "k 3"]
+) -> float:
+    """How much larger turns of odometry deviate from those of the poses than is given."""
+    error = wrap(np.diff(poses[:, 2]) - corrected[1:, 2]) / deviation[1:, 2]
+    # The mean magnitude: less sensitive to outliers than the mean square, and normal errors have 0.8 of it.
+    noise = math.sqrt(math.pi / 2) * float(np.abs(error).mean()) if len(error) else 1.0
+    return float(np.clip(noise, 1.0, _MOST_NOISE))
 
 
 def _take_in(
@@ -144,7 +162,8 @@ def _fit(
     if k + 1 < len(track):
         predicted.append(compose(track[k + 1], between(motion[0][k + 1], np.zeros(3))))
         deviation.append(motion[1][k + 1])
-    turns = [[0.0, 0.0, sign * turn] for sign in (-1, 1) for turn in _HEADINGS_RAD]
+    widest = int(_DEVIATIONS * deviation[0][2] / _HEADING_RAD)
+    turns = [[0.0, 0.0, k * _HEADING_RAD] for k in range(-widest, widest + 1) if k]
     shifts = [[x * _ASIDE_M, y * _ASIDE_M, 0.0] for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     starts = track[k] + np.array([[0.0, 0.0, 0.0], *turns, *shifts])
     own = ends.point[ends.scan == k]
@@ -221,7 +240,7 @@ def refine_poses(
         motion: Displacement since the scan before, and its standard deviations [m, m, rad].
     """
     poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    for on_m, wild_m in _REFINED_M:
+    for on_m, wild_m in _REFINED_M * _REFINEMENTS:
         groups = _squares(ends.at(poses)[:, :2])
         poses = adjust_poses(poses, ends, find_lines(ends, poses, groups, on_m), motion, wild_m)
     poses[:, 2] = wrap(poses[:, 2])

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -326,6 +327,14 @@ def test_maps_of_kilometres_are_errors_before_they_are_made(tmp_path, places):
     log = read_log(odometry, scans)
     with pytest.raises(ValueError, match=r"far\.tum: .*(nothing in common|more than 36000000)"):
         map_log(log, LogConfig(range_m=30))
+
+
+def test_loops_of_few_beams_are_less_certain():
+    """Submaps of scans at 6 degrees bend: fits of them are five times as uncertain as at 1 degree."""
+    dense, sparse = (LogConfig().tracker(True, math.radians(step_deg)) for step_deg in (1.0, 6.0))
+    assert sparse.submap_error == 5 * dense.submap_error
+    # A single fit still places one submap well enough for scans to be matched to both.
+    assert sparse.submap_error * 2 * sparse.match.sigma_m < sparse.together_m
 
 
 def test_a_map_of_few_beams_has_its_walls(tmp_path):

@@ -53,6 +53,17 @@ def test_two_submaps_of_a_room_are_fitted(off, deviation):
     assert found.overlap > 200
 
 
+def test_a_fit_is_as_uncertain_as_submaps_bend():
+    """A fit of submaps that bend deviates by 6 cm and 0.7 degrees at least, however many points it has."""
+    here, there = turning(1.5, 1.5), turning(6.0, 4.5, 2.0)
+    maps, prior = (submap(ROOM, there, 1), submap(ROOM, here)), np.diag([0.05, 0.05, 0.03]) ** 2
+    rigid, bent = (fit(*maps, between(here[0], there[0]), prior, MATCHING, error) for error in (0.3, 1.5))
+    assert rigid is not None
+    assert bent is not None
+    assert (np.sqrt(np.diag(rigid.covariance)) < [0.03, 0.03, 0.01]).all()
+    assert (np.sqrt(np.diag(bent.covariance)) > [0.059, 0.059, 0.0119]).all()
+
+
 def test_two_rooms_contradict_each_other():
     """Wherever a search of 1.5 m and 30 degrees puts one upon the other, walls stand where the other looked through."""
     one, other = submap(ROOM, turning(1.5, 1.5)), submap(OTHER, turning(2.5, 4.0))

@@ -91,13 +91,25 @@ def test_lines_keep_the_pose_where_odometry_drifts():
     for step in measured[1:]:
         blind.append(compose(blind[-1], step))
     deviation = np.tile([0.03, 0.03, 0.03], (len(steps), 1))
-    poses, corrected = line_odometry(ends, measured, deviation)
+    poses, motion = line_odometry(ends, measured, deviation)
     by_lines, by_odometry = (np.abs(errors(found, route)).max(axis=0) for found in (poses, np.array(blind)))
     assert (by_odometry > [0.5, 0.5, math.radians(40)]).all()
     assert (by_lines < 0.1 * by_odometry).all()
-    refined = np.abs(errors(refine_poses(poses, ends, (corrected, deviation)), route))
+    refined = np.abs(errors(refine_poses(poses, ends, motion), route))
     assert np.percentile(refined[:, :2], 90) < 0.05
     assert np.percentile(refined[:, 2], 90) < math.radians(1.0)
+
+
+def test_noise_of_turns_is_estimated():
+    """Turns err by 0.15 rad where 0.05 is given: the deviation is estimated, and poses stay on the lines."""
+    route = np.array(ROUTE)
+    rng, ends, steps = np.random.default_rng(4), seen_from(ROOM, route), steps_of(route)
+    measured = steps + rng.normal(0, [0.01, 0.01, 0.15], steps.shape)
+    given = np.tile([0.03, 0.03, 0.05], (len(steps), 1))
+    poses, (_, deviation) = line_odometry(ends, measured, given)
+    np.testing.assert_allclose(deviation[:, 2], 0.15, rtol=0.3)
+    np.testing.assert_allclose(deviation[:, :2], given[:, :2])
+    assert np.abs(errors(poses, route)[:, 2]).max() < math.radians(6.0)
 
 
 def test_scans_that_see_nothing_leave_odometry():
