@@ -126,6 +126,8 @@ def generate(
     seed: Annotated[int, SEED] = 0,
     count: Annotated[int, Range(1, 100_000, "plans")] = 1,
     style: Literal["home", "office"] = "home",
+    area_m2: Annotated[float | None, Range(4, 2000, "m2")] = None,
+    rooms: Annotated[int | None, Range(1, 100, "rooms")] = None,
     heights: bool = False,
     navigable: bool = False,
     out: Path | None = None,
@@ -135,12 +137,14 @@ def generate(
     With --heights, NAME.yaml refers to NAME-furnishings.yaml, an editable list of furnishings of true height: tables,
     chairs, shelves and more.
 
-    Example: robosim generate --seed 100 --count 20 --out out/plans
+    Example: robosim generate --style office --area-m2 1500 --rooms 40 --count 20 --out out/plans
 
     Args:
         seed: Seed of the first plan; the others count up from it.
         count: Number of plans.
         style: Kind of building.
+        area_m2: Floor area of all rooms together [m2]; by default drawn from the seed.
+        rooms: Number of rooms, corridors included; by default drawn from the seed.
         heights: Whether furniture has its true height, instead of cells up to the ceiling.
         navigable: Whether to write the area navigable for a robot of 0.1 m, like the published grids.
         out: Output folder; by default a new one under runs/.
@@ -149,7 +153,8 @@ def generate(
     from robosim.plans.files import write_ros
     from robosim.support.progress import tracked
 
-    config, names = GeneratorConfig(style=style, heights=heights, navigable=navigable), []
+    config = GeneratorConfig(style=style, area_m2=area_m2, rooms=rooms, heights=heights, navigable=navigable)
+    names = []
     with (
         results_folder(out, "generate") as folder,
         tracked(range(seed, seed + count), "plans", console) as numbers,

@@ -13,6 +13,7 @@ from robosim.commands.command_table import COMMANDS, GROUPS, command_summary, lo
 from robosim.commands.episode import episode
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FREE
 from tests.plans import two_rooms
 
 WORDS = ["", *COMMANDS, *GROUPS]
@@ -110,6 +111,14 @@ def test_plans_are_generated(tmp_path, capsys):
     plans = [read_plan(path) for path in sorted(tmp_path.glob("*.yaml"))]
     assert len(plans) == 2
     assert "Wrote 2 plans" in capsys.readouterr().out
+
+
+def test_offices_of_a_given_size_are_generated(tmp_path):
+    """800 m2 of rooms, of which furniture takes a part."""
+    main(f"generate --style office --area-m2 800 --rooms 20 --out {tmp_path}".split())
+    plan = read_plan(tmp_path / "office-0.yaml")
+    free_m2 = (plan.occupancy == FREE).sum() * plan.resolution_m**2
+    assert 500 < free_m2 < 850
 
 
 @pytest.mark.parametrize(

@@ -168,7 +168,7 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
         (partial(NoiseModel, variant="publshed"), "Did you mean 'published'?"),
         (
             partial(ExplorerConfig, rating="clever"),
-            "rating is 'clever'. Known: nearest, cheapest, gain, learned.",
+            "rating is 'clever'. Known: nearest, cheapest, gain, tour, learned.",
         ),
         (partial(SimulatorConfig, physics=None), "physics is None, a NoneType without pose."),
     ],
