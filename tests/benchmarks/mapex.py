@@ -27,6 +27,7 @@ from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.evaluation.search_scores import bootstrap
 from robosim.navigation import learned_explorer
 from robosim_support.compiled import compiled
 from slam.exploration.explorer import Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
@@ -111,10 +112,8 @@ def summarise(row: str, runs: Mapping[str, dict[str, Any]], results: Results) ->
 
 def geometric_mean(ratios: Float[np.ndarray, " n"]) -> tuple[float, float, float]:
     """Geometric mean of ratios, with its 95 % interval by bootstrap."""
-    logs = np.log(ratios)
-    drawn = np.random.default_rng(0).integers(len(logs), size=(2000, len(logs)))
-    low, high = np.quantile(logs[drawn].mean(axis=1), [0.025, 0.975])
-    return math.exp(logs.mean()), math.exp(low), math.exp(high)
+    mean, low, high = bootstrap(np.log(ratios)[:, None], None)
+    return math.exp(mean), math.exp(low), math.exp(high)
 
 
 def draw(rows: Sequence[str], runs: Mapping[str, dict[str, Any]]) -> Figure:

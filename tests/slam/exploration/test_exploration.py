@@ -188,8 +188,8 @@ def test_exploration_sees_all_that_the_hull_can_reach_and_ends(name, rating):
     assert done
     assert reachable.sum() > 500
     assert world.explored[reachable].all()
-    # The hull may reach 2 cm into walls of a map (`CostConfig.overlap_m`), so it may touch a door post once.
-    assert world.bumps <= 2
+    # Paths may reach 2 cm into walls (`CostConfig.overlap_m`): one of them touches a door post twice.
+    assert world.bumps == (2 if (name, rating) == ("two rooms", "gain") else 0)
 
 
 def test_a_frontier_that_shows_nothing_new_is_given_up():
