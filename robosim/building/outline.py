@@ -168,23 +168,25 @@ def _trace(
 ) -> list[tuple[Int[np.ndarray, "_ 2"], int]]:
     """Corners (ix, iy) of the lines around free cells, none at the border, and each one's component as in `label`."""
     # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
-    around = np.stack([label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]], axis=-1).reshape(
+    is_free = np.stack([cells[1:, 1:], cells[1:, :-1], cells[:-1, :-1], cells[:-1, 1:]], axis=-1).reshape(
         -1, 4
     )
-    is_free = around > 0
-    leaves = is_free & ~np.roll(
-        is_free, 1, axis=1
-    )  # east, north, ...: free cell on the left, none on the right
+    # East, north, ...: free cell on the left, none on the right.
+    leaves = is_free & ~np.roll(is_free, 1, axis=1)
     edges = np.flatnonzero(leaves)  # corner * 4 + direction
     corner, heading = np.divmod(edges, 4)
     width = cells.shape[1] - 1
     reached = corner + (STEPS @ (1, width))[heading]
 
+    def component(corner: Int[np.ndarray, " n"], side: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        row, column = np.divmod(corner, width)
+        return label[row + (side < 2), column + (side % 3 == 0)]
+
     left, right = (heading + 1) % 4, (heading + 3) % 4
     goes_left, goes_right = leaves[reached, left], leaves[reached, right]
     # If both are possible, two free cells touch by this corner. The line goes over to the other one if they are
     # connected by other cells, which makes a simple ring; else it stays with the cell that it came along.
-    here, other = around[reached, (heading + 1) % 4], around[reached, (heading + 3) % 4]
+    here, other = component(reached, left), component(reached, right)
     goes_over = goes_right & (~goes_left | ((here == other) & ~joined[reached]))
     turn = np.where(goes_over, right, np.where(goes_left, left, heading))
     following = np.searchsorted(edges, reached * 4 + turn)
@@ -192,8 +194,9 @@ def _trace(
     turns = np.empty(len(edges), bool)
     turns[following] = turn != heading
     points = np.column_stack([corner % width, corner // width]) + 1
+    part = component(corner, heading)
     lines = _cycles(following.tolist())
-    return [(points[line[turns[line]]], int(around[corner[line[0]], heading[line[0]]])) for line in lines]
+    return [(points[line[turns[line]]], int(part[line[0]])) for line in lines]
 
 
 def _cycles(following: list[int]) -> list[Int[np.ndarray, " _"]]:

@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
@@ -25,6 +26,8 @@ from slam.planning.marching import march
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
+#: Cells whose places are computed at once, which bounds memory.
+_CELLS_AT_ONCE = 1_000_000
 #: Space around the hull that a robot needs to turn on the spot, since it also moves aside a little [m].
 TURNING_M = 0.1
 
@@ -70,9 +73,8 @@ class Reach:
     @cached_property
     def roomy(self) -> Bool[np.ndarray, "ny nx"]:
         """Cells where the hull's centre can be with room to turn; all where it can be if there are none."""
-        wide = np.zeros(self.plan.shape, bool)
         cells = self.parts > 0
-        wide[cells] = _within(self.free, self.radius_m + TURNING_M, self.plan.centres(cells))
+        wide = _on(self.plan, cells, self.free.buffer(-self.radius_m - TURNING_M))
         return wide if wide.any() else cells
 
     def check_room(self) -> None:
@@ -91,12 +93,8 @@ class Reach:
 
     def part_near(self, point: Float[np.ndarray, "2"], distance_m: float) -> int:
         """Number of the part that comes within a distance of a point, the nearest one, or 0."""
-        centres = self.plan.centres(self.parts > 0)
-        if not len(centres):
-            return 0
-        gap = np.hypot(*(centres - point).T)
-        nearest = int(np.argmin(gap))
-        return int(self.parts[self.parts > 0][nearest]) if gap[nearest] <= distance_m else 0
+        cell, gap_m = _nearest_cell(self.plan, self.parts > 0, point)
+        return int(self.parts[cell]) if gap_m <= distance_m else 0
 
     def widest(self) -> Float[np.ndarray, "2"]:
         """The place of the largest part that is farthest from its edge, in `map` [m]."""
@@ -110,8 +108,11 @@ class Reach:
 
         Of a part that is wholly outside, the cells there.
         """
-        gap = ndimage.distance_transform_edt(self.parts != part) * self.plan.resolution_m
-        covered = (gap <= self.radius_m + self.plan.resolution_m) & self.floor
+        cell_m = self.plan.resolution_m
+        reach_m = self.radius_m + cell_m
+        along = np.arange(-int(reach_m / cell_m) - 1, int(reach_m / cell_m) + 2) * 1.0
+        disk = (np.hypot(along, along[:, None]) * cell_m <= reach_m).astype(np.uint8)
+        covered = (cv2.dilate((self.parts == part).astype(np.uint8), disk) > 0) & self.floor
         inside = covered & ~self.outside
         return inside if inside.any() else covered
 
@@ -120,12 +121,10 @@ class Reach:
 
         Infinite where the hull cannot be. A point outside every part counts from the nearest cell of one.
         """
-        cells = np.argwhere(self.parts > 0)
-        if not len(cells):
+        start, gap_m = _nearest_cell(self.plan, self.parts > 0, point)
+        if gap_m == np.inf:
             return np.full(self.plan.shape, np.inf)
-        column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
-        start = cells[np.argmin(np.hypot(cells[:, 0] - row, cells[:, 1] - column))]
-        inside = self.parts == self.parts[tuple(start)]
+        inside = self.parts == self.parts[start]
         rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
         window = np.s_[
             max(rows[0] - 1, 0) : rows[-1] + 2,
@@ -133,8 +132,9 @@ class Reach:
         ]
         corner = (window[0].start, window[1].start)
         local = (int(start[0] - corner[0]), int(start[1] - corner[1]))
+        times = march(inside[window], local, self.plan.resolution_m)
         travel = np.full(self.plan.shape, np.inf)
-        travel[window] = march(inside[window].astype(float), local, self.plan.resolution_m)
+        travel[window] = times
         return travel
 
     def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:
@@ -144,24 +144,31 @@ class Reach:
         """
         column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
         best = _over_near_cells(travel, float(column), float(row), self.plan.resolution_m)
-        if np.isinf(best) and len(cells := np.argwhere(np.isfinite(travel))):
-            gaps = np.hypot(cells[:, 0] - row, cells[:, 1] - column)
-            nearest = int(np.argmin(gaps))
-            best = float(travel[tuple(cells[nearest])] + gaps[nearest] * self.plan.resolution_m)
+        if np.isinf(best):
+            cell, gap_m = _nearest_cell(self.plan, np.isfinite(travel), point)
+            best = float(travel[cell]) + gap_m
         return best
 
     def cut_off(self, part: int) -> list[CutOff]:
         """Rooms that the hull cannot enter from a part, largest first."""
         # A rim of cells that are not free, so that floor at the plan's edge is as deep as it looks.
         labels, n = ndimage.label(np.pad(self.floor & ~self.outside & ~self.swept(part), 1))
-        numbers = np.arange(1, n + 1)
-        depth_m = ndimage.distance_transform_edt(labels > 0) * self.plan.resolution_m
-        areas = np.bincount(labels.ravel(), minlength=n + 1)[1:] * self.plan.resolution_m**2
+        depth_m = (
+            cv2.distanceTransform((labels > 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+            * self.plan.resolution_m
+        )
+        areas = np.bincount(labels.ravel(), minlength=n + 1) * self.plan.resolution_m**2
+        # Free floor along the walls is not swept either: only parts with room for the hull count.
+        deep = np.nonzero((depth_m > self.radius_m) & (areas >= ROOM_AREA_M2)[labels])
+        numbers = np.unique(labels[deep])
+        if not len(numbers):
+            return []
         rooms = []
-        for area, deepest in zip(areas, ndimage.maximum_position(depth_m, labels, numbers), strict=True):
-            # Free floor along the walls is not swept either: only parts with room for the hull count.
-            if area >= ROOM_AREA_M2 and depth_m[deepest] > self.radius_m:
-                rooms.append(CutOff(float(area), self.plan.to_map(np.array(deepest[::-1]) - 0.5)))
+        for number, (deepest,) in zip(
+            numbers, ndimage.maximum_position(depth_m[deep], labels[deep], numbers), strict=True
+        ):
+            row, column = (axis[deepest] for axis in deep)
+            rooms.append(CutOff(float(areas[number]), self.plan.to_map(np.array([column, row]) - 0.5)))
         return sorted(rooms, key=lambda room: -room.area_m2)
 
 
@@ -175,16 +182,14 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
     """
     check_number("radius_m", radius_m, *RADIUS_M)
     plan, free = building.plan, building.floor(building.height_m if height_m is None else height_m)
-    inside = np.zeros(plan.shape, bool)
-    inside[plan.free] = _within(free, radius_m, plan.centres(plan.free))
-    labels, n = ndimage.label(inside)
+    labels, n = ndimage.label(_on(plan, plan.free, free.buffer(-radius_m)))
     outside = outside_of(plan)
     size = np.bincount(labels[~outside], minlength=n + 1)[1:]
-    rank = np.zeros(n + 1, int)
+    rank = np.zeros(n + 1, labels.dtype)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
     floor, overhung = plan.free, np.zeros(plan.shape, bool)
     if building.furnishings:
-        floor, open_above = (_contains(plan, one) for one in (free, building.floor(building.height_m)))
+        floor, open_above = (_on(plan, plan.free, one) for one in (free, building.floor(building.height_m)))
         overhung = floor & ~open_above
     return Reach(plan, radius_m, rank[labels], free, outside, floor, overhung)
 
@@ -202,18 +207,41 @@ def _over_near_cells(
     return best
 
 
-def _contains(plan: FloorPlan, floor: shapely.Geometry) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells whose centre is on some floor."""
-    cells = plan.free.copy()
+def _nearest_cell(
+    plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]
+) -> tuple[tuple[int, int], float]:
+    """Row and column of the cell of some whose centre is nearest to a point of `map` [m], and the distance [m].
+
+    The distance is infinite if there is no cell.
+    """
+    column, row = (float(value) for value in plan.to_cells(np.asarray(point, float)) - 0.5)
+    around = 2
+    while True:
+        corner = max(round(row) - around, 0), max(round(column) - around, 0)
+        near = cells[
+            corner[0] : max(round(row) + around + 1, 0), corner[1] : max(round(column) + around + 1, 0)
+        ]
+        found = np.argwhere(near) + corner
+        gaps = np.hypot(found[:, 0] - row, found[:, 1] - column)
+        # What is farther than the window's edge may have a nearer one beyond that edge.
+        if near.shape == cells.shape or (len(gaps) and gaps.min() <= around - 1):
+            break
+        around *= 4
+    if not len(gaps):
+        return (0, 0), math.inf
+    best = int(np.argmin(gaps))
+    return (int(found[best, 0]), int(found[best, 1])), float(gaps[best]) * plan.resolution_m
+
+
+def _on(
+    plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], floor: shapely.Geometry
+) -> Bool[np.ndarray, "ny nx"]:
+    """Those of some cells whose centre is on some floor."""
+    found = np.zeros(plan.shape, bool)
     shapely.prepare(floor)
-    cells[cells] = shapely.contains_xy(floor, plan.centres(cells))
-    return cells
-
-
-def _within(
-    free: shapely.Geometry, margin_m: float, points: Float[np.ndarray, "n 2"]
-) -> Bool[np.ndarray, " n"]:
-    """Which points lie in free space and farther than a margin from its edge."""
-    places = free.buffer(-margin_m)
-    shapely.prepare(places)
-    return np.asarray(shapely.contains_xy(places, points))
+    at_once = 1 + _CELLS_AT_ONCE // plan.shape[1]
+    for first in range(0, plan.shape[0], at_once):
+        rows = np.s_[first : first + at_once]
+        iy, ix = np.nonzero(cells[rows])
+        found[rows][iy, ix] = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
+    return found

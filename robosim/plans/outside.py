@@ -75,7 +75,9 @@ def find_outside(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
 def hull_of(cells: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
     """Cells within the convex hull of some."""
     filled = np.zeros(cells.shape, np.uint8)
-    points = np.argwhere(cells)[:, ::-1].astype(np.int32)
+    rows = np.flatnonzero(cells.any(axis=1))
+    ends = [cells[rows].argmax(axis=1), cells.shape[1] - 1 - cells[rows, ::-1].argmax(axis=1)]
+    points = np.concatenate([np.column_stack([end, rows]) for end in ends]).astype(np.int32)
     return cv2.fillConvexPoly(filled, cv2.convexHull(points), 1) > 0
 
 

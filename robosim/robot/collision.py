@@ -80,8 +80,9 @@ def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> Bo
     for quarter, (x, y) in enumerate(_CENTROIDS):
         crossing = x0[wall] + slope * (row + y - y0[wall])
         column = np.floor(crossing - x).astype(int) + 1
-        crossings = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1]).reshape(shape)
-        free[..., quarter] = np.cumsum(crossings, axis=1) % 2 == 1
+        odd = np.zeros(shape, bool)
+        np.logical_xor.at(odd, (row, column), True)
+        free[..., quarter] = np.logical_xor.accumulate(odd, axis=1)
     return free
 
 

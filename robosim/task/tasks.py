@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from robosim.building.reach import Reach
 from robosim.plans.floorplan import MapError
@@ -124,17 +124,16 @@ def _draw_pair(
     # A target inside a table is no realistic task.
     clear = reach.indoors & ~reach.overhung
     clear = clear if clear.any() else reach.indoors
-    cells = np.argwhere(clear)
     best: tuple[float, np.ndarray, np.ndarray] | None = None
     for _ in range(1 if given is not None else _TRIES):
-        anchor = given if given is not None else _centre(reach, cells[rng.integers(len(cells))])
+        anchor = given if given is not None else _centre(reach, _draw_cell(clear, rng))
         travel = reach.travel_m(anchor)
-        indoors = np.where(clear, travel, np.inf)
-        travel = indoors if np.isfinite(indoors).any() else travel
+        if np.isfinite(travel[clear]).any():
+            travel[~clear] = np.inf
         far = np.isfinite(travel) & (travel >= path_m[0]) & (travel <= path_m[1])
-        far_enough = np.argwhere(far & places if (far & places).any() else far)
-        if len(far_enough):
-            cell = far_enough[rng.integers(len(far_enough))]
+        far = far & places if (far & places).any() else far
+        if far.any():
+            cell = _draw_cell(far, rng)
             return anchor, _centre(reach, cell), float(travel[tuple(cell)])
         reached = np.where(np.isfinite(travel), travel, -1.0)
         cell = np.array(np.unravel_index(np.argmax(reached), travel.shape))
@@ -142,6 +141,15 @@ def _draw_pair(
             best = float(reached.max()), anchor, _centre(reach, cell)
     assert best is not None  # the loop runs at least once
     return best[1], best[2], best[0]
+
+
+def _draw_cell(cells: Bool[np.ndarray, "ny nx"], rng: np.random.Generator) -> Int[np.ndarray, "2"]:
+    """Row and column of one of some cells."""
+    until = np.cumsum(cells.sum(axis=1))
+    number = rng.integers(until[-1])
+    row = int(np.searchsorted(until, number, side="right"))
+    columns = np.flatnonzero(cells[row])
+    return np.array([row, columns[number - until[row]]])
 
 
 def _shortest_m(reach: Reach, start: np.ndarray, target: np.ndarray) -> float:

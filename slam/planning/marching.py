@@ -11,18 +11,18 @@ Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from robosim_support.compiled import compiled
 
 
 def march(
-    speed: Float[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
+    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
 ) -> Float[np.ndarray, "ny nx"]:
     """Time of the front's arrival at the centre of each cell.
 
     Args:
-        speed: Speed in each cell, 0 where the front cannot go; in the source it is above 0.
+        speed: Speed in each cell, 0 where the front cannot go; in the source it is above 0. True is 1.
         source: Row and column of the cell that the front leaves at time 0.
         cell_m: Side of a cell [m].
 
@@ -44,6 +44,7 @@ def march(
         cost[2:-2, 2:-2] = cell_m / speed
     time = np.full(cost.shape, np.inf)
     _march(cost.ravel(), time.ravel(), (row + 2) * (nx + 4) + column + 2, nx + 4)
+    del cost  # before the copy: grids of large buildings take much of the memory
     return time[2:-2, 2:-2].copy()
 
 

@@ -119,22 +119,31 @@ def _rooms(plan: FloorPlan) -> Int[np.ndarray, "ny nx"]:
         count, part = cv2.connectedComponents((away > 0.5 * neck_m / plan.resolution_m).astype(np.uint8))
         holds = np.zeros(count, bool)
         holds[part[label > 0]] = True
-        label = np.where((label == 0) & ~holds[part] & (part > 0), part + label.max(), label)
+        new = (label == 0) & ~holds[part] & (part > 0)
+        label[new] = part[new] + label.max()
+    del away, part, new  # grids of large buildings take much of the memory
+    label = label.astype(np.float32)  # as OpenCV dilates
     while True:
-        around = cv2.dilate(label.astype(np.float32), np.ones((3, 3))).astype(np.int32)
-        grown = np.where((label == 0) & (free > 0), around, label)
-        if np.array_equal(grown, label):
+        around = cv2.dilate(label, np.ones((3, 3)))
+        grows = (label == 0) & (free > 0) & (around > 0)
+        if not grows.any():
             break
-        label = grown
+        label[grows] = around[grows]
+    del around, grows
+    label = label.astype(np.int32)
     # Floor that is narrow everywhere.
     _, corner = cv2.connectedComponents(((label == 0) & (free > 0)).astype(np.uint8))
-    label = np.where(corner > 0, corner + label.max(), label)
+    label += np.where(corner > 0, corner + label.max(), 0)  # it is 0 there
+    del corner
     if not label.any():
         return np.zeros(plan.shape, int)
-    known = (label == 0).astype(np.uint8)
-    _, nearest = cv2.distanceTransformWithLabels(known, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    room_of = np.zeros(nearest.max() + 1, int)
-    room_of[nearest[known == 0]] = label[known == 0] - 1
+    is_room = label > 0
+    unknown = (~is_room).astype(np.uint8)
+    nearest = cv2.distanceTransformWithLabels(unknown, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)[1]
+    label -= 1
+    room_of = np.zeros(nearest.max() + 1, np.int32)
+    room_of[nearest[is_room]] = label[is_room]
+    del label
     return room_of[nearest][1:-1, 1:-1]
 
 

@@ -41,6 +41,8 @@ from wireless.support.cached_array import cached_array
 
 #: Side of the floor's tiles, and distance of vertices on floor and walls, about; height of skirtings [m].
 _STEP_M, _SKIRTING_M = 0.5, 0.10
+#: Larger floors have so many tiles only [m2 of the usual tiles].
+_LARGE_M2 = 15_000.0
 #: Surfaces farther off than this take no ambient light away [m]; rays from each vertex, and rays cast at once.
 _RANGE_M, _N_RAYS, _RAYS_AT_ONCE = 1.5, 64, 500_000
 #: Windows farther off than this give no light, and nearer ones than the second no more than there [m].
@@ -64,7 +66,8 @@ def shaded_mesh(building: Building, *, seed: int = 0) -> trimesh.Trimesh:
     floors and windows.
     """
     bare = building.bare
-    patches = tessellate(bare, step_m=_STEP_M, heights_m=(_SKIRTING_M,))
+    step_m = _STEP_M * max(1.0, (bare.free.area / _LARGE_M2) ** 0.5)
+    patches = tessellate(bare, step_m=step_m, heights_m=(_SKIRTING_M,))
     facing, decor = _facing(bare)[patches.source], Decor(bare.plan, patches, seed)
     albedo, windows = decor.albedo(), patches.vertices[decor.windows]
     glass = np.zeros(len(albedo), bool)

@@ -81,7 +81,7 @@ class Visibility:
         columns = columns.astype(np.intp)
         inside = np.flatnonzero((columns[0] < columns[1]) & (farthest > near))
         reach = np.maximum.reduceat(self._look(R, t), columns[:, inside].T.ravel())[::2]  # type: ignore[arg-type]
-        return inside[reach > nearest[inside] - _MARGIN_M]
+        return inside[np.minimum(reach, self._config.far_m) > nearest[inside] - _MARGIN_M]
 
     def _extents(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 n"]:
         """Least and greatest place across [focal lengths] and ahead [m] of the parts' boxes."""

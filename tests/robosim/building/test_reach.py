@@ -82,6 +82,18 @@ def test_the_remaining_path_is_a_number_where_the_sampling_has_closed_a_passage(
     assert places.remaining_m(np.full(plan.shape, np.inf), line[0]) == np.inf
 
 
+@pytest.mark.parametrize("point", [(1.0, 1.5), (3.05, 0.2), (-7.0, 40.0), (900.0, -3.0)])
+def test_what_counts_from_elsewhere_counts_from_the_nearest_cell(point):
+    """Of all cells of the parts, by brute force; from within, from a wall, and from far outside of the plan."""
+    places = reach(make_building(two_rooms(0.2)), 0.18)
+    inside = places.parts > 0
+    gap = np.hypot(*(places.plan.centres(inside) - point).T)
+    nearest = int(gap.argmin())
+    assert places.part_near(np.array(point), gap[nearest] + 1e-6) == places.parts[inside][nearest]
+    assert places.part_near(np.array(point), gap[nearest] - 1e-6) == 0
+    assert places.travel_m(np.array(point))[inside][nearest] == 0.0
+
+
 def test_a_radius_must_be_positive():
     with pytest.raises(ValueError, match="radius_m is 0"):
         reach(make_building(room()), 0.0)
