@@ -308,6 +308,9 @@ def search(
     epochs: int = 400,
     imitation: int = 30,
     homes: int = 144,
+    offices: float = 0.0,
+    search_steps: int = 500,
+    start: Path | None = None,
     held_out: int = 32,
     seed: int = 0,
     smoke: bool = False,
@@ -328,6 +331,9 @@ def search(
         epochs: Number of epochs.
         imitation: Number of epochs by imitation, the first ones.
         homes: Homes that searches take place in.
+        offices: Share of these that are offices of up to 2000 m2 instead, 0 to 1.
+        search_steps: Steps after which a search is given up.
+        start: File of weights to start from, also of the shipped network; by default random ones.
         held_out: Searches that choose the best weights, and twice as many for the final comparison.
         seed: Seed of homes, searches, noise, weights and choices.
         smoke: Whether to try everything in a minute or two, with two epochs of few, short searches.
@@ -335,7 +341,11 @@ def search(
     """
     from robosim.training.search import SearchRecipe, train_search
 
-    recipe = SearchRecipe(epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed)
+    options: dict[str, Any] = {
+        "epochs": epochs, "imitation": imitation, "homes": homes, "offices": offices, "search_steps": search_steps,
+        "start": str(start or ""), "held_out": held_out, "seed": seed,
+    }  # fmt: skip
+    recipe = SearchRecipe(**options)
     if smoke:
         recipe = replace(
             recipe,
@@ -351,9 +361,7 @@ def search(
             held_out=min(held_out, 2),
             every=1,
         )
-    with training(
-        out, "search", epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed
-    ) as (folder, about):
+    with training(out, "search", **options) as (folder, about):
         card = train_search(folder, recipe, console=console, about=about)
     emit_result(card, folder)
     for name, score in card["scores"].items():

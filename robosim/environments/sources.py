@@ -116,7 +116,7 @@ class _Tasks:
 
 def source_of(plan: object) -> Source:
     """The source for the argument `plan` of an environment; ValueError or MapError if there is none."""
-    if isinstance(plan, GeneratedHomes):
+    if isinstance(plan, Source):
         return plan
     if isinstance(plan, str) and plan.partition(":")[0] == "homes":
         count = plan.partition(":")[2]

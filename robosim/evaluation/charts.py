@@ -39,6 +39,7 @@ GOAL_COLOURS = {
     GoalKind.ARRIVAL: "#009E73",
     GoalKind.BELIEVED: "#CC79A7",
     GoalKind.LOOK: "#56B4E9",
+    GoalKind.ACTION: "#0072B2",
     GoalKind.EXPLORE: "#F0E442",
     GoalKind.PREVIOUS: "#7F7F7F",
     GoalKind.OTHER: "#DDDDDD",

@@ -103,14 +103,20 @@ class Fused:
         self._given_up: list[np.ndarray] = []
         self._seen: np.ndarray | None = None
 
-    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
-        """The target, the peak of the belief, or a place to look from."""
-        estimate, here = estimated.map, estimated.pose[:2]
+    def observe(self, sensed: Observation, estimated: Estimates) -> TargetBelief:
+        """Add what the robot senses to the belief; once per decision, by `goal` unless another policy decides."""
+        estimate = estimated.map
         if self.belief is None:
-            self.belief = TargetBelief(here, self._belief_config)
+            self.belief = TargetBelief(estimated.pose[:2], self._belief_config)
         self.belief.add(estimated.require_measurement(), estimate)
         if sensed.target is not None:
             self._seen = to_map(estimate.pose, sensed.target)
+        return self.belief
+
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
+        """The target, the peak of the belief, or a place to look from."""
+        estimate, here = estimated.map, estimated.pose[:2]
+        belief = self.observe(sensed, estimated)
         if self._seen is not None:
             self._set_reason(GoalKind.SEEN, "the camera has seen the target")
             return self._seen
@@ -120,7 +126,7 @@ class Fused:
             self._goal = None
             return straight
         self._decisions += 1
-        if self._decisions <= self.config.at_first and self.belief.peak()[1] < self.config.sure:
+        if self._decisions <= self.config.at_first and belief.peak()[1] < self.config.sure:
             onward = self._at_first.goal(estimated.require_measurement(), estimate.pose)
             if onward is not None:
                 self._set_reason(
@@ -137,9 +143,9 @@ class Fused:
                 self.config.uses_graph
                 and (found := estimated.locate_transmitters().get("target")) is not None
             ):
-                self.belief.locate(found)
+                belief.locate(found)
             self._prefix = "the last goal is reached; " if reached else self._prefix
-            self._goal, self._age = self._choose(estimate, self.belief), 0
+            self._goal, self._age = self._choose(estimate, belief), 0
             self._prefix = ""
         return self._goal
 

@@ -5,24 +5,30 @@ It is trained in generated homes, first by imitation of a guide that knows the r
 training, so that the robot turns to and fro less; the likeliest action alone could keep it between two doors forever.
 The draws are the same in each search, so that a seed determines the episode. Actions that end at an obstacle of the map
 are not drawn. Where the robot stays in one place, or sees nothing new, `fused` permanently replaces the network, with
-the map of the whole search.
+the map and the belief of the whole search.
+
+The reason of an action is the group of inputs without which it would be least probable, among all groups, by the
+network's probabilities with that group set to zero (occlusion; Zeiler and Fergus, Visualizing and understanding
+convolutional networks, ECCV 2014). What the memory holds of earlier inputs stays.
 """
 
 from collections import deque
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from robosim.policies.arrival import StuckDetector
 from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
-from robosim.policies.reason import Reason
+from robosim.policies.reason import GoalKind, Reason
 from robosim.policies.search_network import (
+    SENSES,
     SearchNetwork,
     SearchSenses,
+    action_probabilities,
     draw_actions,
     empty_memory,
     load_search,
@@ -46,6 +52,7 @@ _NEW_M2, _NEW_STEPS = 1.0, 100
 _AHEAD_M = 0.5
 #: Change of the heading by an action [rad].
 _TURNS = {Action.FORWARD: 0.0, Action.LEFT: TURN_RAD, Action.RIGHT: -TURN_RAD}
+_WORDS = {Action.FORWARD: "ahead", Action.LEFT: "left", Action.RIGHT: "right"}
 
 
 class Learned:
@@ -59,19 +66,20 @@ class Learned:
         self._stuck = StuckDetector(_STUCK_STEPS, _STUCK_M)
         self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
         self._action: Action | None = None
+        self._reason: Reason | None = None
         self._fused, self._has_fallen_back = fused, False
         self._guard = guard
         self.uses_camera = fused.uses_camera
 
     @property
     def belief(self) -> TargetBelief | None:
-        """The belief of `fused`, after the fallback."""
+        """The belief of `fused`, which decides after the fallback only."""
         return self._fused.belief
 
     @property
     def reason(self) -> Reason | None:
-        """The reason of `fused`, after the fallback."""
-        return self._fused.reason
+        """The inputs that speak for the action; the reason of `fused` after the fallback."""
+        return self._fused.reason if self._has_fallen_back else self._reason
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A point in the direction of the chosen action, for the log; after the fallback the goal of `fused`.
@@ -83,6 +91,7 @@ class Learned:
         if self._has_fallen_back:
             self._action = None
             return self._fused.goal(sensed, estimated)
+        belief = self._fused.observe(sensed, estimated)
         measured = estimated.require_measurement()
         if not sensed.depth.size:
             raise ValueError("The learned search needs the depth of a camera, but the robot has none.")
@@ -95,13 +104,28 @@ class Learned:
             measured.delay_s,
             measured.probability,
         )
-        scores, _, self._memory = self._network(inputs, self._memory)
+        memory = self._memory
+        scores, _, self._memory = self._network(inputs, memory)
         bumps = self._guard.bumps(estimated.map)
         if not bumps.all():
             scores[bumps] = -np.inf
         self._action = Action(int(draw_actions(_POWER * scores[None], self._rng)[0]))
+        self._reason = Reason(
+            kind=GoalKind.ACTION, because=self._because(inputs, memory), mass=belief.peak()[1]
+        )
         turn = _TURNS[self._action]
         return to_map(estimated.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
+
+    def _because(self, inputs: Float32[np.ndarray, " k"], memory: Float32[np.ndarray, " m"]) -> str:
+        """The inputs that speak most for the action: its probability with and without them."""
+        assert self._action is not None
+        occluded = np.tile(inputs, (1 + len(SENSES), 1))
+        for row, group in zip(occluded[1:], SENSES.values(), strict=True):
+            row[group] = 0.0
+        scores = self._network(occluded, np.tile(memory, (len(occluded), 1))).scores
+        given, *without = action_probabilities(scores)[:, self._action]
+        name, least = min(zip(SENSES, without, strict=True), key=lambda one: one[1])
+        return f"{_WORDS[self._action]} by {name}: probability {given:.0%}, without them {least:.0%}"
 
     def _is_stuck(self, estimate: MapEstimate) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""

@@ -24,6 +24,8 @@ class GoalKind(StrEnum):
     """Where the belief is concentrated."""
     LOOK = "place to look from"
     """Where most of the belief comes in sight, or lies behind, per decision of the path."""
+    ACTION = "action chosen"
+    """A point in the direction of an action that a network chooses."""
     EXPLORE = "map's edge"
     """A frontier, chosen without the radio."""
     PREVIOUS = "goal kept"  # stored name

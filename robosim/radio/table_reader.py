@@ -100,7 +100,11 @@ def states_of(
     links: Iterable[Paths], sounder: Sounder, classifier: Classifier
 ) -> Float[np.ndarray, "links 4"]:
     """Probabilities of link states by a classifier, from the paths of each link, read without errors."""
-    read = [read_paths(paths, 0.0, sounder, None) for paths in links]
+    nothing = np.zeros((1, MOST))
+    outage = PathEstimates(
+        aoa_rad=nothing, aod_rad=nothing, snr_db=nothing - np.inf, delay_s=nothing, count=np.zeros(1, int)
+    )
+    read = [read_paths(paths, 0.0, sounder, None) if len(paths.power) else outage for paths in links]
     aoa, aod, snr, delay = (
         np.concatenate([getattr(one, name) for one in read])
         for name in ("aoa_rad", "aod_rad", "snr_db", "delay_s")

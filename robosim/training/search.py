@@ -22,9 +22,15 @@ from typing import Annotated, Any
 import numpy as np
 import torch
 from rich.console import Console
+from safetensors import safe_open
 from torch import Tensor
 
-from robosim.policies.search_network import HIDDEN, SearchNetwork, empty_memory, initial_weights
+from robosim.policies.search_network import (
+    HIDDEN,
+    SearchNetwork,
+    empty_memory,
+    initial_weights,
+)
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
@@ -41,6 +47,7 @@ from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
 from robosim_support.restoring import restore_optimiser
 from slam.learning.ppo import PpoConfig
 from slam.learning.threads import torch_threads
+from slam.support.weights import Weights, read_weights
 
 #: Numbers of the first homes for the choice of weights and for the comparison; training homes begin at the seed.
 _CHOICE, _TEST = 10_000_000, 20_000_000
@@ -68,6 +75,8 @@ class SearchRecipe:
     """Number of homes."""
     at_once: Annotated[int, Range(1, 100, "homes")] = 12
     """Homes of an epoch."""
+    offices: Annotated[float, Range(0, 1)] = 0.0
+    """Share of these that are offices of up to 2000 m2 instead."""
     targets: Annotated[int, Range(1, 10_000, "places in each home")] = 3
     """Target positions in each home."""
     search_steps: Annotated[int, STEPS] = 500
@@ -86,6 +95,8 @@ class SearchRecipe:
     """Proximal policy optimisation; a batch counts robots."""
     reward_scale: Annotated[float, Range(1e-6, 1e6)] = 0.1
     """Factor of rewards, for values of about 1."""
+    start: str = ""
+    """File of weights to start from; random ones if empty."""
     seed: Annotated[int, SEED] = 0
     """Seed of homes, searches, noise, weights and choices."""
 
@@ -96,7 +107,8 @@ class Training:
     def __init__(self, recipe: SearchRecipe, tables: Path) -> None:
         """Begin a training; `tables` is the folder of radio tables."""
         self.recipe, self._tables = recipe, tables
-        self.weights = as_tensors(initial_weights(np.random.default_rng(recipe.seed)))
+        random = initial_weights(np.random.default_rng(recipe.seed))
+        self.weights = as_tensors(_weights_of(Path(recipe.start), random) if recipe.start else random)
         self._optimiser = torch.optim.Adam(self.weights.values(), lr=recipe.ppo.rate, eps=1e-5)
         self.epoch, self.difficulty, self.seconds = 0, recipe.difficulty, 0.0
         self.curve: list[dict[str, float]] = []
@@ -115,6 +127,7 @@ class Training:
                 robots=recipe.robots,
                 homes=recipe.at_once,
                 first=recipe.seed + epoch * recipe.at_once % recipe.homes,
+                offices=recipe.offices,
                 targets=recipe.targets,
                 difficulty=self.difficulty,
                 steps=recipe.search_steps,
@@ -198,6 +211,15 @@ class Training:
         return row
 
 
+def _weights_of(path: Path, like: Weights) -> Weights:
+    """Weights from a file, also of a network with the first inputs only, whose other inputs count nothing at first."""
+    rows = "encoder.weight"
+    with safe_open(path, "numpy") as file:
+        known = file.get_slice(rows).get_shape()[0]
+    stored = read_weights(path, {**like, rows: like[rows][:known]}, "search")
+    return {**stored, rows: np.pad(stored[rows], ((0, len(like[rows]) - known), (0, 0)))}
+
+
 def network_of(weights: Mapping[str, Tensor]) -> SearchNetwork:
     """The network without PyTorch; it shares the memory of the weights."""
     return SearchNetwork({name: value.detach().numpy() for name, value in weights.items()})
@@ -209,6 +231,7 @@ def held_out(recipe: SearchRecipe, first: int, searches: int, tables: Path) -> W
         robots=searches,
         homes=searches,
         first=first,
+        offices=recipe.offices,
         targets=1,
         difficulty=1.0,
         steps=min(1000, 2 * recipe.search_steps),
@@ -239,7 +262,7 @@ def train_search(out: Path, recipe: SearchRecipe, *, console: Console, about: st
         walks = held_out(recipe, _TEST, 2 * recipe.held_out, out / "tables")
         card = {
             "data": f"{training.epoch * recipe.segments * recipe.segment * recipe.robots} steps in "
-            f"{min(recipe.homes, training.epoch * recipe.at_once)} generated homes",
+            f"{min(recipe.homes, training.epoch * recipe.at_once)} generated buildings",
             "command": about,
             "method": "imitation of a guide that knows the route (DAgger), then proximal policy optimisation",
             "recipe": asdict(recipe),

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from robosim.camera.model import CameraConfig
-from robosim.environments.sources import GeneratedHomes, route_action
+from robosim.environments.sources import GeneratedHomes, TaskSpec, route_action
 from robosim.environments.target_search import TargetSearch
+from robosim.generator.generate import GeneratorConfig
 from robosim.policies.search_network import (
     INPUTS,
     SearchNetwork,
@@ -26,8 +27,36 @@ from robosim.simulator import SimulatorConfig
 from robosim.training.search_learning import Segment
 from slam.actions import Action
 
+#: Seed of the kinds of buildings; limits of the areas of offices, and of the mean areas of their rooms [m2].
+_KINDS, _OFFICES_M2, _ROOM_M2 = 42, (150.0, 2000.0), (15.0, 40.0)
 #: Rewards of a search.
 REWARDS = {"arrival": 10.0, "progress": 1.0, "step": -0.01, "collision": -0.05}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneratedBuildings:
+    """Generated homes, and among them offices, whose logarithm of area is uniform between limits."""
+
+    count: int
+    """Different buildings."""
+    seed: int
+    """Seed of the first building; the others follow it."""
+    offices: float
+    """Share of offices, 0 to 1."""
+
+    def __len__(self) -> int:
+        return self.count
+
+    def task_spec(self, number: int) -> TaskSpec:
+        """A building without a task."""
+        seed = self.seed + number
+        rng = np.random.default_rng([_KINDS, seed])
+        config = GeneratorConfig()
+        if rng.random() < self.offices:
+            area_m2 = float(np.exp(rng.uniform(*np.log(_OFFICES_M2))))
+            rooms = min(round(area_m2 / rng.uniform(*_ROOM_M2)), 100)
+            config = GeneratorConfig(style="office", area_m2=area_m2, rooms=rooms)
+        return GeneratedHomes(count=1, seed=seed, config=config).task_spec(0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +68,8 @@ class Walks:
     """Number of different homes."""
     first: int
     """Number of the first home."""
+    offices: float
+    """Share of the homes that are offices instead."""
     targets: int
     """Number of target positions in each home."""
     difficulty: float
@@ -64,7 +95,7 @@ class Robots:
             radio=RadioLinkConfig(engine="table", tables=walks.tables),
         )
         self.count, self._most, self._seed = walks.robots, walks.steps, walks.seed
-        homes = GeneratedHomes(count=walks.homes, seed=walks.first)
+        homes = GeneratedBuildings(count=walks.homes, seed=walks.first, offices=walks.offices)
         self._envs = [
             TargetSearch(
                 homes,

@@ -11,7 +11,8 @@ from robosim.episode_log import EpisodeLog
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
 from robosim.policies.learned import Learned
-from robosim.policies.search_network import SearchNetwork, initial_weights
+from robosim.policies.reason import GoalKind
+from robosim.policies.search_network import HIDDEN, SENSES, SearchNetwork, initial_weights
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
@@ -47,16 +48,16 @@ def _search(policy, max_steps: int, look) -> EpisodeLog:
 
 def test_it_falls_back_to_fused_in_one_place():
     """After 40 decisions on the spot, permanently, and arrives; until then all actions are the network's."""
-    actions, beliefs = [], []
+    actions, is_network = [], []
 
     def look(_, step) -> None:
         actions.append(step.decided.action)
-        beliefs.append(step.decided.belief is not None)
+        is_network.append(step.decided.reason.kind is GoalKind.ACTION)
 
     log = _search(_biased(Action.LEFT), 400, look)
     assert log.ended == "arrived"
     assert actions[:39] == [Action.LEFT] * 39 and Action.FORWARD in actions[39:]
-    assert not any(beliefs[:39]) and all(beliefs[39:])
+    assert all(is_network[:39]) and not any(is_network[39:])
 
 
 def test_it_falls_back_to_fused_without_new_floor():
@@ -64,18 +65,38 @@ def test_it_falls_back_to_fused_without_new_floor():
 
     Steps and left turns with equal probability lead along circles of more than a metre.
     """
-    seen_m2, beliefs, places = [], [], []
+    seen_m2, is_network, places = [], [], []
 
     def look(_, step) -> None:
         frame = step.estimated.map.frame
         seen_m2.append(step.estimated.map.explored.sum() * frame.resolution_m**2)
-        beliefs.append(step.decided.belief is not None)
+        is_network.append(step.decided.reason.kind is GoalKind.ACTION)
         places.append(step.estimated.map.pose[:2].copy())
 
     _search(_biased(Action.LEFT, Action.FORWARD), 300, look)
-    first = beliefs.index(True)
+    first = is_network.index(False)
     grown = np.array(seen_m2[100:]) - seen_m2[:-100]
     assert first == 100 + int(np.argmax(grown < 1.0))
-    assert not any(beliefs[:first]) and all(beliefs[first:])
+    assert all(is_network[:first]) and not any(is_network[first:])
     lately = np.array(places[first - 39 : first + 1])
     assert (np.hypot(*(lately - lately[-1]).T) > 0.5).any()
+
+
+def test_it_gives_the_inputs_that_speak_for_an_action():
+    """A network that turns left by the first radio path alone: its reason is the radio; the belief grows beside it."""
+    weights = {
+        name: np.zeros_like(value) for name, value in initial_weights(np.random.default_rng(0)).items()
+    }
+    weights["encoder.weight"][SENSES["radio paths"][0], 0] = 1
+    weights["memory.input_weight"][0, -HIDDEN] = 5  # the candidate of the memory's first unit
+    weights["action.weight"][0, Action.LEFT] = 10
+    steps = []
+
+    def policy(context: PolicyContext) -> Learned:
+        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), Guard(context.control))
+
+    _search(policy, 30, lambda _, step: steps.append(step.decided))
+    assert all(one.belief is not None for one in steps)
+    because = [one.reason.because for one in steps if one.reason.because.startswith("left by")]
+    assert len(because) > 5
+    assert all(text.startswith("left by radio paths: probability") for text in because)
