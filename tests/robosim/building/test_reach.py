@@ -83,7 +83,7 @@ def test_the_remaining_path_is_a_number_where_the_sampling_has_closed_a_passage(
 
 
 @pytest.mark.parametrize("point", [(1.0, 1.5), (3.05, 0.2), (-7.0, 40.0), (900.0, -3.0)])
-def test_what_counts_from_elsewhere_counts_from_the_nearest_cell(point):
+def test_places_outside_count_from_the_nearest_cell(point):
     """Of all cells of the parts, by brute force; from within, from a wall, and from far outside of the plan."""
     places = reach(make_building(two_rooms(0.2)), 0.18)
     inside = places.parts > 0

@@ -83,7 +83,7 @@ def test_it_falls_back_to_fused_without_new_floor():
 
 
 def test_it_gives_the_inputs_that_speak_for_an_action():
-    """A network that turns left by the first radio path alone: its reason is the radio; the belief grows beside it."""
+    """A network that turns left by the first radio path alone: its reason is the radio; the belief grows with it."""
     weights = {
         name: np.zeros_like(value) for name, value in initial_weights(np.random.default_rng(0)).items()
     }
