@@ -46,7 +46,7 @@ from slam.planning.loop_detector import LoopDetector, Remedy
 class EpisodeConfig:
     """How an episode is run."""
 
-    goal: Annotated[GoalPart, tyro.conf.Suppress] = "fused"
+    goal: Annotated[GoalPart, tyro.conf.Suppress] = "learned"
     """Goal policy."""
     explorer: ExplorerPart = "learned"
     """Explorer: chooses among frontiers when the goal is to explore."""

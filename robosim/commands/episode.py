@@ -30,7 +30,7 @@ def episode(
     start: Pose = None,
     anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
     unknown_anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
-    goal: GoalOption = "fused",
+    goal: GoalOption = "learned",
     seed: int = 0,
     base: Base = DEFAULT_START,
     settings: Settings = DEFAULTS,

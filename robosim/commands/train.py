@@ -311,6 +311,8 @@ def search(
     offices: float = 0.0,
     search_steps: int = 500,
     start: Path | None = None,
+    difficulty: float = 0.3,
+    advice: float = 0.3,
     held_out: int = 32,
     seed: int = 0,
     smoke: bool = False,
@@ -334,6 +336,8 @@ def search(
         offices: Share of these that are offices of up to 2000 m2 instead, 0 to 1.
         search_steps: Steps after which a search is given up.
         start: File of weights to start from, also of the shipped network; by default random ones.
+        difficulty: Difficulty at first, by the distance of targets, 0 to 1.
+        advice: Weight of the guide's actions after imitation, which halves in 30 epochs.
         held_out: Searches that choose the best weights, and twice as many for the final comparison.
         seed: Seed of homes, searches, noise, weights and choices.
         smoke: Whether to try everything in a minute or two, with two epochs of few, short searches.
@@ -343,7 +347,7 @@ def search(
 
     options: dict[str, Any] = {
         "epochs": epochs, "imitation": imitation, "homes": homes, "offices": offices, "search_steps": search_steps,
-        "start": str(start or ""), "held_out": held_out, "seed": seed,
+        "start": str(start or ""), "difficulty": difficulty, "advice": advice, "held_out": held_out, "seed": seed,
     }  # fmt: skip
     recipe = SearchRecipe(**options)
     if smoke:

@@ -51,7 +51,7 @@ from slam.support.weights import Weights, read_weights
 
 #: Numbers of the first homes for the choice of weights and for the comparison; training homes begin at the seed.
 _CHOICE, _TEST = 10_000_000, 20_000_000
-_PPO = PpoConfig(trace=0.95, passes=3, batch=16, rate=4e-4, entropy=0.003)
+_PPO = PpoConfig(discount=0.995, trace=0.95, passes=3, batch=16, rate=4e-4, entropy=0.003)
 #: Shares of arrivals that raise and lower the difficulty, and its step.
 _HARDER, _EASIER, _STEP = 0.6, 0.2, 0.1
 
@@ -260,9 +260,10 @@ def train_search(out: Path, recipe: SearchRecipe, *, console: Console, about: st
                 write_json(out / "curve.json", {"epochs": training.curve})
         best = network_of(training.best or training.weights)
         walks = held_out(recipe, _TEST, 2 * recipe.held_out, out / "tables")
+        kind = "homes and offices" if recipe.offices else "homes"
         card = {
             "data": f"{training.epoch * recipe.segments * recipe.segment * recipe.robots} steps in "
-            f"{min(recipe.homes, training.epoch * recipe.at_once)} generated buildings",
+            f"{min(recipe.homes, training.epoch * recipe.at_once)} generated {kind}",
             "command": about,
             "method": "imitation of a guide that knows the route (DAgger), then proximal policy optimisation",
             "recipe": asdict(recipe),

@@ -13,8 +13,8 @@ from slam.control.manoeuvre import pushes, swung
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 
-#: Error of a map [m]: the hull is taken to be smaller by this.
-_ERROR_M = 0.01
+#: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep.
+_ERROR_M, _MARGIN_M = 0.01, 0.01
 
 
 class Guard:
@@ -32,7 +32,9 @@ class Guard:
     def bumps(self, estimate: MapEstimate) -> Bool[np.ndarray, "3"]:
         """Whether each of the published actions would end at something."""
         near = Clearance.around(estimate, FORWARD_M + 2 * self._radius_m)
-        ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], self._radius_m - _ERROR_M)
+        gap_m = float(near.at(estimate.pose[:2]))
+        space_m = max(min(gap_m - _ERROR_M, self._radius_m + _MARGIN_M), self._radius_m - _ERROR_M)
+        ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], space_m)
         found = np.zeros(len(PUBLISHED), bool)
         found[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
         for action, motion in self._turns.items():
