@@ -14,6 +14,7 @@ convolutional networks, ECCV 2014). What the memory holds of earlier inputs stay
 """
 
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,8 @@ _STUCK_M, _STUCK_STEPS = 0.5, 40
 _NEW_M2, _NEW_STEPS = 1.0, 100
 #: Decisions by `fused` after the first time.
 _FALLBACK_STEPS = 100
+#: Frontiers that `fused` rates then.
+_CANDIDATES = 60
 #: Distance of the goal in the log [m].
 _AHEAD_M = 0.5
 #: Change of the heading by an action [rad].
@@ -154,4 +157,7 @@ def learned(context: PolicyContext) -> Learned:
 
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
     """The policy of the network in a file."""
-    return Learned(load_search(path), Fused(context.explorer, context.fused), Guard(context.control))
+    config = replace(
+        context.fused, candidates=_CANDIDATES, belief=replace(context.fused.belief, silence=True)
+    )
+    return Learned(load_search(path), Fused(context.explorer, config), Guard(context.control))

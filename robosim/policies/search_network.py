@@ -8,10 +8,6 @@ Inputs are numbers of about 1 in size, in the robot's own frame. They need neith
     odometry   forward and left in steps of 0.25 m, turn in steps of 10 degrees
     trail      how often the robot was in each of 8 directions by 3 distances around it, by odometry
     start      ahead and left of the robot, in 10 m; number of steps, in 1000
-    far depth  64 columns as the logarithm of the distance, 1 at 50 m
-    far trail  8 directions by 2 larger distances
-    received   where the strongest path so far arrived: ahead and left, in 10 m, cosine and sine of its azimuth,
-               SNR / 30 dB, number of steps since, in 1000
 
 Obstacles below the camera's horizon are not in the inputs. The network has one layer of rectified units, a gated
 recurrent unit as memory, and two linear readings of the memory: scores of the three actions, and the discounted
@@ -41,22 +37,19 @@ COLUMNS, PATHS, STATES = 64, 5, 4
 _FAR_M, _NEAR_M = 10.0, 0.5
 _SNR_DB, _DELAY_S, _MOST_DELAYS = 30.0, 30e-9, 3.0
 #: Directions and outer distances [m] of the parts of the trail.
-_SECTORS, _RINGS_M, _FAR_RINGS = 8, (0.8, 2.0, 5.0, 12.0, 30.0), 2
+_SECTORS, _RINGS_M = 8, (0.8, 2.0, 5.0)
 #: Logarithm of the number of visits that becomes 1.
 _TRAIL = 4.0
 _PLACE_M, _STEPS = 10.0, 1000.0
-#: Distance whose logarithm becomes 1 [m].
-_FARTHEST_M = 50.0
-#: What the inputs are of, and how many there are.
-_LAYOUT = (
-    ("distances", 2 * COLUMNS), ("radio paths", 5 * PATHS + STATES), ("motion", 3),
-    ("places visited", _SECTORS * (len(_RINGS_M) - _FAR_RINGS) + 3), ("distances", COLUMNS),
-    ("places visited", _SECTORS * _FAR_RINGS), ("radio paths", 6),
-)  # fmt: skip
-_NAMES = np.repeat([name for name, _ in _LAYOUT], [count for _, count in _LAYOUT])
-INPUTS = len(_NAMES)
-#: Indices of the inputs of each kind.
-SENSES = {str(name): np.flatnonzero(name == _NAMES) for name in dict.fromkeys(_NAMES)}
+#: What the inputs are of, and how many there are, in their order.
+_LAYOUT = {
+    "distances": 2 * COLUMNS, "radio paths": 5 * PATHS + STATES, "motion": 3,
+    "places visited": _SECTORS * len(_RINGS_M) + 3,
+}  # fmt: skip
+_ENDS = np.cumsum(list(_LAYOUT.values())).tolist()
+INPUTS = _ENDS[-1]
+#: The inputs of each kind.
+SENSES = {name: slice(end - count, end) for (name, count), end in zip(_LAYOUT.items(), _ENDS, strict=True)}
 #: Units of the first layer, and of the memory.
 HIDDEN = 128
 
@@ -68,9 +61,6 @@ class SearchSenses:
         self._pose = np.zeros(3)
         self._trail = np.zeros((64, 2))
         self._steps = -1
-        self._best_db = -math.inf
-        #: x, y, direction in the frame of the start, number of the step.
-        self._best_arrival = np.zeros(4)
 
     def encode(
         self,
@@ -92,39 +82,24 @@ class SearchSenses:
             probability: Of each link state.
         """
         self._move(odometry)
-        distance = _horizon(depth_m)
-        ahead = np.minimum(distance, _FAR_M)
+        ahead = np.minimum(_horizon(depth_m), _FAR_M)
         n = min(len(direction_rad), PATHS)
         paths = np.zeros((PATHS, 5), np.float32)
         paths[:n, 0] = 1
         paths[:n, 1], paths[:n, 2] = np.cos(direction_rad[:n]), np.sin(direction_rad[:n])
         paths[:n, 3] = snr_db[:n] / _SNR_DB
         paths[:n, 4] = np.clip(delay_s[:n] / _DELAY_S, -_MOST_DELAYS, _MOST_DELAYS)
-        if n and snr_db[0] > self._best_db:
-            self._best_db = float(snr_db[0])
-            self._best_arrival = np.array([*self._pose[:2], self._pose[2] + direction_rad[0], self._steps])
-        near_trail, far_trail = np.split(self._visits(), [-_FAR_RINGS * _SECTORS])
         parts = (
             np.where(ahead > 0, _NEAR_M / (_NEAR_M + ahead), 0.0),
             ahead / _FAR_M,
             paths.ravel(),
             probability,
             odometry / (FORWARD_M, FORWARD_M, TURN_RAD),
-            near_trail,
+            self._visits(),
             self._in_own_frame(np.zeros((1, 2)))[0] / _PLACE_M,
             [self._steps / _STEPS],
-            np.log1p(np.minimum(distance, _FARTHEST_M)) / math.log1p(_FARTHEST_M),
-            far_trail,
-            self._best_received(),
         )
         return np.concatenate([np.asarray(part, np.float32) for part in parts])
-
-    def _best_received(self) -> Float[np.ndarray, "6"]:
-        if math.isinf(self._best_db):
-            return np.zeros(6)
-        place = self._in_own_frame(self._best_arrival[None, :2])[0] / _PLACE_M
-        turn, age = self._best_arrival[2] - self._pose[2], (self._steps - self._best_arrival[3]) / _STEPS
-        return np.array([*place, math.cos(turn), math.sin(turn), self._best_db / _SNR_DB, age])
 
     def _move(self, odometry: Float[np.ndarray, "3"]) -> None:
         """Add up odometry in the frame of the start, and record the place."""

@@ -22,7 +22,6 @@ from typing import Annotated, Any
 import numpy as np
 import torch
 from rich.console import Console
-from safetensors import safe_open
 from torch import Tensor
 
 from robosim.policies.search_network import (
@@ -30,6 +29,7 @@ from robosim.policies.search_network import (
     SearchNetwork,
     empty_memory,
     initial_weights,
+    load_search,
 )
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json
@@ -47,11 +47,10 @@ from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
 from robosim_support.restoring import restore_optimiser
 from slam.learning.ppo import PpoConfig
 from slam.learning.threads import torch_threads
-from slam.support.weights import Weights, read_weights
 
 #: Numbers of the first homes for the choice of weights and for the comparison; training homes begin at the seed.
 _CHOICE, _TEST = 10_000_000, 20_000_000
-_PPO = PpoConfig(discount=0.995, trace=0.95, passes=3, batch=16, rate=4e-4, entropy=0.003)
+_PPO = PpoConfig(trace=0.95, passes=3, batch=16, rate=4e-4, entropy=0.003)
 #: Shares of arrivals that raise and lower the difficulty, and its step.
 _HARDER, _EASIER, _STEP = 0.6, 0.2, 0.1
 
@@ -108,7 +107,7 @@ class Training:
         """Begin a training; `tables` is the folder of radio tables."""
         self.recipe, self._tables = recipe, tables
         random = initial_weights(np.random.default_rng(recipe.seed))
-        self.weights = as_tensors(_weights_of(Path(recipe.start), random) if recipe.start else random)
+        self.weights = as_tensors(load_search(Path(recipe.start)).weights if recipe.start else random)
         self._optimiser = torch.optim.Adam(self.weights.values(), lr=recipe.ppo.rate, eps=1e-5)
         self.epoch, self.difficulty, self.seconds = 0, recipe.difficulty, 0.0
         self.curve: list[dict[str, float]] = []
@@ -209,15 +208,6 @@ class Training:
         if (scores["arrived"], scores["spl"]) >= max(before, default=(0.0, 0.0)):
             self.best = {name: value.detach().clone() for name, value in self.weights.items()}
         return row
-
-
-def _weights_of(path: Path, like: Weights) -> Weights:
-    """Weights from a file, also of a network with the first inputs only, whose other inputs count nothing at first."""
-    rows = "encoder.weight"
-    with safe_open(path, "numpy") as file:
-        known = file.get_slice(rows).get_shape()[0]
-    stored = read_weights(path, {**like, rows: like[rows][:known]}, "search")
-    return {**stored, rows: np.pad(stored[rows], ((0, len(like[rows]) - known), (0, 0)))}
 
 
 def network_of(weights: Mapping[str, Tensor]) -> SearchNetwork:

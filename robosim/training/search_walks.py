@@ -30,7 +30,7 @@ from slam.actions import Action
 #: Seed of the kinds of buildings; limits of the areas of offices, and of the mean areas of their rooms [m2].
 _KINDS, _OFFICES_M2, _ROOM_M2 = 42, (150.0, 2000.0), (15.0, 40.0)
 #: Rewards of a search.
-REWARDS = {"arrival": 10.0, "progress": 1.0, "step": -0.01, "collision": -0.3}
+REWARDS = {"arrival": 10.0, "progress": 1.0, "step": -0.01, "collision": -0.05}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -94,7 +94,7 @@ def main(
 class Occluded(SearchNetwork):
     """A network that receives zeros for some inputs."""
 
-    def __init__(self, network: SearchNetwork, left_out: np.ndarray) -> None:
+    def __init__(self, network: SearchNetwork, left_out: slice) -> None:
         super().__init__(network.weights)
         self._left_out = left_out
 
@@ -113,7 +113,7 @@ def search(path: str, kind: str, left_out: str, searches: int, max_steps: int, f
             steps=max_steps, seed=_FIRST, tables=Path(folder) / "tables",
         )
     )  # fmt: skip
-    network = Occluded(load_search(Path(path)), SENSES.get(left_out, np.zeros(0, int)))
+    network = Occluded(load_search(Path(path)), SENSES.get(left_out, slice(0)))
     rng, memory = np.random.default_rng(0), empty_memory(searches)
     shortest = np.array([info["distance_m"] for info in robots.infos])
     driven, steps, arrived = np.zeros(searches), np.zeros(searches), np.zeros(searches, bool)

@@ -87,7 +87,7 @@ def test_it_gives_the_inputs_that_speak_for_an_action():
     weights = {
         name: np.zeros_like(value) for name, value in initial_weights(np.random.default_rng(0)).items()
     }
-    weights["encoder.weight"][SENSES["radio paths"][0], 0] = 1
+    weights["encoder.weight"][SENSES["radio paths"].start, 0] = 1
     weights["memory.input_weight"][0, -HIDDEN] = 5  # the candidate of the memory's first unit
     weights["action.weight"][0, Action.LEFT] = 10
     steps = []
