@@ -4,9 +4,8 @@ It is trained in generated homes, first by imitation of a guide that knows the r
 (`robosim.training.search`). Actions are drawn by the third power of their probabilities, likely ones more often than in
 training, so that the robot turns to and fro less; the likeliest action alone could keep it between two doors forever.
 The draws are the same in each search, so that a seed determines the episode. Actions that end at an obstacle of the map
-are not drawn. Where the robot stays in one place, or sees nothing new, `fused` replaces the network for some decisions,
-with the map and the belief of the whole search; for twice as many each next time, so that a search ends as those of
-`fused` do. Without a camera `fused` decides from the start.
+are not drawn. Where the robot stays in one place, or sees nothing new, `fused` permanently replaces the network, with
+the map and the belief of the whole search. Without a camera `fused` decides from the start.
 
 The reason of an action is the group of inputs without which it would be least probable, among all groups, by the
 network's probabilities with that group set to zero (occlusion; Zeiler and Fergus, Visualizing and understanding
@@ -50,8 +49,6 @@ _POWER = 3.0
 _STUCK_M, _STUCK_STEPS = 0.5, 40
 #: It also is if it has seen less new floor [m2] in so many decisions.
 _NEW_M2, _NEW_STEPS = 1.0, 100
-#: Decisions by `fused` after the first time.
-_FALLBACK_STEPS = 100
 #: Frontiers that `fused` rates then.
 _CANDIDATES = 60
 #: Distance of the goal in the log [m].
@@ -73,7 +70,7 @@ class Learned:
         self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
         self._action: Action | None = None
         self._reason: Reason | None = None
-        self._fused, self._fused_steps, self._next_steps = fused, 0, _FALLBACK_STEPS
+        self._fused, self._has_fallen_back = fused, False
         self._guard = guard
         self.uses_camera = fused.uses_camera
 
@@ -85,7 +82,7 @@ class Learned:
     @property
     def reason(self) -> Reason | None:
         """The inputs that speak for the action; the reason of `fused` after the fallback."""
-        return self._reason or self._fused.reason
+        return self._fused.reason if self._has_fallen_back else self._reason
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A point in the direction of the chosen action, for the log; after the fallback the goal of `fused`.
@@ -93,7 +90,9 @@ class Learned:
         Raises:
             ValueError: If the robot has no radio.
         """
-        if not sensed.depth.size:
+        self._has_fallen_back |= not sensed.depth.size or self._is_stuck(estimated.map)
+        if self._has_fallen_back:
+            self._action = None
             return self._fused.goal(sensed, estimated)
         measured = estimated.require_measurement()
         inputs = self._senses.encode(
@@ -105,17 +104,8 @@ class Learned:
             measured.delay_s,
             measured.probability,
         )
-        if self._fused_steps == 0 and self._is_stuck(estimated.map):
-            self._fused_steps, self._next_steps = self._next_steps, 2 * self._next_steps
         memory = self._memory
         scores, _, self._memory = self._network(inputs, memory)
-        if self._fused_steps > 0:
-            self._fused_steps -= 1
-            self._action = self._reason = None
-            if self._fused_steps == 0:
-                self._stuck.reset()
-                self._seen_m2.clear()
-            return self._fused.goal(sensed, estimated)
         belief = self._fused.observe(sensed, estimated)
         bumps = self._guard.bumps(estimated.map)
         if not bumps.all():
