@@ -69,7 +69,7 @@ class BeliefConfig:
     apart_m: Annotated[float, Range(0, 100, "m")] = 0.3
     """Least distance between measurements that count [m]; on large maps a multiple of it."""
     beyond_m: Annotated[float, Range(0.1, 1e6, "m")] = 5.0
-    """Distance from the explored area at which the prior is smaller by a factor of e [m]."""
+    """Distance from the explored area at which the prior is smaller by a factor of e, and to which routes lead [m]."""
     look_m: Annotated[float, Range(0, 100, "m")] = 1.2
     """Distance within which the camera surely finds the target [m]; 0 if it does not look for it."""
     look_deg: Annotated[float, Range(0, 360, "degrees")] = 80.0
@@ -184,7 +184,7 @@ class TargetBelief:
         """A map over the belief's cells, cached for the decision."""
         survey = self._survey
         if survey is None or survey.estimate is not estimate or survey.frame is not self.frame:
-            self._survey = survey = MapSurvey(estimate, self.frame)
+            self._survey = survey = MapSurvey(estimate, self.frame, self.config.beyond_m)
         return survey
 
     def _exclude_seen(

@@ -49,8 +49,8 @@ _POWER = 3.0
 _STUCK_M, _STUCK_STEPS = 0.5, 40
 #: It also is if it has seen less new floor [m2] in so many decisions.
 _NEW_M2, _NEW_STEPS = 1.0, 100
-#: Frontiers that `fused` rates then.
-_CANDIDATES = 60
+#: Frontiers that `fused` rates then, and how far beyond the map it expects the target [m].
+_CANDIDATES, _BEYOND_M = 60, 30.0
 #: Distance of the goal in the log [m].
 _AHEAD_M = 0.5
 #: Change of the heading by an action [rad].
@@ -148,6 +148,8 @@ def learned(context: PolicyContext) -> Learned:
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
     """The policy of the network in a file."""
     config = replace(
-        context.fused, candidates=_CANDIDATES, belief=replace(context.fused.belief, silence=True)
+        context.fused,
+        candidates=_CANDIDATES,
+        belief=replace(context.fused.belief, silence=True, beyond_m=_BEYOND_M),
     )
     return Learned(load_search(path), Fused(context.explorer, config), Guard(context.control))

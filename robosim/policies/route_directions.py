@@ -52,9 +52,9 @@ class RouteDirections(NamedTuple):
 class MapSurvey:
     """Results of one decision's map over a grid, computed when they are first needed."""
 
-    def __init__(self, estimate: MapEstimate, frame: GridFrame) -> None:
-        """To be used before the map changes."""
-        self.estimate, self.frame = estimate, frame
+    def __init__(self, estimate: MapEstimate, frame: GridFrame, beyond_m: float = 5.0) -> None:
+        """To be used before the map changes; routes lead so far beyond its edge."""
+        self.estimate, self.frame, self._beyond_m = estimate, frame, beyond_m
         self._routes: tuple[bytes, RouteDirections] | None = None
 
     @cached_property
@@ -66,7 +66,7 @@ class MapSurvey:
         """Routes between a place [m] and the cells; those of the last place are cached."""
         key = np.asarray(place, float).tobytes()
         if self._routes is None or self._routes[0] != key:
-            self._routes = key, route_directions(self.estimate, place, self.frame)
+            self._routes = key, route_directions(self.estimate, place, self.frame, self._beyond_m)
         return self._routes[1]
 
 
