@@ -3,7 +3,7 @@
 The network drives in generated buildings outside of its training. A kind of inputs is left out by setting it to zero
 in all steps (occlusion); differences are of the same searches. Turns are the probability of left less that of right,
 over the bearing of the farthest point in view where nothing is received, and over the azimuth of the strongest path by
-link state in other places. Intervals are of 95 %, by bootstrap over searches.
+link state in other places. Intervals are of 95 %, by bootstrap over searches. Turns in the table: the mean turn towards that side, for bearings of more than 20 degrees.
 """
 
 from pathlib import Path
@@ -135,7 +135,11 @@ def _turns(inputs: np.ndarray, scores: np.ndarray) -> np.ndarray:
     """State, bearing [deg] and turn of each robot's step."""
     odds = action_probabilities(scores)
     state = inputs[:, _STATE : _STATE + 4].argmax(axis=1)
-    far = inputs[:, COLUMNS : 2 * COLUMNS].argmax(axis=1)
+    distance = inputs[:, COLUMNS : 2 * COLUMNS]
+    farthest = (
+        distance >= distance.max(axis=1, keepdims=True) - 1e-3
+    )  # several columns at the largest distance
+    far = (farthest * np.arange(COLUMNS)).sum(axis=1) / farthest.sum(axis=1)
     # Columns go from left to right, over the camera's field of view.
     in_view = np.degrees(np.arctan((0.5 * COLUMNS - 0.5 - far) / (0.5 * COLUMNS)))
     azimuth = np.degrees(np.arctan2(inputs[:, 2 * COLUMNS + 2], inputs[:, 2 * COLUMNS + 1]))
