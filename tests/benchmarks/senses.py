@@ -3,7 +3,8 @@
 The network drives in generated buildings outside of its training. A kind of inputs is left out by setting it to zero
 in all steps (occlusion); differences are of the same searches. Turns are the probability of left less that of right,
 over the bearing of the farthest point in view where nothing is received, and over the azimuth of the strongest path by
-link state in other places. Intervals are of 95 %, by bootstrap over searches. Turns in the table: the mean turn towards that side, for bearings of more than 20 degrees.
+link state in other places. Intervals are of 95 %, by bootstrap over searches.
+Turns in the table: the mean turn towards that side, for bearings of more than 20 degrees.
 """
 
 from pathlib import Path
