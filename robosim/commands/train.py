@@ -347,8 +347,10 @@ def search(
 
     options: dict[str, Any] = {
         "epochs": epochs, "imitation": imitation, "homes": homes, "offices": offices, "search_steps": search_steps,
-        "start": str(start or ""), "difficulty": difficulty, "advice": advice, "held_out": held_out, "seed": seed,
+        "difficulty": difficulty, "advice": advice, "held_out": held_out, "seed": seed,
     }  # fmt: skip
+    if start is not None:
+        options["start"] = str(start)
     recipe = SearchRecipe(**options)
     if smoke:
         recipe = replace(
