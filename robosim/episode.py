@@ -69,7 +69,7 @@ class EpisodeConfig:
 
     def __post_init__(self) -> None:
         if self.simulator.camera == "none":
-            if self.goal in ("visual", "learned"):
+            if self.goal == "visual":
                 raise ValueError(
                     f"goal is {self.goal!r}, which looks through the camera, but camera is 'none'. Give it one."
                 )

@@ -65,6 +65,8 @@ def main(evaluation: Positional[Path], *, options: OmitArgPrefixes[Options] = DE
             ("median", one.time_median, 2), ("80 %", one.time_p80, 2), ("SPL", one.spl, 2),
             ("over shortest", one.limit_median, 2),
         ):  # fmt: skip
+            if np.isnan(value.value):  # none of the tasks was done by `shortest`
+                continue
             spread = (value.low, value.high)
             results.add(
                 name, one.policy, one.difficulty, value.value, digits=digits, spread=spread, cases=one.tasks
@@ -72,6 +74,15 @@ def main(evaluation: Positional[Path], *, options: OmitArgPrefixes[Options] = DE
         rate = tuple(100 * part for part in one.arrival_rate)
         results.add(
             "arrived", one.policy, one.difficulty, rate[0], "%", digits=1, spread=rate[1:], cases=one.tasks
+        )
+        rows = [
+            row
+            for row in scored
+            if row["policy"] == one.policy and one.difficulty in ("all", row["difficulty"])
+        ]
+        bumps, driven = (sum(row[name] for row in rows) for name in ("collisions", "path_length_m"))
+        results.add(
+            "bumps in 100 m", one.policy, one.difficulty, 100 * bumps / driven, digits=1, cases=one.tasks
         )
     for name, column in (("median", 0), ("80 %", 1)):
         for place, difficulty in enumerate(CLASSES):
