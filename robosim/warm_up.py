@@ -71,7 +71,7 @@ def call_loops(part: int = 0) -> None:
     robot = EpisodeConfig().simulator.robot
     places = reach(building, robot.radius_m, robot.height_m)
     task = make_task(places, np.random.default_rng(0))
-    for goal in ("explore", "fused", "learned"):
+    for goal in ("explore", "fused"):
         run_episode(building, places, task, EpisodeConfig(max_steps=3, goal=goal))
 
 

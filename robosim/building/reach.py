@@ -91,9 +91,13 @@ class Reach:
         ny, nx = self.plan.shape
         return int(self.parts[iy, ix]) if 0 <= iy < ny and 0 <= ix < nx else 0
 
+    def nearest_cell(self, point: Float[np.ndarray, "2"]) -> tuple[tuple[int, int], float]:
+        """Row and column of the nearest cell of a part, and its distance from a point [m]; inf if there is no part."""
+        return _nearest_cell(self.plan, self.parts > 0, point)
+
     def part_near(self, point: Float[np.ndarray, "2"], distance_m: float) -> int:
         """Number of the part that comes within a distance of a point, the nearest one, or 0."""
-        cell, gap_m = _nearest_cell(self.plan, self.parts > 0, point)
+        cell, gap_m = self.nearest_cell(point)
         return int(self.parts[cell]) if gap_m <= distance_m else 0
 
     def widest(self) -> Float[np.ndarray, "2"]:
@@ -121,7 +125,7 @@ class Reach:
 
         Infinite where the hull cannot be. A point outside every part counts from the nearest cell of one.
         """
-        start, gap_m = _nearest_cell(self.plan, self.parts > 0, point)
+        start, gap_m = self.nearest_cell(point)
         if gap_m == np.inf:
             return np.full(self.plan.shape, np.inf)
         inside = self.parts == self.parts[start]

@@ -57,7 +57,8 @@ def episode(
             of the map; visual does so until the camera sees the target; snr, los and los-or-first follow the strongest
             radio path, if there is one, in line of sight, or also diffracted or reflected once; fused weighs all of
             that, and each of its variants lacks one part; learned is a network that chooses each action itself, and
-            falls back to fused where it is stuck. module:Name is your own, search.safetensors comes from
+            falls back to fused where it is stuck, or without a camera. module:Name is your own,
+            search.safetensors comes from
             `robosim train search`.
         seed: Seed of task and noise.
         base: Values that the options below start from.

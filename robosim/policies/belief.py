@@ -107,8 +107,8 @@ class TargetBelief:
         self._located = np.zeros((n, n), np.float32)
         self._empty = np.zeros((n, n), bool)
         self._prior = np.zeros((n, n), np.float32)
-        #: Largest probability with which a target in each cell would have been received where nothing was.
-        self._missed = np.zeros((n, n), np.float32)
+        #: Logarithm of the factor for a target in each cell that would have been received where nothing was.
+        self._silent = np.zeros((n, n), np.float32)
         #: Centres of the cells (x, y) [m].
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
@@ -119,7 +119,7 @@ class TargetBelief:
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Probability of each cell; they add up to 1. Read-only."""
         if self._probability is None:
-            log = self._prior + self._log + self._located + np.log1p(-_CERTAIN * self._missed)
+            log = self._prior + self._log + self._located + self._silent
             p = np.exp(log - log.max())
             self._probability = p / p.sum()
             self._probability.flags.writeable = False
@@ -156,8 +156,8 @@ class TargetBelief:
             routes = survey.routes(place)
             straight_m = distance[routes.rows, routes.columns]
             odds = _RECEIVED[0] - _RECEIVED[1] * straight_m - _RECEIVED[2] * (routes.length_m - straight_m)
-            part = self._missed[routes.rows, routes.columns]
-            np.maximum(part, expit(odds), out=part)
+            part = self._silent[routes.rows, routes.columns]
+            np.minimum(part, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=part)
         prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
             measurement, survey, offset, distance, frequency_hz=c.frequency_hz, departures=c.departures,
@@ -226,9 +226,9 @@ class TargetBelief:
         left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
-        self._log, self._located, self._empty, self._prior, self._missed = (
+        self._log, self._located, self._empty, self._prior, self._silent = (
             np.pad(layer, sides, mode="edge")
-            for layer in (self._log, self._located, self._empty, self._prior, self._missed)
+            for layer in (self._log, self._located, self._empty, self._prior, self._silent)
         )
         self.centres = _centres(self.frame)
 

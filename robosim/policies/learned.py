@@ -90,8 +90,8 @@ class Learned:
         Raises:
             ValueError: If the robot has no radio.
         """
-        self._has_fallen_back |= not sensed.depth.size or self._is_stuck(estimated.map)
-        if self._has_fallen_back:
+        if self._has_fallen_back or not sensed.depth.size or self._is_stuck(estimated.map):
+            self._has_fallen_back = True
             self._action = None
             return self._fused.goal(sensed, estimated)
         measured = estimated.require_measurement()

@@ -187,8 +187,7 @@ def _check_places(reach: Reach, start: np.ndarray | None, target: np.ndarray | N
 
 def _better(reach: Reach, problem: str, point: Float[np.ndarray, "2"]) -> MapError:
     """An error that names the nearest point that would do."""
-    centres = reach.plan.centres(reach.parts > 0)
-    nearest = centres[np.argmin(np.hypot(*(centres - point).T))]
+    nearest = _centre(reach, np.array(reach.nearest_cell(point)[0]))
     return MapError(
         f"{reach.plan.name}: {problem}. The nearest place where the hull can be is ({nearest[0]:.2f}, "
         f"{nearest[1]:.2f}) m."
