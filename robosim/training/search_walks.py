@@ -6,9 +6,10 @@ along the horizon only.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from robosim.camera.model import CameraConfig
 from robosim.environments.sources import GeneratedHomes, TaskSpec, route_action
@@ -202,16 +203,31 @@ def walk(
     return Segment(**columns, memory=first), memory
 
 
+class Scores(NamedTuple):
+    """Scores of one search of each robot."""
+
+    arrived: Bool[np.ndarray, " robots"]
+    spl: Float[np.ndarray, " robots"]
+    """Success weighted by path length: the shortest drive over the actual one, 0 without arrival (Anderson et al., On
+    evaluation of embodied navigation agents, arXiv:1807.06757)."""
+    steps: Float[np.ndarray, " robots"]
+    bumps: Float[np.ndarray, " robots"]
+
+
 def evaluate_driver(
     driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False
 ) -> dict[str, float]:
-    """Scores of one search of each robot by a network, "guide" or "random" (three of five actions forward).
+    """Means of the scores of a driver, see `drive`: of the searches with arrival for the steps, else of all."""
+    scores = drive(driver, walks, most_likely=most_likely)
+    means = {name: float(values.mean()) for name, values in scores._asdict().items()}
+    return {
+        **means,
+        "steps": float(scores.steps[scores.arrived].mean()) if scores.arrived.any() else float("nan"),
+    }
 
-    Returns:
-        `arrived`: share of the searches. `spl`: success weighted by path length, the mean of the shortest drive over
-        the actual drive, 0 without arrival (Anderson et al., On evaluation of embodied navigation agents,
-        arXiv:1807.06757). `steps`: mean of the searches with arrival; `bumps`: mean of all searches.
-    """
+
+def drive(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False) -> Scores:
+    """One search of each robot by a network, "guide" or "random" (three of five actions forward)."""
     robots, rng = Robots(walks), np.random.default_rng([walks.seed, 2])
     n, memory = robots.count, empty_memory(robots.count)
     shortest = np.array([info["distance_m"] for info in robots.infos])
@@ -232,9 +248,4 @@ def evaluate_driver(
         bumps += is_running * np.array([info["collided"] for info in robots.infos])
         steps += is_running
     robots.close()
-    return {
-        "arrived": float(arrived.mean()),
-        "spl": float((arrived * shortest / np.maximum(shortest, driven)).mean()),
-        "steps": float(steps[arrived].mean()) if arrived.any() else float("nan"),
-        "bumps": float(bumps.mean()),
-    }
+    return Scores(arrived, arrived * shortest / np.maximum(shortest, driven), steps, bumps)

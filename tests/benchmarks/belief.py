@@ -31,6 +31,7 @@ from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.step import Step
 from tests.benchmarks.harness import DEFAULT, Options, console, figure_of, run_units
 from tests.benchmarks.results import Results
+from tests.benchmarks.search import words_of
 from wireless.paths import LinkState
 
 #: Distances from the peak within which a belief's mass is noted [m].
@@ -168,8 +169,7 @@ def summarise(name: str, searches: list[np.ndarray], results: Results) -> None:
     for state in LinkState:
         own = noted[:, STATE] == state
         mean = noted[own, SCORE].mean() if own.any() else None
-        words = state.name.lower().replace("_", " ").replace("los", "line of sight")
-        results.add("density", name, words, mean, digits=1, cases=int(own.sum()))
+        results.add("density", name, words_of(state), mean, digits=1, cases=int(own.sum()))
     for i, radius in enumerate(RADII_M):
         error = calibration_error(noted[:, CLAIMED + i], noted[:, HELD + i])
         perfect = perfect_error([one[:, CLAIMED + i] for one in searches])

@@ -171,11 +171,12 @@ def progress(
         left = np.array([places.remaining_m(travel, pose[:2]) for pose in episode.poses])
         for followed, metres in _gains(episode, left, explores=row["policy"] == "los-or-first"):
             gained[followed].append(metres)
-    order = [_words(state) for state in LinkState if state != LinkState.OUTAGE] + [EXPLORED]
+    order = [words_of(state) for state in LinkState if state != LinkState.OUTAGE] + [EXPLORED]
     return {name: gained[name] for name in order if name in gained}
 
 
-def _words(state: LinkState) -> str:
+def words_of(state: LinkState) -> str:
+    """Name of a link state in tables."""
     return "line of sight" if state == LinkState.LOS else state.name.lower().replace("_", " ")
 
 
@@ -193,7 +194,7 @@ def _gains(
         follows = abs(ahead_m - follow.ahead_m) < SLACK_M
         metres = float(left[i] - left[min(i + LATER, len(left) - 1)])
         if follows and not same_goal:
-            found.append((_words(state), metres))
+            found.append((words_of(state), metres))
         elif explores and not follows and state == LinkState.HIGHER_ORDER:
             found.append((EXPLORED, metres))
     return found

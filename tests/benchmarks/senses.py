@@ -17,25 +17,25 @@ from robosim.evaluation.search_scores import bootstrap
 from robosim.policies.search_network import (
     COLUMNS,
     SENSES,
+    STATES,
     Output,
     SearchNetwork,
     action_probabilities,
-    draw_actions,
-    empty_memory,
     load_search,
 )
 from robosim.support.installation import shipped_network
-from robosim.training.search_walks import Robots, Walks
+from robosim.training.search_walks import Scores, Walks, drive
 from slam.actions import Action
 from tests.benchmarks.harness import DEFAULT, Options, figure_of, run_units
 from tests.benchmarks.results import Results
+from tests.benchmarks.search import words_of
 from wireless.paths import LinkState
 
 #: Number of the first building; those of training and of its comparisons have smaller ones.
 _FIRST = 30_000_000
 #: Kinds of buildings by the share of offices.
 BUILDINGS = {"homes": 0.0, "offices": 1.0}
-_STATE = 2 * COLUMNS + 25
+_STATE = SENSES["radio paths"].stop - STATES
 #: Bearings of bins [deg].
 _BEARINGS = np.linspace(-180, 180, 19)
 
@@ -43,9 +43,7 @@ _BEARINGS = np.linspace(-180, 180, 19)
 class Search(NamedTuple):
     """Searches of all robots of one kind of building."""
 
-    arrived: np.ndarray
-    spl: np.ndarray
-    steps: np.ndarray
+    scores: Scores
     turns: np.ndarray
     """Of each step: link state, bearing of the farthest point in view or azimuth of the strongest path [deg], turn."""
 
@@ -79,8 +77,10 @@ def main(
         for left_out in ("nothing", *SENSES):
             one = found[f"{kind} {left_out}"]
             row = f"without {left_out}" if left_out != "nothing" else "all inputs"
-            results.add("arrivals", row, kind, 100 * float(one.arrived.mean()), "%", digits=0, cases=searches)
-            value, low, high = bootstrap(one.spl[:, None], None)
+            results.add(
+                "arrivals", row, kind, 100 * float(one.scores.arrived.mean()), "%", digits=0, cases=searches
+            )
+            value, low, high = bootstrap(one.scores.spl[:, None], None)
             results.add("SPL", row, kind, value, digits=2, spread=(low, high), cases=searches)
     whole = {kind: found[f"{kind} nothing"] for kind in BUILDINGS}
     for kind, one in whole.items():
@@ -93,53 +93,41 @@ def main(
 
 
 class Occluded(SearchNetwork):
-    """A network that receives zeros for some inputs."""
+    """A network that receives zeros for some inputs, and notes where it turns."""
 
     def __init__(self, network: SearchNetwork, left_out: slice) -> None:
         super().__init__(network.weights)
         self._left_out = left_out
+        self.turns: list[np.ndarray] = []
 
     def __call__(self, inputs: np.ndarray, memory: np.ndarray) -> Output:
         """One step without these inputs."""
-        inputs = inputs.copy()
-        inputs[..., self._left_out] = 0
-        return super().__call__(inputs, memory)
+        occluded = inputs.copy()
+        occluded[..., self._left_out] = 0
+        output = super().__call__(occluded, memory)
+        self.turns.append(_turns(inputs, output.scores))
+        return output
 
 
 def search(path: str, kind: str, left_out: str, searches: int, max_steps: int, folder: str) -> Search:
     """One search of each robot, with a kind of inputs left out."""
-    robots = Robots(
-        Walks(
-            robots=searches, homes=searches, first=_FIRST, offices=BUILDINGS[kind], targets=1, difficulty=1.0,
-            steps=max_steps, seed=_FIRST, tables=Path(folder) / "tables",
-        )
+    walks = Walks(
+        robots=searches, homes=searches, first=_FIRST, offices=BUILDINGS[kind], targets=1, difficulty=1.0,
+        steps=max_steps, seed=_FIRST, tables=Path(folder) / "tables",
     )  # fmt: skip
     network = Occluded(load_search(Path(path)), SENSES.get(left_out, slice(0)))
-    rng, memory = np.random.default_rng(0), empty_memory(searches)
-    shortest = np.array([info["distance_m"] for info in robots.infos])
-    driven, steps, arrived = np.zeros(searches), np.zeros(searches), np.zeros(searches, bool)
-    rows = []
-    while not robots.over.all():
-        scores, _, memory = network(robots.inputs, memory)
-        running = ~robots.over
-        rows.append(_turns(robots.inputs, scores)[running])
-        before = np.array([info["pose"] for info in robots.infos])
-        arrived |= robots.step(draw_actions(scores, rng), again=False)[1]
-        after = np.array([info["pose"] for info in robots.infos])
-        driven += np.hypot(*(after - before)[:, :2].T)
-        steps += running
-    robots.close()
-    return Search(arrived, arrived * shortest / np.maximum(shortest, driven), steps, np.concatenate(rows))
+    scores = drive(network, walks)
+    turns = np.stack(network.turns)
+    return Search(scores, turns[np.arange(len(turns))[:, None] < scores.steps])
 
 
 def _turns(inputs: np.ndarray, scores: np.ndarray) -> np.ndarray:
     """State, bearing [deg] and turn of each robot's step."""
     odds = action_probabilities(scores)
-    state = inputs[:, _STATE : _STATE + 4].argmax(axis=1)
+    state = inputs[:, _STATE : _STATE + STATES].argmax(axis=1)
     distance = inputs[:, COLUMNS : 2 * COLUMNS]
-    farthest = (
-        distance >= distance.max(axis=1, keepdims=True) - 1e-3
-    )  # several columns at the largest distance
+    # Several columns may be at the largest distance.
+    farthest = distance >= distance.max(axis=1, keepdims=True) - 1e-3
     far = (farthest * np.arange(COLUMNS)).sum(axis=1) / farthest.sum(axis=1)
     # Columns go from left to right, over the camera's field of view.
     in_view = np.degrees(np.arctan((0.5 * COLUMNS - 0.5 - far) / (0.5 * COLUMNS)))
@@ -150,14 +138,11 @@ def _turns(inputs: np.ndarray, scores: np.ndarray) -> np.ndarray:
 
 def _by_state(one: Search) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Bearings and turns by link state."""
-    found = {}
-    for state in LinkState:
-        own = one.turns[:, 0] == state
-        found[state.name.lower().replace("_", " ").replace("los", "line of sight")] = (
-            one.turns[own, 1],
-            one.turns[own, 2],
-        )
-    return found
+    return {
+        words_of(state): (one.turns[own, 1], one.turns[own, 2])
+        for state in LinkState
+        for own in [one.turns[:, 0] == state]
+    }
 
 
 def draw(found: dict[str, Search], whole: dict[str, Search]) -> Any:
@@ -165,7 +150,7 @@ def draw(found: dict[str, Search], whole: dict[str, Search]) -> Any:
     figure, axes = figure_of(3)
     names = ["nothing", *SENSES]
     for shift, kind in zip((-0.2, 0.2), BUILDINGS, strict=True):
-        values = [found[f"{kind} {name}"].spl.mean() for name in names]
+        values = [found[f"{kind} {name}"].scores.spl.mean() for name in names]
         axes[0].barh(np.arange(len(names)) + shift, values, height=0.36, label=kind)
     axes[0].set_yticks(np.arange(len(names)), ["all inputs", *(f"without {name}" for name in SENSES)])
     axes[0].invert_yaxis()
