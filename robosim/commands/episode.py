@@ -58,8 +58,7 @@ def episode(
             radio path, if there is one, in line of sight, or also diffracted or reflected once; fused weighs all of
             that, and each of its variants lacks one part; learned is a network that chooses each action itself, and
             falls back to fused where it is stuck, or without a camera. module:Name is your own,
-            search.safetensors comes from
-            `robosim train search`.
+            search.safetensors comes from `robosim train search`.
         seed: Seed of task and noise.
         base: Values that the options below start from.
         settings: How the episode is run.
