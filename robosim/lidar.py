@@ -95,14 +95,23 @@ class LidarModel:
         return np.maximum(self.sigma_m, self.sigma_share * range_m)
 
 
+#: Triangles in `map` [m].
+Moving = Float[np.ndarray, "m 3 3"]
+
+
 @runtime_checkable
 class Lidar(Protocol):
     """Interface of lidars."""
 
-    def scan(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> LaserScan:
-        """Measure at a true pose in `map`, x [m], y [m], yaw [rad], with noise from a generator."""
+    def scan(
+        self, pose: Float[np.ndarray, "3"], rng: np.random.Generator, moving: Moving | None = None
+    ) -> LaserScan:
+        """Measure at a true pose in `map`, x [m], y [m], yaw [rad], with noise from a generator.
 
-    def true_scan(self, pose: Float[np.ndarray, "3"]) -> LaserScan:
+        `moving` are triangles in `map` [m] of what moves in the building; without movers it is not given.
+        """
+
+    def true_scan(self, pose: Float[np.ndarray, "3"], moving: Moving | None = None) -> LaserScan:
         """Measure without errors."""
 
 
@@ -116,14 +125,14 @@ class EmbreeLidar:
         scenery = merge(meshes)
         self._centre = scenery.centre
         self._scene = make_ray_scene(scenery.triangles)
-        a, b, c = np.moveaxis(scenery.triangles.astype(float), 1, 0)
-        normal = np.cross(b - a, c - a)
-        self._normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+        self._normal = _normals(scenery.triangles)
 
-    def scan(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> LaserScan:
+    def scan(
+        self, pose: Float[np.ndarray, "3"], rng: np.random.Generator, moving: Moving | None = None
+    ) -> LaserScan:
         """Measure; see `robosim.lidar.Lidar`."""
         model, level = self.model, self.config.level
-        ranges, slant = self._cast(pose)
+        ranges, slant = self._cast(pose, moving)
         # Drawn for every beam, so that what one of them hits does not change the noise of another.
         error, chance = rng.normal(size=len(ranges)), rng.random(len(ranges))
         with np.errstate(invalid="ignore"):  # infinite ranges
@@ -135,9 +144,9 @@ class EmbreeLidar:
         measured[lost | np.isinf(ranges)] = math.inf
         return self._make_scan(measured)
 
-    def true_scan(self, pose: Float[np.ndarray, "3"]) -> LaserScan:
+    def true_scan(self, pose: Float[np.ndarray, "3"], moving: Moving | None = None) -> LaserScan:
         """Measure without errors."""
-        return self._make_scan(self._cast(pose)[0])
+        return self._make_scan(self._cast(pose, moving)[0])
 
     def _make_scan(self, range_m: Float[np.ndarray, " n"]) -> LaserScan:
         return LaserScan(
@@ -147,7 +156,9 @@ class EmbreeLidar:
             height_m=self.config.height_m,
         )
 
-    def _cast(self, pose: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    def _cast(
+        self, pose: Float[np.ndarray, "3"], moving: Moving | None
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Ranges [m], inf where nothing is within reach, and angles from the normals [rad]."""
         half = math.radians(self.model.cone_deg) / 2
         rays = np.linspace(-half, half, _RAYS) if half else np.zeros(1)
@@ -156,11 +167,27 @@ class EmbreeLidar:
         direction[:, 0], direction[:, 1] = np.cos(angle), np.sin(angle)
         origin = np.empty_like(direction)
         origin[:] = np.array([pose[0], pose[1], self.config.height_m]) - self._centre
-        hits = self._scene.run(origin, direction, output=True)
-        found = _ranges_and_slants(angle, hits["tfar"], hits["primID"], self._normal, self.model.max_range_m)
-        ranges, slant = (each.reshape(-1, len(rays)) for each in found)
+        scenes = [(self._scene, self._normal)]
+        if moving is not None and len(moving):
+            scenes.append((make_ray_scene(moving - self._centre), _normals(moving)))
+        found = []
+        for scene, normal in scenes:
+            hits = scene.run(origin, direction, output=True)
+            found.append(
+                _ranges_and_slants(angle, hits["tfar"], hits["primID"], normal, self.model.max_range_m)
+            )
+        ranges, slant = (
+            np.column_stack(each).reshape(len(self._bearing), -1) for each in zip(*found, strict=True)
+        )
         nearest = ranges.argmin(axis=1)[:, None]
         return np.take_along_axis(ranges, nearest, 1)[:, 0], np.take_along_axis(slant, nearest, 1)[:, 0]
+
+
+def _normals(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Unit normals of triangles; zero for triangles without an area."""
+    a, b, c = np.moveaxis(triangles.astype(float), 1, 0)
+    normal = np.cross(b - a, c - a)
+    return normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
 
 
 @compiled

@@ -12,6 +12,7 @@ to do says its protocol:
     CAMERA       camera                  robosim.camera.model.Camera
     LIDAR        2D lidar                robosim.lidar.Lidar
     RECOGNISER   recogniser              robosim.camera.target.Recogniser
+    MOVER        mover                   robosim.movers.mover.Mover
     TERMINAL     antennas of one end     wireless.antennas.codebook.Terminal
     ESTIMATOR    path estimator          wireless.estimation.estimators.PathEstimator
     CLASSIFIER   link-state classifier   wireless.linkstate.classifier.LinkStateClassifier
@@ -132,6 +133,14 @@ RECOGNISER = Kind(
     has=("find",),
     made_from="a CameraConfig",
 )
+MOVER = Kind(
+    "mover",
+    {"none": ""},  # nothing else moves: nothing is made
+    has=("bodies", "reset", "poses"),
+    made_from="nothing",
+    suffixes=(".csv", ".parquet", ".tum"),
+    from_file="robosim.movers.recorded:mover_of_file",
+)
 TERMINAL = Kind(
     "terminal",
     {"gnb": "wireless.antennas.codebook:gnb", "ue": "wireless.antennas.codebook:ue"},
@@ -187,6 +196,7 @@ RobotPart = Annotated[Part, ROBOT, ROBOT.option()]
 CameraPart = Annotated[Part, CAMERA, CAMERA.option()]
 LidarPart = Annotated[Part, LIDAR, LIDAR.option()]
 RecogniserPart = Annotated[Part, RECOGNISER, RECOGNISER.option()]
+MoverPart = Annotated[Part, MOVER, MOVER.option()]
 TerminalPart = Annotated[Part, TERMINAL, TERMINAL.option()]
 EstimatorPart = Annotated[Part, ESTIMATOR, ESTIMATOR.option()]
 ClassifierPart = Annotated[Part, CLASSIFIER, CLASSIFIER.option()]

@@ -8,8 +8,10 @@ for judging only.
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
+import tyro
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
@@ -19,6 +21,7 @@ from robosim.camera.model import Camera, CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import Recogniser, target_mesh
 from robosim.lidar import Lidar, LidarConfig
+from robosim.movers.movers import MoversConfig, make_movers
 from robosim.parts import (
     CAMERA,
     LIDAR,
@@ -35,7 +38,7 @@ from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
-from slam.actions import Action
+from slam.actions import WAIT_S, Action
 from slam.poses import between
 from slam.sensing.laser import LaserScan
 from wireless.estimates import PathEstimates
@@ -65,6 +68,8 @@ class SimulatorConfig:
     """Noise of the depth camera."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
     """Transmitter of the target, and receiver of the robot."""
+    movers: Annotated[MoversConfig, tyro.conf.arg(name="")] = field(default_factory=MoversConfig)
+    """People and others who move in the building."""
     recognition: RecogniserPart = "marker"
     """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
 
@@ -122,7 +127,8 @@ class Simulator:
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
-            self.world: Physics = PHYSICS.make(self.config.physics, building, robot=self.config.robot)
+            self.movers = make_movers(self.config.movers, building, self.config.robot.radius_m)
+            self.world = self._make_world()
             # Light takes a second in a large building; it cuts walls into pieces.
             plain = self.config.camera in ("none", "plan")
             self._shaded = building.mesh if plain else shaded_mesh(building)
@@ -147,13 +153,18 @@ class Simulator:
         """A second robot, alone in the same building; both share what is built for the building."""
         other = copy(self)
         again = getattr(self.world, "clone", None)
-        other.world = (
-            again() if again else PHYSICS.make(self.config.physics, self.building, robot=self.config.robot)
-        )
+        other.movers = make_movers(self.config.movers, self.building, self.config.robot.radius_m)
+        other.world = again() if again and other.movers is None else other._make_world()
         other.radio = None if self.radio is None else self.radio.clone()
         other.anchors, other._anchor_rngs = {}, {}
         other._camera, other._target = None, None
         return other
+
+    def _make_world(self) -> Physics:
+        # A physics engine of a user need not know of movers, where there are none.
+        moving: dict[str, Any] = {} if self.movers is None else {"movers": self.movers}
+        world: Physics = PHYSICS.make(self.config.physics, self.building, robot=self.config.robot, **moving)
+        return world
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
@@ -161,6 +172,8 @@ class Simulator:
         # Separate generators: a radio, a lidar or noise of depth changes no other noise.
         self._radio_rng, self._depth_rng, *anchor_rngs = rng.spawn(2 + len(task.anchors))
         (self._lidar_rng,) = rng.spawn(1)
+        if self.movers is not None:
+            self.movers.reset(task.start, *rng.spawn(1))
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
         if self.radio is not None:
@@ -177,7 +190,8 @@ class Simulator:
         commanded = self.config.noise.actuation(action, self._rng)
         before = self.pose
         with self.watch.stage("physics"):
-            motion = self.world.move(commanded)
+            waits = action is Action.WAIT
+            motion = self.world.drive(0.0, 0.0, WAIT_S) if waits else self.world.move(commanded)
         displacement = between(before, self.pose)
         return self._observe(self.config.noise.sense(action, displacement, self._rng)), motion
 
@@ -206,7 +220,7 @@ class Simulator:
     @property
     def true_laser(self) -> LaserScan | None:
         """The lidar's scan without noise, for judging; None without one."""
-        return None if self._lidar is None else self._lidar.true_scan(self.pose)
+        return None if self._lidar is None else self._lidar.true_scan(self.pose, *self._moving())
 
     def close(self) -> None:
         """Free the camera's OpenGL context."""
@@ -218,13 +232,18 @@ class Simulator:
         if self._camera is None:
             raise RuntimeError("The simulator was not reset. Call reset first.")
         with self.watch.stage("camera"):
-            frame = self._camera.render(camera_pose(self.pose, self.config.image))
+            pose = camera_pose(self.pose, self.config.image)
+            frame = self._camera.render(pose)
+            if self.movers is not None and self.config.camera != "none":
+                frame = self.movers.draw(frame, pose, self.config.image)
         self._depth = frame.depth
         noise, focal_px = self.config.depth_noise, float(self.config.image.focal_px)
         with self.watch.stage("noise"):
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)
         with self.watch.stage("lidar"):
-            laser = None if self._lidar is None else self._lidar.scan(self.pose, self._lidar_rng)
+            laser = (
+                None if self._lidar is None else self._lidar.scan(self.pose, self._lidar_rng, *self._moving())
+            )
         with self.watch.stage("radio"):
             paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng)
             anchors = {
@@ -236,6 +255,10 @@ class Simulator:
                 place = between(self.pose, np.array([*self._target, 0.0]))[:2]
                 target = self._recogniser.find(frame._replace(depth=measured), place)
         return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser)
+
+    def _moving(self) -> list[Float[np.ndarray, "m 3 3"]]:
+        """The lidar's argument of what moves: none without movers."""
+        return [] if self.movers is None else [self.movers.surfaces()[0]]
 
     def _place_target(self, target: np.ndarray) -> None:
         self.close()

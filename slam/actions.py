@@ -2,7 +2,7 @@
 
 One step forward or a turn on the spot is the set that Active Neural SLAM and Habitat use, and what networks choose
 among here (`PUBLISHED`). A robot that does not turn about its centre cannot turn in a gap as narrow as itself: it can
-step back too. There is no stop action: arrival is judged from the pose. The amounts
+step back too. Where others move, it can wait. There is no stop action: arrival is judged from the pose. The amounts
 are nominal; the actual displacement depends on the robot.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.
 """
@@ -14,6 +14,8 @@ from enum import IntEnum
 FORWARD_M = 0.25
 #: Angle of a turn [rad].
 TURN_RAD = math.radians(10.0)
+#: Time of a wait [s].
+WAIT_S = 0.5
 
 
 class Action(IntEnum):
@@ -27,9 +29,13 @@ class Action(IntEnum):
     """Turn clockwise by `TURN_RAD`."""
     BACKWARD = 3
     """Go back by `FORWARD_M`."""
+    WAIT = 4
+    """Stand still for `WAIT_S`, while others move."""
 
 
 #: The actions of the published system.
 PUBLISHED = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+#: All that move the robot.
+MOVES = (*PUBLISHED, Action.BACKWARD)
 #: What is done without a turn.
 STEPS = (Action.FORWARD, Action.BACKWARD)

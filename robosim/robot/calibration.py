@@ -19,7 +19,7 @@ from robosim.robot.motion import Physics
 from robosim.robot.odometry import NoiseModel
 from robosim.support.checks import check_choice
 from robosim_support.reading import reading
-from slam.actions import Action
+from slam.actions import MOVES, PUBLISHED, Action
 from slam.mapping.odometry import calibrated
 from slam.poses import between, wrap
 
@@ -60,10 +60,10 @@ def open_floor() -> Building:
 def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: np.random.Generator) -> Runs:
     """Run each action once for each of `runs` on the open floor."""
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
-    found: _Found = {action: [] for action in Action}
+    found: _Found = {action: [] for action in MOVES}
     (backwards,) = rng.spawn(1)  # of its own: the published actions err the same with it and without
     for _ in runs:
-        for action in Action:
+        for action in MOVES:
             drawn = backwards if action is Action.BACKWARD else rng
             world.reset(start)
             world.move(noise.actuation(action, drawn))
@@ -81,8 +81,8 @@ def read_runs(path: Path) -> Runs:
         FileError: If the file is damaged, a column is missing, a value is out of range, or an action has fewer than ten
             runs.
     """
-    names = [action.name.lower() for action in Action]
-    found: _Found = {action: [] for action in Action}
+    names = [action.name.lower() for action in MOVES]
+    found: _Found = {action: [] for action in MOVES}
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each run of an action"
     with reading(path, "a table of runs", remedy) as file:
         rows = csv.DictReader(file.read().decode("utf-8-sig").splitlines())
@@ -100,7 +100,7 @@ def read_runs(path: Path) -> Runs:
 
 
 def _runs(found: _Found) -> Runs:
-    some = {action: runs for action, runs in found.items() if runs or action is not Action.BACKWARD}
+    some = {action: runs for action, runs in found.items() if runs or action in PUBLISHED}
     errors, motions = (
         {action: np.array([run[k] for run in runs]).reshape(-1, 3) for action, runs in some.items()}
         for k in (0, 1)

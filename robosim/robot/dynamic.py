@@ -18,9 +18,10 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import Building
+from robosim.movers.movers import Movers
 from robosim.robot.collision import check_pose, solids
 from robosim.robot.motion import BLOCKED_M, BLOCKED_RAD, Motion, PlannedMove, check_displacement, check_drive
-from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
+from robosim.robot.physics import PhysicsConfig, add_floor, add_movers, add_walls, new_spec
 from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
 from slam.poses import wrap
 
@@ -38,6 +39,8 @@ REST_MPS, REST_RADPS = 1e-3, 1e-2
 FEEDBACK_PER_S = 15.0
 #: Fastest slip to correct drift, and at walls [m/s]: wheels that slip fast while a wall holds the robot hop.
 DRIFT_MPS, SCRAPE_MPS = 0.01, 0.05
+#: Where bodies are that are not there [m].
+BELOW_M = -100.0
 #: Floor beyond the walls [m].
 MARGIN_M = 5.0
 
@@ -48,9 +51,14 @@ class World:
     """A building with one robot, simulated by MuJoCo."""
 
     def __init__(
-        self, building: Building, *, robot: RobotConfig | None = None, config: PhysicsConfig | None = None
+        self,
+        building: Building,
+        *,
+        robot: RobotConfig | None = None,
+        config: PhysicsConfig | None = None,
+        movers: Movers | None = None,
     ) -> None:
-        """Build the model; takes some tenths of a second on a large plan."""
+        """Build the model; takes some tenths of a second on a large plan. `movers` move while the robot does."""
         self.building = building
         self.robot = robot or RobotConfig()
         self._stall_slip_mps = self.robot.stall_slip_mps  # used thirty times a motion
@@ -64,6 +72,9 @@ class World:
         add_floor(spec, half_m)
         add_walls(spec, walls, self.config, origin=self._origin, height_m=building.height_m)
         add_robot(spec, self.robot, self.config)
+        self._movers = movers
+        if movers is not None:
+            add_movers(spec, movers.radius_m, movers.height_m, self.config)
         self.model = spec.compile()
         _let_walls_sleep(self.model)
         self._begin_data()
@@ -137,7 +148,15 @@ class World:
         mujoco.mj_resetData(self.model, self.data)
         self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
         self._commanded, self._at_wall = (0.0, 0.0), False
+        self._place_movers()
         mujoco.mj_forward(self.model, self.data)
+
+    def _place_movers(self) -> None:
+        """Put the bodies of movers where they are now; below the floor if they are not there."""
+        if self._movers is not None:
+            self.data.mocap_pos[:, :2] = np.nan_to_num(self._movers.poses[:, :2] - self._origin)
+            is_there = np.isfinite(self._movers.poses[:, 0])
+            self.data.mocap_pos[:, 2] = np.where(is_there, 0.0, BELOW_M)
 
     def _pose(self) -> _Pose:
         """Pose in the model's frame."""
@@ -247,6 +266,9 @@ class World:
                 self._deepest_m = min(self._deepest_m, float(touch[1]))
         self._touched |= self._at_wall
         self._steps += steps
+        if self._movers is not None:
+            self._movers.advance(steps * self.config.timestep_s, self.pose)
+            self._place_movers()
 
     def _motion(self, collided: bool) -> Motion:
         return Motion(

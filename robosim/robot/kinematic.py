@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
+from robosim.movers.movers import Movers
 from robosim.robot.collision import check_pose
 from robosim.robot.motion import BLOCKED_M, Motion, check_displacement, check_drive
 from robosim.robot.robots import RobotConfig
@@ -26,6 +27,8 @@ from slam.poses import wrap
 TILE_M = 0.5
 #: Longest motion that is tested against walls at once [m].
 PIECE_M = 0.3
+#: Longest time in which movers move at once [s].
+PIECE_S = 0.1
 #: Largest turn within one straight piece of an arc [rad].
 ARC_RAD = math.radians(5.0)
 #: The disk is stopped this far before a wall [m], so that rounding never puts it inside.
@@ -37,8 +40,10 @@ _PARALLEL = 1e-12
 class KinematicWorld:
     """A building with one robot, moved without forces."""
 
-    def __init__(self, building: Building, *, robot: RobotConfig | None = None) -> None:
-        """Sort the walls of a building."""
+    def __init__(
+        self, building: Building, *, robot: RobotConfig | None = None, movers: Movers | None = None
+    ) -> None:
+        """Sort the walls of a building; `movers` move while the robot does."""
         self.building = building
         self.robot = robot or RobotConfig()
         self._room = building.floor(self.robot.height_m)
@@ -46,6 +51,7 @@ class KinematicWorld:
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
         self._walls = _Tiles(wall_segments(self._room) - self._origin, self.robot.radius_m + GAP_M)
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
+        self._movers = movers
 
     def clone(self) -> "KinematicWorld":
         """The same building with another robot in it, independent of the first."""
@@ -72,11 +78,18 @@ class KinematicWorld:
         dx, dy, turn = (float(part) for part in displacement)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         goal_x, goal_y = self._x + c * dx - s * dy, self._y + s * dx + c * dy
-        self._go(c * dx, s * dx)
-        self._go(-s * dy, c * dy)
-        self._yaw = wrap(self._yaw + turn)
+        profile = self.robot.profile(displacement)
+        pieces = self._pieces(profile.duration_s)
+        done = 0.0
+        for piece in range(1, pieces + 1):
+            share = profile.fraction(profile.duration_s * piece / pieces) - done
+            self._go(share * c * dx, share * s * dx)
+            self._go(-share * s * dy, share * c * dy)
+            self._yaw = wrap(self._yaw + share * turn)
+            self._let_pass(profile.duration_s / pieces)
+            done += share
         blocked = math.hypot(goal_x - self._x, goal_y - self._y) > BLOCKED_M
-        return Motion(self.pose, blocked, self.robot.profile(displacement).duration_s)
+        return Motion(self.pose, blocked, profile.duration_s)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
         """Drive along an arc for a while, at once at full speed; collided if a wall shortened the arc.
@@ -85,7 +98,7 @@ class KinematicWorld:
         """
         check_drive(v_mps, w_radps, duration_s)
         v, w = self.robot.within_reach(v_mps, w_radps)
-        pieces = max(1, math.ceil(abs(w) * duration_s / ARC_RAD))
+        pieces = max(math.ceil(abs(w) * duration_s / ARC_RAD), self._pieces(duration_s))
         turn = w * duration_s / pieces
         half = turn / 2
         chord = v * duration_s / pieces * (math.sin(half) / half if half else 1.0)
@@ -94,7 +107,17 @@ class KinematicWorld:
             direction = self._yaw + half
             blocked |= self._go(chord * math.cos(direction), chord * math.sin(direction))
             self._yaw = wrap(self._yaw + turn)
+            self._let_pass(duration_s / pieces)
         return Motion(self.pose, blocked, duration_s)
+
+    def _pieces(self, duration_s: float) -> int:
+        """Pieces of a motion between which movers move."""
+        return 1 if self._movers is None else max(1, math.ceil(duration_s / PIECE_S))
+
+    def _let_pass(self, duration_s: float) -> None:
+        """Let time pass for movers."""
+        if self._movers is not None:
+            self._movers.advance(duration_s, self.pose)
 
     def _go(self, dx: float, dy: float) -> bool:
         """Move the disk straight as far as walls allow; whether one stopped it."""
@@ -109,6 +132,8 @@ class KinematicWorld:
     def _go_piece(self, dx: float, dy: float) -> bool:
         walls = self._walls.near(self._x, self._y)
         share = 1.0 if walls is None else walls.meet(self._x, self._y, dx, dy)
+        if self._movers is not None:
+            share = min(share, self._movers.share_free(self.pose[:2], np.array([dx, dy])))
         self._x, self._y = self._x + share * dx, self._y + share * dy
         return share < 1
 

@@ -15,7 +15,7 @@ with them, undone in ``"corrected"``:
 
 Left out: covariances and second mixture components, which were not printed with the means and deviations
 used here, so components are independent Gaussians; noise of continuous driving, which was not measured. Nor was a step
-back: it is a reversed step forward, its means negated.
+back: it is a reversed step forward, its means negated. A wait has no noise.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.1 and
 published models.
 """
@@ -40,6 +40,7 @@ NOMINAL = {
     Action.LEFT: np.array([0.0, 0.0, TURN_RAD]),
     Action.RIGHT: np.array([0.0, 0.0, -TURN_RAD]),
     Action.BACKWARD: np.array([-FORWARD_M, 0.0, 0.0]),
+    Action.WAIT: np.zeros(3),
 }
 
 _Table = Mapping[Action, tuple[tuple[float, float, float], tuple[float, float, float]]]
@@ -116,6 +117,8 @@ class NoiseModel:
 def _moments(
     variant: NoiseVariant, sensed: bool, action: Action
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    if action is Action.WAIT:
+        return np.zeros(3), np.zeros(3)
     if action is Action.BACKWARD:
         mean, deviation = _moments(variant, sensed, Action.FORWARD)
         return -mean, deviation

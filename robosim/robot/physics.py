@@ -122,3 +122,21 @@ def add_walls(
         mesh = spec.add_mesh(name=f"{name}{number}", uservert=vertices.ravel())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, **common)
+
+
+def add_movers(
+    spec: mujoco.MjSpec,
+    radius_m: Float[np.ndarray, " n"],
+    height_m: Float[np.ndarray, " n"],
+    config: PhysicsConfig,
+) -> None:
+    """Add upright cylinders with round ends that are moved from outside and stop the hull, as walls do."""
+    for radius, height in zip(radius_m.tolist(), height_m.tolist(), strict=True):
+        spec.worldbody.add_body(mocap=True).add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            size=(radius, height, 0),
+            contype=WALL,
+            conaffinity=0,
+            rgba=(0.5, 0.5, 0.8, 1),
+            **config.hard,
+        )

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim_support.checks import Range, checked
-from slam.actions import FORWARD_M, PUBLISHED, STEPS, TURN_RAD, Action
+from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
@@ -51,7 +51,7 @@ class ControlConfig:
     """Nominal distance of a step forward [m]; the actual one is learned."""
     turn_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = TURN_RAD
     """Nominal angle of a turn [rad]."""
-    motions: tuple[tuple[float, float, float] | None, ...] = (None,) * len(Action)
+    motions: tuple[tuple[float, float, float] | None, ...] = (None,) * len(MOVES)
     """Mean displacement of each action, in the order of `Action`: x, y [m], yaw [rad], from a calibration; None for
     nominal. The step back may be left out."""
     push_price: Annotated[float, Range(0, 1e6, "decisions")] = 2.0
@@ -70,9 +70,9 @@ class ControlConfig:
     """Greatest turn rate of the continuous controller [rad/s]."""
 
     def __post_init__(self) -> None:
-        if len(self.motions) not in (len(PUBLISHED), len(Action)):
+        if len(self.motions) not in (len(PUBLISHED), len(MOVES)):
             raise ValueError(
-                f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(Action)} with a "
+                f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(MOVES)} with a "
                 "step back."
             )
         if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
@@ -112,8 +112,8 @@ class Controller:
         turn = self.config.turn_rad
         ahead = self.config.forward_m
         self.motion = np.array([[ahead, 0, 0], [0, 0, turn], [0, 0, -turn], [-ahead, 0, 0]], float)
-        self._motions = np.ones(len(Action))
-        for action, known in zip(Action, self.config.motions, strict=False):
+        self._motions = np.ones(len(MOVES))
+        for action, known in zip(MOVES, self.config.motions, strict=False):
             if known is not None and self._usual(action, np.array(known)):
                 self.motion[action], self._motions[action] = known, _CALIBRATED
         self._last: Action | None = None

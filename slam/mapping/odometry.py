@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim_support.checks import Range, checked
-from slam.actions import Action
+from slam.actions import MOVES, Action
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -62,6 +62,10 @@ class ActionError:
         return replace(self, mean=(-x, -y, -yaw), motion=back)
 
 
+#: While the robot stands still.
+_STANDING = ActionError(covariance=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
+
+
 @dataclass(frozen=True, kw_only=True)
 @checked
 class OdometryConfig:
@@ -84,7 +88,7 @@ class OdometryConfig:
 
     @property
     def of_actions(self) -> tuple[ActionError, ...]:
-        """In the order of `Action`."""
+        """In the order of `MOVES`."""
         back = self.backward or self.forward.reverse
         by_action = {
             Action.FORWARD: self.forward,
@@ -92,7 +96,7 @@ class OdometryConfig:
             Action.RIGHT: self.right,
             Action.BACKWARD: back,
         }
-        return tuple(by_action[action] for action in Action)
+        return tuple(by_action[action] for action in MOVES)
 
 
 def calibrated(
@@ -111,7 +115,7 @@ def calibrated(
         ValueError: If an action has fewer than ten runs.
     """
     errors_of: dict[str, ActionError] = {}
-    for action in Action:
+    for action in MOVES:
         samples = np.asarray(errors.get(action, np.zeros((0, 3))), float)
         if action is Action.BACKWARD and not len(samples):
             continue
@@ -139,12 +143,14 @@ class OdometryCorrector:
 
     def __init__(self, config: OdometryConfig) -> None:
         self.config = config
-        self.bias = np.array([error.mean for error in config.of_actions], float)
+        errors = (*config.of_actions, _STANDING)  # in the order of `Action`
+        self.bias = np.array([error.mean for error in errors], float)
         least = np.diag(_LEAST**2)
-        self._noise = np.array([error.covariance for error in config.of_actions], float) + least
+        self._noise = np.array([error.covariance for error in errors], float) + least
         guess = np.array([config.guess_position_std_m, config.guess_position_std_m, config.guess_yaw_std_rad])
         guessed = np.broadcast_to(np.diag(guess**2), self._noise.shape)
         self.bias_covariance = self._noise / config.runs if config.runs else guessed.copy()
+        self.bias_covariance[Action.WAIT] = least
 
     def correct(
         self, action: Action, measured: Float[np.ndarray, "3"]
@@ -160,6 +166,8 @@ class OdometryCorrector:
         matched_covariance: Float[np.ndarray, "3 3"],
     ) -> None:
         """Move the constant error of an action towards what a matched displacement says of it."""
+        if action is Action.WAIT:
+            return
         before = self.bias_covariance[action] + _DRIFT * self._noise[action]
         innovation = measured - matched - self.bias[action]
         spread = before + self._noise[action] + matched_covariance

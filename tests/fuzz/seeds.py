@@ -39,7 +39,7 @@ from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
-from slam.actions import Action
+from slam.actions import MOVES
 from slam.control.learned import INPUTS
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.odometry import calibrated
@@ -403,7 +403,7 @@ def logs(folder: Path) -> None:
 def robots(folder: Path) -> None:
     """A robot whose odometry is known, the table of runs that it is known from, and a table of measured paths."""
     home, rng = _into(folder, "robots"), np.random.default_rng(7)
-    rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in Action for _ in range(11)]
+    rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in MOVES for _ in range(11)]
     text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
     (home / "runs.csv").write_text(text)
     found = calibrated(*read_runs(home / "runs.csv"))

@@ -12,7 +12,7 @@ from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import LOCOBOT, read_robot
 from robosim_support.reading import FileError
-from slam.actions import Action
+from slam.actions import MOVES, Action
 from slam.mapping.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR
 
@@ -21,7 +21,7 @@ def test_a_simulated_robot_finds_the_published_errors():
     """1,000 runs: means of the published table within 4 standard errors, deviations within 10 %."""
     runs = run_actions(KinematicWorld(open_floor()), NoiseModel(), range(1000), np.random.default_rng(0))
     sensed = {**PUBLISHED_SENSOR, Action.BACKWARD: np.array(PUBLISHED_SENSOR[Action.FORWARD]) * [[-1], [1]]}
-    for action, error in zip(Action, calibrated(*runs).of_actions, strict=True):
+    for action, error in zip(MOVES, calibrated(*runs).of_actions, strict=True):
         mean, deviation = (np.array(one) * [0.01, 0.01, np.radians(1)] for one in sensed[action])
         assert (np.abs(np.array(error.mean) - mean) < 4 * deviation / np.sqrt(1000)).all()
         np.testing.assert_allclose(np.sqrt(np.diag(error.covariance)), deviation, rtol=0.1)
@@ -110,7 +110,7 @@ def test_the_command_writes_a_robot_that_others_take(tmp_path, capsys):
 
 def test_a_real_robot_is_calibrated_by_its_table(tmp_path):
     rng = np.random.default_rng(0)
-    rows = [(action.name.lower(), *rng.normal(0, 0.01, 3), 0, 0, 0) for action in Action for _ in range(30)]
+    rows = [(action.name.lower(), *rng.normal(0, 0.01, 3), 0, 0, 0) for action in MOVES for _ in range(30)]
     path = written(tmp_path / "runs.csv", rows)
     main(["calibrate", str(path), "--out", str(tmp_path / "c")])
     robot = read_robot(tmp_path / "c" / "robot.json")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.robot.odometry import NOMINAL, NoiseModel
-from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
+from slam.actions import FORWARD_M, MOVES, PUBLISHED, TURN_RAD, Action
 
 # As published (Active Neural SLAM's fitted mixtures, overall moments): cm, cm, degrees. Actuation is still in
 # the published frame here: y to the right, theta clockwise.
@@ -48,7 +48,7 @@ def test_sensing_adds_the_published_error(action):
     np.testing.assert_allclose(in_cm_and_degrees(noise.sensor_bias(action)), mean, atol=1e-12)
 
 
-@pytest.mark.parametrize("action", Action)
+@pytest.mark.parametrize("action", MOVES)
 def test_level_zero_is_exact(action):
     """No noise: actions are nominal and odometry true, bit by bit."""
     noise, rng = NoiseModel(level=0.0), np.random.default_rng(0)
@@ -65,7 +65,7 @@ def test_level_zero_is_exact(action):
     assert (noise.sensor_bias(action) == 0).all()
 
 
-@pytest.mark.parametrize("action", Action)
+@pytest.mark.parametrize("action", MOVES)
 def test_level_scales_all_deviations(action):
     """The same draws at level 2: twice as far from nominal, twice the odometry error."""
     true = np.array([0.2, 0.0, 0.1])
@@ -136,7 +136,7 @@ def test_the_corrected_variant_undoes_two_defects():
 def test_whole_actions_are_sensed_alike_by_both_methods():
     """`sense_motion` of a step or turn has the moments of `sense`; of half a turn, half the mean."""
     noise, rng = NoiseModel(), np.random.default_rng(0)
-    for action in Action:
+    for action in MOVES:
         for part in (1.0, 0.5):
             true = part * NOMINAL[action]
             errors = np.array([noise.sense_motion(true, rng) - true for _ in range(1000)])

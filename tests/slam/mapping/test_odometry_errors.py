@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slam.actions import Action
+from slam.actions import MOVES, Action
 from slam.mapping.odometry import ActionError, OdometryConfig, OdometryCorrector, calibrated
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -18,7 +18,7 @@ def samples(rng, n, mean=MEAN):
 def test_a_calibration_finds_mean_and_covariance():
     """2,000 runs: means within 4 standard errors, standard deviations and correlations within 10 %."""
     rng = np.random.default_rng(0)
-    found = calibrated({action: samples(rng, 2000) for action in Action})
+    found = calibrated({action: samples(rng, 2000) for action in MOVES})
     assert found.runs == 2000
     deviation = np.sqrt(np.diag(COVARIANCE))
     for error in found.of_actions:
@@ -33,7 +33,7 @@ def test_the_covariance_of_the_mean_is_correct():
     rng = np.random.default_rng(1)
     errors, covariances = [], []
     for _ in range(400):
-        corrector = OdometryCorrector(calibrated({action: samples(rng, 25) for action in Action}))
+        corrector = OdometryCorrector(calibrated({action: samples(rng, 25) for action in MOVES}))
         errors.append(corrector.bias[L] - MEAN)
         covariances.append(corrector.bias_covariance[L])
     spread = np.mean([e @ np.linalg.solve(c, e) for e, c in zip(errors, covariances, strict=True)])
@@ -42,14 +42,14 @@ def test_the_covariance_of_the_mean_is_correct():
 
 
 def test_too_few_runs_are_rejected():
-    runs = {action: np.zeros((9, 3)) for action in Action}
+    runs = {action: np.zeros((9, 3)) for action in MOVES}
     with pytest.raises(ValueError, match="forward was run 9 times"):
         calibrated(runs)
 
 
 def test_odometry_without_errors_is_believed():
     """To a micrometre and a microradian, with no number that is none."""
-    corrector = OdometryCorrector(calibrated({action: np.zeros((20, 3)) for action in Action}))
+    corrector = OdometryCorrector(calibrated({action: np.zeros((20, 3)) for action in MOVES}))
     displacement, covariance = corrector.correct(F, np.array([0.25, 0, 0]))
     assert (displacement == [0.25, 0, 0]).all()
     assert 0 < np.linalg.eigvalsh(covariance).min() <= np.linalg.eigvalsh(covariance).max() < 4e-12
@@ -58,7 +58,7 @@ def test_odometry_without_errors_is_believed():
 def test_exact_constants_stay_though_scans_are_noisy():
     """1,000 runs, then 500 matched motions that are 5 mm and 0.3 degrees off: moved by less than 1 mm."""
     rng = np.random.default_rng(2)
-    corrector = OdometryCorrector(calibrated({action: samples(rng, 1000) for action in Action}))
+    corrector = OdometryCorrector(calibrated({action: samples(rng, 1000) for action in MOVES}))
     match = np.diag([25e-6, 25e-6, 27e-6])
     for measured in samples(rng, 500):
         corrector.learn(L, measured, rng.multivariate_normal(np.zeros(3), match), match)
@@ -69,7 +69,7 @@ def test_exact_constants_stay_though_scans_are_noisy():
 def test_a_constant_that_drifts_is_followed():
     """Turns that read 2 mm less from one day on: after 2,000 well matched ones most of it is known."""
     rng = np.random.default_rng(3)
-    corrector = OdometryCorrector(calibrated({action: samples(rng, 200) for action in Action}))
+    corrector = OdometryCorrector(calibrated({action: samples(rng, 200) for action in MOVES}))
     worn, match = MEAN - [0, 0.002, 0], np.diag([1e-6, 1e-6, 1e-7])
     for measured in samples(rng, 2000, worn):
         corrector.learn(L, measured, rng.multivariate_normal(np.zeros(3), match), match)
@@ -79,7 +79,7 @@ def test_a_constant_that_drifts_is_followed():
 def test_a_slip_teaches_nothing():
     """Wheels that turned on the spot: 10 cm without motion leave the constants unchanged."""
     rng = np.random.default_rng(4)
-    corrector = OdometryCorrector(calibrated({action: samples(rng, 30) for action in Action}))
+    corrector = OdometryCorrector(calibrated({action: samples(rng, 30) for action in MOVES}))
     before = corrector.bias[F].copy()
     corrector.learn(F, np.array([0.25, 0, 0]), np.array([0.15, 0, 0]), 1e-6 * np.eye(3))
     assert (corrector.bias[F] == before).all()

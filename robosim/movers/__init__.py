@@ -1,0 +1,1 @@
+"""People and other things that move in a building by themselves."""

@@ -1,0 +1,57 @@
+"""The interface of things that move in a building by themselves, such as people.
+
+A mover is one thing or a group of things that react to each other. Its bodies are upright cylinders to the robot and
+to the radio; the camera and lidars see their surfaces (`robosim.movers.person` for people).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.building.building import Building
+from robosim.support.checks import Range, checked
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class Body:
+    """One thing that moves; by default a person, with the mean of half breadth and half depth of the body."""
+
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.2
+    """Radius of the cylinder that stops a robot [m]."""
+    height_m: Annotated[float, Range(0.05, 10, "m")] = 1.7
+    """Height above the floor [m]."""
+    look: Literal["person", "cylinder"] = "person"
+    """What cameras and lidars see of it."""
+
+
+class Surroundings(NamedTuple):
+    """What a mover finds when an episode begins."""
+
+    building: Building
+    robot: Float[np.ndarray, "3"]
+    """Pose of the robot x [m], y [m], yaw [rad] in `map`."""
+    robot_radius_m: float
+
+
+@runtime_checkable
+class Mover(Protocol):
+    """Moves one body, or several."""
+
+    @property
+    def bodies(self) -> Sequence[Body]:
+        """What moves, always the same."""
+
+    def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
+        """Begin at time 0; all that is random is drawn from a generator."""
+
+    def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
+        """Poses x [m], y [m], yaw [rad] in `map` at a time, NaN for bodies that are not there.
+
+        Args:
+            time_s: Time since the reset, not before that of the last call [s].
+            robot: Pose of the robot at that time.
+        """

@@ -1,0 +1,98 @@
+"""Movers that follow a recording: a crowd of a public pedestrian data set, or another robot's trajectory.
+
+They do not react to the robot. A body is there from its first to its last time; in between its pose is linear.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from jaxtyping import Float
+from pyarrow import csv
+
+from robosim.movers.mover import Body, Surroundings
+from robosim.support.checks import FARTHEST
+from robosim.support.tum import read_tum
+from robosim_support.reading import reading
+from wireless.support.columns import numbers, parquet_table, values
+
+#: Most bodies of a recording.
+_MOST = 1000
+#: Another robot [m].
+_ROBOT = Body(radius_m=0.2, height_m=0.5, look="cylinder")
+
+
+class Track(NamedTuple):
+    """Poses of one body over time."""
+
+    time_s: Float[np.ndarray, " n"]
+    """Rising."""
+    poses: Float[np.ndarray, "n 3"]
+    """x [m], y [m], yaw [rad], which is not wrapped."""
+
+
+class Recorded:
+    """Bodies that follow recorded tracks."""
+
+    def __init__(self, tracks: Sequence[Track], body: Body) -> None:
+        self.bodies: Sequence[Body] = (body,) * len(tracks)
+        self._tracks = tracks
+
+    def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
+        """Nothing to do: time 0 of the recording is that of the episode."""
+
+    def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
+        """Poses at a time; see `robosim.movers.mover.Mover`."""
+        return np.array(
+            [
+                [np.interp(time_s, times, column, left=np.nan, right=np.nan) for column in poses.T]
+                for times, poses in self._tracks
+            ]
+        )
+
+
+def mover_of_file(path: Path) -> Recorded:
+    """A crowd from a .csv or .parquet file, or another robot from a .tum file.
+
+    A crowd has a row for each person and time: time [s], id, x [m], y [m] in the plan's frame, and, if it is known,
+    heading [rad]; else people face where they walk.
+
+    Raises:
+        FileError: If the file is damaged, a column is missing, times of a body are equal, or there are more than 1,000
+            bodies.
+    """
+    path = Path(path)
+    if path.suffix == ".tum":
+        times, poses = read_tum(path)
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return Recorded([Track(times - times[0], poses)], _ROBOT)
+    remedy = "Give columns time [s], id, x [m], y [m] and, if known, heading [rad]"
+    with reading(path, "a recorded crowd", remedy) as file:
+        table = csv.read_csv(file) if path.suffix == ".csv" else parquet_table(file)
+        found = {name: numbers(table, name, pa.float64(), -FARTHEST, FARTHEST) for name in ("time", "x", "y")}
+        names = values(table, "id", pa.string())
+        heading = numbers(table, "heading", pa.float64()) if "heading" in table.column_names else None
+        bodies, body = np.unique(names, return_inverse=True)
+        if not 0 < len(bodies) <= _MOST:
+            raise ValueError(f"it has {len(bodies)} different ids, expected 1 to {_MOST}")
+        tracks = []
+        for k, name in enumerate(bodies):
+            own = np.flatnonzero(body == k)
+            own = own[np.argsort(found["time"][own], kind="stable")]
+            times, xy = found["time"][own], np.column_stack([found["x"][own], found["y"][own]])
+            if (np.diff(times) <= 0).any():
+                again = times[1:][np.diff(times) <= 0][0]
+                raise ValueError(f"id {name} has two rows at time {again:g}")
+            yaw = _facing(xy) if heading is None else np.unwrap(heading[own])
+            tracks.append(Track(times, np.column_stack([xy, yaw])))
+    return Recorded(tracks, Body())
+
+
+def _facing(xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Directions of the steps that follow [rad]."""
+    if len(xy) == 1:
+        return np.zeros(1)
+    steps = np.diff(xy, axis=0)
+    return np.unwrap(np.arctan2(*steps[:, ::-1].T))[[*range(len(steps)), -1]]
