@@ -244,6 +244,8 @@ def run_episode(
         true = replace(step.true, coverage=coverage.fraction)
         if radio is not None:
             true = replace(true, link_state=radio.state, aoa_rad=radio.bearing, paths=radio.paths)
+        if simulator.movers is not None:
+            true = replace(true, bodies=simulator.movers.present)
         return on_step(log, replace(step, true=true))
 
     with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
@@ -252,6 +254,7 @@ def run_episode(
         )
     if explored:
         log.ended = "explored"
+    log.contacts = None if simulator.movers is None else simulator.movers.contacts
     if isinstance(navigator.mapper, RadioMapper):
         log.transmitters = navigator.mapper.transmitters()
     return log, map_

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from robosim.movers.movers import Contact
 from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Measurement
 from robosim.robot.motion import Motion
@@ -63,6 +64,8 @@ class EpisodeLog:
     """Positions of transmitters as mapped in the end, by name: those that were measured in line of sight."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
+    contacts: list[Contact] | None = None
+    """Contacts with people and others who move; None without them."""
     ended: str = "running"
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
     seeks_target: bool = True
@@ -144,6 +147,7 @@ class EpisodeLog:
             "start": self.task.start,
             "target": self.task.target,
             "simulated_s": float(self._times()[-1]),
+            **_contact_result(self.contacts),
             **_radio_result(self.links),
             **(self._where_found("target", self.task.target) if self.links else {}),
             **({"anchors": self._anchor_results()} if self.task.anchors else {}),
@@ -204,6 +208,14 @@ class EpisodeLog:
         # evo requires increasing times, also where a blocked robot gave up at once.
         steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
         return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _contact_result(contacts: list[Contact] | None) -> dict[str, Any]:
+    """Contacts with what moves: those that the robot caused, and those in which a body came nearer the faster."""
+    if contacts is None:
+        return {}
+    by_robot = sum(contact.by_robot for contact in contacts)
+    return {"contacts_by_robot": by_robot, "contacts_by_others": len(contacts) - by_robot}
 
 
 def _radio_result(links: list[Link]) -> dict[str, Any]:

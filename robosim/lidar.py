@@ -168,8 +168,11 @@ class EmbreeLidar:
         origin = np.empty_like(direction)
         origin[:] = np.array([pose[0], pose[1], self.config.height_m]) - self._centre
         scenes = [(self._scene, self._normal)]
-        if moving is not None and len(moving):
-            scenes.append((make_ray_scene(moving - self._centre), _normals(moving)))
+        if moving is not None:
+            z = moving[:, :, 2]
+            met = moving[(z.min(axis=1) <= self.config.height_m) & (z.max(axis=1) >= self.config.height_m)]
+            if len(met):
+                scenes.append((make_ray_scene(met - self._centre), _normals(met)))
         found = []
         for scene, normal in scenes:
             hits = scene.run(origin, direction, output=True)

@@ -5,7 +5,7 @@ truth. Code that draws, records or judges an episode is given steps: from the ru
 a recorded episode (`robosim.recording.episode_file`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,8 @@ class Truth:
     """Azimuth of arrival of the strongest path in `map`; NaN if there is none."""
     paths: Paths | None = None
     """Radio paths from the target; None without a radio, and in recorded episodes."""
+    bodies: Float[np.ndarray, "n 4"] = field(default_factory=lambda: np.zeros((0, 4)))
+    """People and others who move: x [m], y [m], yaw [rad], radius [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

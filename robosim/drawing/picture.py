@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.drawing.plan_view import (
+    BODY_YELLOW,
     ESTIMATE_ORANGE,
     FREE_WHITE,
     HEIGHT,
@@ -224,6 +225,7 @@ class Picture:
         view.draw_goal(canvas, step.decided.goal)
         if self.target is not None:
             view.draw_target(canvas, self.target)
+        view.draw_bodies(canvas, step.true.bodies)
         view.draw_robot(canvas, step.true.pose, title)
         return canvas
 
@@ -255,6 +257,8 @@ class Picture:
                 Entry("floor anticipated", floor, "area"),
                 Entry("obstacle anticipated", wall, "area"),
             ]
+        if len(step.true.bodies):
+            entries.append(Entry("person", BODY_YELLOW, "area"))
         if self.target is not None:
             entries += [Entry("The target"), Entry("where it is", TARGET_RED, "star")]
         if step.decided.belief is not None:

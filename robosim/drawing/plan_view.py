@@ -103,6 +103,7 @@ TRUE_GREEN = (0, 158, 115)
 ESTIMATE_ORANGE = (230, 159, 0)
 PATH_PURPLE = (204, 121, 167)
 TARGET_RED = (213, 94, 0)
+BODY_YELLOW = (240, 228, 66)
 #: Colour of each kind of cell of the built map, as OpenCV's tables are.
 PALETTE = np.full((256, 1, 3), UNKNOWN_GREY, np.uint8)
 PALETTE[[UNKNOWN, FREE, OBSTACLE, BLOCKED], 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
@@ -170,6 +171,20 @@ class PlanView:
     def draw_target(self, canvas: np.ndarray, at: Float[np.ndarray, "2"]) -> None:
         """Mark the target [m]."""
         cv2.drawMarker(canvas, self._pixel(at), TARGET_RED, cv2.MARKER_STAR, 12, 2)
+
+    def draw_bodies(self, canvas: np.ndarray, bodies: Float[np.ndarray, "n 4"]) -> None:
+        """Draw what moves: x [m], y [m], yaw [rad], radius [m]."""
+        for x, y, yaw, radius_m in bodies:
+            at, nose = np.array([x, y]), np.array([x + 0.35 * np.cos(yaw), y + 0.35 * np.sin(yaw)])
+            cv2.circle(
+                canvas,
+                self._pixel(at),
+                max(round(radius_m * self._px_per_m), 3),
+                BODY_YELLOW,
+                -1,
+                cv2.LINE_AA,
+            )
+            cv2.line(canvas, self._pixel(at), self._pixel(nose), OBSTACLE_BLACK, 1, cv2.LINE_AA)
 
     def draw_robot(self, canvas: np.ndarray, pose: Float[np.ndarray, "3"], title: str = "") -> None:
         """Draw the robot at its true pose, the scale, and a title."""

@@ -56,6 +56,7 @@ class Movers:
         self.bodies: tuple[Body, ...] = tuple(body for mover in movers for body in mover.bodies)
         self.radius_m = np.array([body.radius_m for body in self.bodies])
         self.height_m = np.array([body.height_m for body in self.bodies])
+        self._phase_m = stride_m(self.height_m) / (2 * math.pi)
         self.reset(np.full(3, np.nan), np.random.default_rng(0), begin=False)
 
     def reset(self, robot: Float[np.ndarray, "3"], rng: np.random.Generator, *, begin: bool = True) -> None:
@@ -77,6 +78,12 @@ class Movers:
         ]
         self.poses = self._poses_at(0.0)
 
+    @property
+    def present(self) -> Float[np.ndarray, "m 4"]:
+        """Pose and radius of each body that is there: x [m], y [m], yaw [rad], radius [m]."""
+        rows = np.column_stack([self.poses, self.radius_m])
+        return rows[np.isfinite(rows[:, 0])]
+
     def advance(self, duration_s: float, robot: Float[np.ndarray, "3"]) -> None:
         """Let time pass, in which the robot went to a pose."""
         if duration_s <= 0:
@@ -85,8 +92,7 @@ class Movers:
         poses = self._poses_at(self.time_s)
         shift = poses[:, :2] - self.poses[:, :2]
         self.velocity = np.where(np.isfinite(shift), shift, 0.0) / duration_s
-        strides = [stride_m(body.height_m) for body in self.bodies]
-        self._phase += 2 * math.pi * np.hypot(*self.velocity.T) * duration_s / strides
+        self._phase += np.hypot(*self.velocity.T) * duration_s / self._phase_m
         self.poses, self._surfaces = poses, None
         away = poses[:, :2] - robot[:2]
         distance_m = np.hypot(*away.T)

@@ -36,8 +36,8 @@ _HAIR = np.array([(48, 36, 30), (94, 66, 44), (150, 122, 82), (120, 118, 116)])
 _SKIN = np.array([(228, 190, 160), (196, 146, 112), (140, 96, 70), (96, 66, 50)])
 
 
-def stride_m(height_m: float) -> float:
-    """Distance of two steps [m]."""
+def stride_m(height_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Distance of two steps [m], by the height of a person."""
     return _STRIDE * height_m
 
 

@@ -98,19 +98,18 @@ class Walkers:
         self._best_m, self._stuck_s = np.full(n, np.inf), np.zeros(n)
         self._robot = np.array([*surroundings.robot[:2], 0.0, 0.0, surroundings.robot_radius_m + _SPACE_M])
         self._steps, self._before = 0, np.column_stack([self._xy, self._yaw])
+        self._change = np.zeros((n, 3))
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses at a time, linear within a step; see `robosim.movers.mover.Mover`."""
         while self._steps * _STEP_S < time_s:
             self._robot[2:4] = (robot[:2] - self._robot[:2]) / _STEP_S
             self._robot[:2] = robot[:2]
-            self._before = np.column_stack([self._xy, self._yaw])
+            self._before += self._change
             self._step()
+            self._change = np.column_stack([self._xy, self._yaw]) - self._before
             self._steps += 1
-        left = self._steps - time_s / _STEP_S
-        change = np.column_stack([self._xy, self._yaw]) - self._before
-        change[:, 2] = (change[:, 2] + math.pi) % (2 * math.pi) - math.pi
-        return self._before + (1 - left) * change
+        return self._before + (1 + time_s / _STEP_S - self._steps) * self._change
 
     def _step(self) -> None:
         routes, waits = self._routes, self._wait_s > 0
@@ -168,9 +167,7 @@ class _Routes:
         corner = places.plan.to_map(np.array([[0.5, 0.5], [0.5 + every, 0.5], [0.5, 0.5 + every]]))
         axes = np.linalg.inv((corner[1:] - corner[0]).T)
         self.grid = (self._cells, axes, corner[0])
-        self._to_map = lambda yx: (
-            corner[0] + yx[:, 1:] * (corner[1] - corner[0]) + yx[:, :1] * (corner[2] - corner[0])
-        )
+        self._corner, self._axes = corner[0], corner[1:] - corner[0]
         clear_m = ndimage.distance_transform_edt(np.pad(self._cells, 1))[1:-1, 1:-1] * self._cell_m
         self._pace = self._cells * np.clip(clear_m / _CLEAR_M, _SLOW, 1.0)
         candidates = np.argwhere(self._cells & (clear_m >= min(_CLEAR_M, clear_m.max())))
@@ -195,6 +192,10 @@ class _Routes:
         if len(found) < count:
             raise ValueError(f"people is {count}, expected at most {len(found)}: there is no room for more.")
         return np.array(found).reshape(-1, 2)
+
+    def _to_map(self, cells: np.ndarray) -> Float[np.ndarray, "n 2"]:
+        """Centres of cells (row, column) in `map` [m]."""
+        return self._corner + cells[:, ::-1] @ self._axes
 
     def travel_to(self, goals: np.ndarray) -> Float32[np.ndarray, "places ny nx"]:
         """Travel to all places, of which those of `goals` are computed."""

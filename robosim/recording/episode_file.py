@@ -21,6 +21,7 @@ from robosim.recording.step_codec import (
     FIXED,
     NO_BYTES,
     NO_RADIO,
+    OPTIONAL,
     RAGGED,
     TEXTS,
     decode_belief,
@@ -108,7 +109,8 @@ class EpisodeWriter:
         for name in TEXTS:
             arrays[name] = np.array(rows[name], np.str_)
         for name, shape in RAGGED.items():
-            arrays |= ragged(name, rows[name], shape)
+            if name not in OPTIONAL or any(map(len, rows[name])):
+                arrays |= ragged(name, rows[name], shape)
         return npz_bytes(arrays)
 
 
@@ -263,9 +265,12 @@ def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) 
     with reading(path, _WHAT, _REMEDY) as file:
         head = _head(file, check)
         file.seek(0)
-        arrays = read_npz(file, _expected())
+        optional = {f"{name}{end}" for name in OPTIONAL for end in ("", "_count")}
+        arrays = read_npz(file, _expected(), optional=optional)
         columns: dict[str, Any] = {name: arrays[name] for name in (*FIXED, *TEXTS)}
-        columns |= {name: parts(arrays, name) for name in RAGGED}
+        columns |= {
+            name: parts(arrays, name) for name in RAGGED if name in arrays and f"{name}_count" in arrays
+        }
         episode = RecordedEpisode(path, head, parts(arrays, "ring"), columns)
         _check(episode)
         return episode
@@ -305,8 +310,8 @@ def _check(episode: RecordedEpisode) -> None:
     columns = episode.columns
     if len(columns["pose"]) != len(episode) + 1:
         raise ValueError(f"it has {len(columns['pose'])} poses, but {len(episode)} goals")
-    for name in ("pose", "estimate", "goal", "path"):
-        some = columns[name] if name == "path" else [columns[name]]
+    for name in ("pose", "estimate", "goal", "path", "bodies"):
+        some = columns.get(name, []) if name in RAGGED else [columns[name]]
         if any(np.abs(part[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for part in some):
             raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
     for frames in (columns["map_frame"], columns["belief_frame"]):

@@ -32,11 +32,14 @@ FIXED: dict[str, tuple[int, ...]] = {
 TEXTS = ("goal_kind", "because")
 #: Columns of entries of any length, with the shape of an empty one.
 RAGGED: dict[str, tuple[int, ...]] = {
-    "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,)
+    "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,), "bodies": (0, 4),
 }  # fmt: skip
+#: Those of them that a file lacks where they are empty in all steps.
+OPTIONAL = ("bodies",)
 #: Link state without a radio.
 NO_RADIO = -1
 NO_FRAME: Float[np.ndarray, "5"] = np.full(5, np.nan)
+NO_BODIES: Float[np.ndarray, "0 4"] = np.zeros((0, 4))
 NO_BYTES: UInt8[np.ndarray, "0"] = np.zeros(0, np.uint8)
 _MOST_PIXELS = 4096**2
 
@@ -79,6 +82,7 @@ def encode_without_pictures(step: Step) -> dict[str, Any]:
         if measured is None
         else np.array(measured.probability, float),
         "arrival": _arrivals(step)[:1],
+        "bodies": true.bodies,
         "rgb": NO_BYTES,
         "depth": NO_BYTES,
         "belief": NO_BYTES,
@@ -122,6 +126,7 @@ def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Ste
             link_state=None if row["true_state"] == NO_RADIO else LinkState(int(row["true_state"])),
             aoa_rad=float(row["true_aoa_rad"]),
             paths=row.get("paths"),
+            bodies=row.get("bodies", NO_BODIES),
         ),
     )
 
