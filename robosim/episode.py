@@ -35,6 +35,7 @@ from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import Task
 from slam.actions import Action
+from slam.control.avoidance import Avoidance, AvoidanceConfig
 from slam.grid import MapEstimate
 from slam.mapping.classical import RadioMapper
 from slam.planning.cost_map import CostConfig
@@ -140,6 +141,7 @@ def drive(
     watch = watch or Stopwatch()
     mapper, planner, controller, _ = navigator
     loop_detector = LoopDetector()
+    avoidance = Avoidance(AvoidanceConfig(radius_m=simulator.config.robot.radius_m))
     sensed, motion, action, number = simulator.reset(task, rng), None, None, 0
     mapper.reset(task.start)
     while True:
@@ -152,7 +154,8 @@ def drive(
         with watch.stage("link state"):
             estimated = interpret(sensed, map_)
         with watch.stage("goal"):
-            wanted = policy.goal(sensed, estimated)
+            around = avoidance.around(map_)
+            wanted = policy.goal(sensed, replace(estimated, map=around))
         if wanted is None:
             return map_, True
         with watch.stage("planner"):
@@ -162,11 +165,12 @@ def drive(
             reason = given or UNKNOWN_REASON
             # A robot sees the floor of a niche from outside; but a target may stand in it.
             look = reason.kind is GoalKind.EXPLORE and not policy.seeks_target
-            plan = planner.plan(map_, goal, look=look)
+            plan = planner.plan(around, goal, look=look)
             if loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
             action = policy.action() if isinstance(policy, Driver) else None
             action = controller.act(map_.pose, plan) if action is None else action
+            action = avoidance.checked(map_, action)
         decided = Decision(goal=goal, reason=reason, path=plan.path, action=action, belief=policy.belief)
         step = Step(number=number, sensed=sensed, estimated=estimated, decided=decided, true=true)
         replacement = on_step(step)

@@ -25,6 +25,7 @@ from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
+from slam.mapping.moving import MovingConfig
 from slam.mapping.odometry import OdometryConfig, calibrated
 from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
@@ -56,7 +57,13 @@ def make_navigator(
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
-    mapping = MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry, band=Band(high_m=top_m))
+    mapping = MapperConfig(
+        radius_m=radius_m,
+        camera=camera,
+        odometry=odometry,
+        band=Band(high_m=top_m),
+        moving=MovingConfig(tracks=config.movers.any),
+    )
     return Navigator(
         MAPPER.make(mapper, mapping, field="mapper"),
         Planner(PlannerConfig(cost=cost)),

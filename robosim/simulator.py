@@ -99,11 +99,14 @@ class Observation:
     """Where the camera sees the target: x ahead, y left [m]; None if it does not."""
     laser: LaserScan | None = None
     """What the lidar measured; None without one."""
+    time_s: float | None = None
+    """Time since the last observation [s]; None where nothing moves but the robot."""
 
     @property
-    def mapper_inputs(self) -> dict[str, LaserScan]:
+    def mapper_inputs(self) -> dict[str, Any]:
         """What a mapper is given in addition to depth and odometry, by the names of its arguments."""
-        return {} if self.laser is None else {"laser": self.laser}
+        given = {"laser": self.laser, "time_s": self.time_s}
+        return {name: value for name, value in given.items() if value is not None}
 
 
 class Simulator:
@@ -193,7 +196,7 @@ class Simulator:
             waits = action is Action.WAIT
             motion = self.world.drive(0.0, 0.0, WAIT_S) if waits else self.world.move(commanded)
         displacement = between(before, self.pose)
-        return self._observe(self.config.noise.sense(action, displacement, self._rng)), motion
+        return self._observe(self.config.noise.sense(action, displacement, self._rng), motion), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
         """Drive with a forward speed and a turn rate for a time.
@@ -205,7 +208,7 @@ class Simulator:
         with self.watch.stage("physics"):
             motion = self.world.drive(v_mps, w_radps, duration_s)
         displacement = between(before, self.pose)
-        return self._observe(self.config.noise.sense_motion(displacement, self._rng)), motion
+        return self._observe(self.config.noise.sense_motion(displacement, self._rng), motion), motion
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:
@@ -228,7 +231,7 @@ class Simulator:
             self._camera.close()
             self._camera = None
 
-    def _observe(self, odometry: np.ndarray) -> Observation:
+    def _observe(self, odometry: np.ndarray, motion: Motion | None = None) -> Observation:
         if self._camera is None:
             raise RuntimeError("The simulator was not reset. Call reset first.")
         with self.watch.stage("camera"):
@@ -254,7 +257,8 @@ class Simulator:
             if self._recogniser is not None and self._target is not None:
                 place = between(self.pose, np.array([*self._target, 0.0]))[:2]
                 target = self._recogniser.find(frame._replace(depth=measured), place)
-        return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser)
+        time_s = None if self.movers is None or motion is None else motion.duration_s
+        return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser, time_s)
 
     def _moving(self) -> list[Float[np.ndarray, "m 3 3"]]:
         """The lidar's argument of what moves: none without movers."""

@@ -130,6 +130,20 @@ def enlarged(old: np.ndarray, shape: tuple[int, int], left: int, below: int) -> 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class MovingThing:
+    """A tracked thing."""
+
+    xy: Float[np.ndarray, "2"]
+    """Position of its centre in `map` [m]."""
+    velocity: Float[np.ndarray, "2"]
+    """Velocity [m/s]."""
+    covariance: Float[np.ndarray, "4 4"]
+    """Of position and velocity [m2, m2/s, m2/s2]."""
+    number: int
+    """The same in all estimates."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MapEstimate:
     """What a mapper believes at one decision.
 
@@ -151,6 +165,8 @@ class MapEstimate:
     anticipated_probability: Float32[np.ndarray, "ny nx"] | None = None
     """`obstacle_probability` continued by a guess where the camera has not looked, as far as one was made: behind
     furniture, round corners. None if the mapper does not guess."""
+    moving: tuple[MovingThing, ...] = ()
+    """People and others who move, if they are tracked; they are not part of the map."""
 
     def __repr__(self) -> str:
         x, y, yaw = self.pose

@@ -38,6 +38,11 @@ class MoversConfig:
     walking: WalkersConfig = field(default_factory=WalkersConfig)
     """How they walk."""
 
+    @property
+    def any(self) -> bool:
+        """Whether something moves."""
+        return self.people > 0 or self.mover != "none"
+
 
 class Contact(NamedTuple):
     """The robot and a body met."""

@@ -31,6 +31,7 @@ from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.collisions import CollisionConfig, CollisionMarks
+from slam.mapping.moving import MovingConfig, MovingThings
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
 from slam.mapping.odometry import OdometryConfig, OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
@@ -46,6 +47,8 @@ logger = logging.getLogger(__name__)
 
 #: Cells added at once when the view leaves the map.
 GROWTH_CELLS = 80
+#: Moving things nearer than this may stop the robot [m].
+_BESIDE_M = 0.8
 #: Depths beyond this serve to match poses, but are too coarse for the map [m].
 _DRAWN_M = 6.0
 #: The map is drawn again once a pose has changed by this many cells, with all poses that changed by the second.
@@ -83,6 +86,8 @@ class MapperConfig:
     """Errors of odometry."""
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     """Settings of the tracker; cells and matching are those above."""
+    moving: MovingConfig = field(default_factory=MovingConfig)
+    """Whether and how people and other moving things are tracked and left out of the map."""
 
 
 @runtime_checkable
@@ -179,6 +184,7 @@ class ClassicalMapper:
         tracking = replace(config.tracking, cell_m=cell, match=config.match)
         self.tracker = Tracker(tracking)
         self.tracker.reset(np.array([pose[0], pose[1], wrap(float(pose[2]))]))
+        self.moving = MovingThings(config.moving) if config.moving.tracks else None
         self._frames: list[_Frame] = []
         self.entered: list[Float[np.ndarray, 3]] = []
         """Poses at which the scans are drawn."""
@@ -197,6 +203,7 @@ class ClassicalMapper:
         action: Action | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
         laser: LaserScan | None = None,
+        time_s: float | None = None,
     ) -> MapEstimate:
         """Add the measurements after an action.
 
@@ -205,12 +212,19 @@ class ClassicalMapper:
             action: The action that led here; None at the first frame.
             odometry: Measured displacement in the robot's frame before the action: x, y [m], yaw [rad].
             laser: What the robot's laser scanner measured, if it has one.
+            time_s: Time since the last update, for velocities of moving things.
 
         Returns:
             Map and pose; the arrays are views that the next update changes.
         """
         self._step += 1
-        self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
+        scan = scan_from_depth(depth, self.config.camera, self.config.band)
+        displacement, covariance = self._measured(action, odometry)
+        start, open_before = self.pose, self.tracker.covariance
+        predicted, prior = self.tracker.predict(displacement, covariance)
+        if self.moving is not None:
+            scan, laser = self._without_moving(scan, laser, predicted, time_s)
+        self.scan = scan
         points = points_of_scan(scan, self.config.match, self.config.resolution_m)
         drawn, view = points.within(_DRAWN_M), view_of_scan(scan)
         if laser is not None:
@@ -222,9 +236,6 @@ class ClassicalMapper:
                 self.config.match.sigma_m,
             )
             points, drawn, view = points.with_more(beams), drawn.with_more(beams), view_of_laser(laser)
-        displacement, covariance = self._measured(action, odometry)
-        start, open_before = self.pose, self.tracker.covariance
-        predicted, prior = self.tracker.predict(displacement, covariance)
         match = (
             self._matcher.match(scan, self.occupancy, predicted, prior)
             if self._matcher is not None
@@ -257,7 +268,7 @@ class ClassicalMapper:
             self._frames.append(frame)
             self._enter(frame, self.tracker.pose)
         self.pose = self.tracker.pose
-        if action is not None:
+        if action is not None and not self._is_beside_moving():
             self.collided = self.marks.update(
                 self._step, action, displacement, self.pose, self.occupancy.probability
             )
@@ -274,6 +285,7 @@ class ClassicalMapper:
             blocked=_read_only(self.marks.blocked),
             pose=self.pose.copy(),
             surface_offset_m=_read_only(self.surfaces.front_m),
+            moving=() if self.moving is None else self.moving.things(),
         )
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
@@ -287,6 +299,31 @@ class ClassicalMapper:
     def transmitters(self) -> dict[str, Transmitter]:
         """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
+
+    def _is_beside_moving(self) -> bool:
+        """Whether something that moves may have stopped the robot."""
+        things = () if self.moving is None else self.moving.things()
+        return any(math.hypot(*(thing.xy - self.pose[:2])) < _BESIDE_M for thing in things)
+
+    def _without_moving(
+        self,
+        scan: Scan,
+        laser: LaserScan | None,
+        pose: Float[np.ndarray, "3"],
+        time_s: float | None,
+    ) -> tuple[Scan, LaserScan | None]:
+        """Scans without what moves: up to there nothing is seen to be an obstacle."""
+        assert self.moving is not None
+        with np.errstate(invalid="ignore"):
+            points = np.column_stack([scan.depth_m, scan.depth_m * scan.left])
+        views = [np.where(scan.hit[:, None], points, np.nan).astype(float)]
+        if laser is not None:
+            angle = laser.bearing_rad
+            points = laser.range_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+            views.append(np.where(laser.hit[:, None], points, np.nan))
+        masks = self.moving.update(views, pose, self.occupancy.probability, self.frame, time_s)
+        scan = scan.without(masks[0])
+        return scan, laser if laser is None else laser.without(masks[1])
 
     def _measured(
         self, action: Action | None, odometry: Float[np.ndarray, "3"] | None

@@ -89,12 +89,13 @@ class NeuralMapper:
         action: Action | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
         laser: LaserScan | None = None,
+        time_s: float | None = None,
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
         A laser improves the pose, and covers cells that the network does not.
         """
-        classical = self.classical.update(depth, action, odometry, laser)
+        classical = self.classical.update(depth, action, odometry, laser, time_s)
         self._laser_m = 0.0 if laser is None else laser.max_range_m
         self._follow(classical.frame)
         self.prediction = self._predictor.predict(

@@ -6,7 +6,7 @@ nearer of the two adjacent returns: along a grazed wall this is before the wall,
 Left out: the robot's motion within one turn of the scanner, tilt.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,6 +70,10 @@ class LaserScan:
         )
         nearer_m = np.minimum(self.range_m[before], self.range_m[after])
         return np.where(self.hit, self.range_m, np.where(missing, nearer_m, 0.0))
+
+    def without(self, beams: Bool[np.ndarray, " n"]) -> "LaserScan":
+        """The scan with some beams that nothing came back from."""
+        return replace(self, range_m=np.where(beams, np.inf, self.range_m)) if beams.any() else self
 
     def dense(self, range_m: float) -> Float[np.ndarray, "m 2"]:
         """Points (x forward, y left) [m] within a range, with others in between where neighbours are near."""

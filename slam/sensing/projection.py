@@ -23,6 +23,8 @@ from robosim_support.checks import Range, checked
 
 #: Points of a surface for each column of a scan: neighbours are of one if they lie no farther apart than this [m].
 BETWEEN, ONE_SURFACE_M = 4, 0.2
+#: Floor before something that is left out of a scan is seen up to this distance from it [m].
+_BEFORE_M = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +94,21 @@ class Scan:
     def hit(self) -> Bool[np.ndarray, " w"]:
         """Columns that saw a surface."""
         return np.isfinite(self.depth_m)
+
+    def without(self, columns: Bool[np.ndarray, " w"]) -> "Scan":
+        """The scan with some columns that saw nothing but free floor up to where their surface was."""
+        if not columns.any():
+            return self
+        nothing = np.float32(np.inf)
+        return Scan(
+            left=self.left,
+            depth_m=np.where(columns, nothing, self.depth_m),
+            clear_m=np.where(columns, np.maximum(self.clear_m - _BEFORE_M, 0), self.clear_m).astype(
+                np.float32
+            ),
+            top_m=np.where(columns, np.float32(0), self.top_m),
+            far_m=np.where(columns, nothing, self.far_m),
+        )
 
 
 def clean_depth(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float32[np.ndarray, "h w"]:

@@ -1,0 +1,87 @@
+"""Moving among people: waiting for those who cross the robot's path, and going around those who stand.
+
+A step is done only if the robot keeps its distance from the predicted places of all tracked things, or moves away from
+them; else it waits. Things that hardly move are obstacles to planner and explorer.
+
+Left out: passing people by a change of speed, since actions are discrete.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim_support.checks import Range, checked
+from slam.actions import FORWARD_M, STEPS, Action
+from slam.grid import MapEstimate
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class AvoidanceConfig:
+    """Distances from people, and how far ahead they are predicted."""
+
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
+    """Radius of the robot's hull [m]."""
+    body_m: Annotated[float, Range(0.01, 5, "m")] = 0.2
+    """Radius of a person [m]."""
+    distance_m: Annotated[float, Range(0, 5, "m")] = 0.2
+    """Distance that a step keeps between hull and person [m]."""
+    step_s: Annotated[float, Range(0.01, 60, "s")] = 1.0
+    """Time of a step [s]."""
+    slow_mps: Annotated[float, Range(0, 10, "m/s")] = 0.25
+    """Things slower than this are obstacles that paths lead around [m/s]."""
+
+
+class Avoidance:
+    """Keeps a robot from running into people."""
+
+    def __init__(self, config: AvoidanceConfig = AvoidanceConfig()) -> None:
+        self.config = config
+
+    def around(self, estimate: MapEstimate) -> MapEstimate:
+        """The map with things that hardly move as obstacles; the same one if there are none."""
+        places = [thing.xy for thing in estimate.moving if math.hypot(*thing.velocity) < self.config.slow_mps]
+        if not places:
+            return estimate
+        probability = estimate.obstacle_probability.copy()
+        for x, y in places:
+            radius_m = self.config.body_m
+            rows, columns, frame = estimate.frame.window(
+                (x - radius_m, y - radius_m), (x + radius_m, y + radius_m)
+            )
+            centres = frame.centres(np.ones(frame.shape, bool))
+            covered = (np.hypot(*(centres - (x, y)).T) < radius_m).reshape(frame.shape)
+            probability[rows, columns][covered] = 1.0
+        return replace(estimate, obstacle_probability=probability)
+
+    def checked(self, estimate: MapEstimate, action: Action) -> Action:
+        """The action, or a wait if it would lead too near to a thing."""
+        if action not in STEPS or not estimate.moving:
+            return action
+        length_m = FORWARD_M if action is Action.FORWARD else -FORWARD_M
+        yaw = float(estimate.pose[2])
+        step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
+        return (
+            Action.WAIT
+            if any(self._meets(estimate, step, thing.xy, thing.velocity) for thing in estimate.moving)
+            else action
+        )
+
+    def _meets(
+        self,
+        estimate: MapEstimate,
+        step: Float[np.ndarray, "2"],
+        xy: Float[np.ndarray, "2"],
+        velocity: Float[np.ndarray, "2"],
+    ) -> bool:
+        """Whether a step comes too near to a thing, and nearer than waiting would."""
+        config = self.config
+        share = np.linspace(0.25, 1.0, 4)[:, None]
+        there = xy + share * config.step_s * velocity
+        going_m = np.hypot(*(estimate.pose[:2] + share * step - there).T).min()
+        waiting_m = np.hypot(*(estimate.pose[:2] - there).T).min()
+        least_m = config.radius_m + config.body_m + config.distance_m
+        return bool(going_m < min(least_m, waiting_m))
