@@ -20,7 +20,7 @@ from robosim.support.checks import Range, checked
 class Body:
     """One thing that moves; by default a person, with the mean of half breadth and half depth of the body."""
 
-    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.2
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.17
     """Radius of the cylinder that stops a robot [m]."""
     height_m: Annotated[float, Range(0.05, 10, "m")] = 1.7
     """Height above the floor [m]."""

@@ -32,7 +32,7 @@ from robosim_support.compiled import compiled
 from slam.planning.marching import march
 
 #: Step of the integration [s], and space that people leave to the robot, which moves on within it [m].
-_STEP_S, _SPACE_M = 0.1, 0.05
+_STEP_S, _SPACE_M = 0.1, 0.15
 #: Places in a building between which people walk, and candidates of which the farthest apart are taken.
 _PLACES, _CANDIDATES = 16, 400
 #: Most cells of the grid of routes, and least side of a cell [m].

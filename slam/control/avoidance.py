@@ -25,7 +25,7 @@ class AvoidanceConfig:
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the robot's hull [m]."""
-    body_m: Annotated[float, Range(0.01, 5, "m")] = 0.2
+    body_m: Annotated[float, Range(0.01, 5, "m")] = 0.17
     """Radius of a person [m]."""
     distance_m: Annotated[float, Range(0, 5, "m")] = 0.2
     """Distance that a step keeps between hull and person [m]."""
@@ -64,11 +64,8 @@ class Avoidance:
         length_m = FORWARD_M if action is Action.FORWARD else -FORWARD_M
         yaw = float(estimate.pose[2])
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
-        return (
-            Action.WAIT
-            if any(self._meets(estimate, step, thing.xy, thing.velocity) for thing in estimate.moving)
-            else action
-        )
+        meets = any(self._meets(estimate, step, thing.xy, thing.velocity) for thing in estimate.moving)
+        return Action.WAIT if meets else action
 
     def _meets(
         self,
@@ -80,8 +77,11 @@ class Avoidance:
         """Whether a step comes too near to a thing, and nearer than waiting would."""
         config = self.config
         share = np.linspace(0.25, 1.0, 4)[:, None]
-        there = xy + share * config.step_s * velocity
-        going_m = np.hypot(*(estimate.pose[:2] + share * step - there).T).min()
-        waiting_m = np.hypot(*(estimate.pose[:2] - there).T).min()
         least_m = config.radius_m + config.body_m + config.distance_m
-        return bool(going_m < min(least_m, waiting_m))
+        # It may stop at any time.
+        for there in (xy + share * config.step_s * velocity, xy):
+            going_m = np.hypot(*(estimate.pose[:2] + share * step - there).T).min()
+            waiting_m = np.hypot(*(estimate.pose[:2] - there).T).min()
+            if going_m < min(least_m, waiting_m):
+                return True
+        return False

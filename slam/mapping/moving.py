@@ -5,7 +5,7 @@ expected. Narrow things in front of the background that come into view beyond th
 out of the map for some decisions too, until they have moved, or have stood still for long enough to be part of the
 building. Each thing has a Kalman filter with constant velocity.
 
-Scans are cut into segments of neighbouring columns (beams) whose ranges hardly differ. Their centres lie half of a
+Scans are cut into segments of neighbouring columns (beams) whose ranges hardly differ, and where free floor ends. Their centres lie half of a
 person's depth behind the surface.
 
 Left out: shapes, and people who stand still when they first come into view, who are mapped until they walk away.
@@ -25,12 +25,16 @@ from jaxtyping import Bool, Float, Float32, Int
 from robosim_support.checks import Range, checked
 from robosim_support.compiled import compiled
 from slam.grid import GridFrame, MovingThing
-from slam.poses import to_map
+from slam.poses import between, to_map, wrap
 
 #: Neighbouring ranges that differ by less are of one segment [m].
 _JUMP_M = 0.25
 #: Distance from the surface of a thing to its centre [m].
 _DEPTH_M = 0.12
+#: A thing is not where it is expected if a sensor sees farther than there by this [m].
+_BEYOND_M = 0.5
+#: Time in which velocities of things out of sight decay by e [s].
+_STOPS_S = 1.0
 #: Standard deviations of a measured centre [m], and of accelerations [m/s2]; speed of a new thing [m/s].
 _CENTRE_M, _ACCEL, _SPEED_MPS = 0.08, 1.0, 0.7
 
@@ -42,7 +46,7 @@ class MovingConfig:
 
     tracks: bool = False
     """Whether moving things are looked for; without, all that is seen is part of the building."""
-    margin_m: Annotated[float, Range(0, 1, "m")] = 0.15
+    margin_m: Annotated[float, Range(0, 1, "m")] = 0.1
     """Distance from obstacles and unknown cells of the map at which floor counts as known to be free [m]."""
     width_m: Annotated[float, Range(0.1, 5, "m")] = 0.9
     """Largest width of a thing [m]."""
@@ -54,7 +58,7 @@ class MovingConfig:
     """Sightings within `still_m` after which a candidate is part of the building."""
     still_m: Annotated[float, Range(0.01, 1, "m")] = 0.15
     """See `still` [m]."""
-    forget_s: Annotated[float, Range(0.1, 60, "s")] = 2.0
+    forget_s: Annotated[float, Range(0.1, 60, "s")] = 5.0
     """Time out of sight after which a thing is forgotten [s]."""
     update_s: Annotated[float, Range(0.01, 60, "s")] = 0.6
     """Time between updates where none is given [s]."""
@@ -75,6 +79,8 @@ class _Track:
         """Let time pass."""
         F = np.eye(4)
         F[0, 2] = F[1, 3] = time_s
+        if self.unseen_s > 0:
+            F[2, 2] = F[3, 3] = math.exp(-time_s / _STOPS_S)  # it may have stopped
         self.state = F @ self.state
         a, b, c = time_s**4 / 4, time_s**3 / 2, time_s**2
         Q = _ACCEL**2 * np.array([[a, 0, b, 0], [0, a, 0, b], [b, 0, c, 0], [0, b, 0, c]])
@@ -161,6 +167,7 @@ class MovingThings:
         for track in self._tracks:
             if mine := found.get(track.number):
                 track.correct(np.mean([segment.xy for segment in mine], axis=0))
+        self._forget_absent(views, pose)
         for segment in left:
             if self._begin(segment):
                 found[self._count] = [segment]
@@ -185,6 +192,7 @@ class MovingThings:
         kind = _kinds(probability, iy, ix, math.ceil(config.margin_m / frame.resolution_m))
         with np.errstate(invalid="ignore"):
             cut = (np.abs(np.diff(range_m)) > _JUMP_M) | ~known[1:] | ~known[:-1]
+        cut |= (kind[1:] == _FREE) != (kind[:-1] == _FREE)
         edges = np.concatenate([[0], np.flatnonzero(cut) + 1, [len(points)]])
         for first, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             width_m = math.hypot(*(points[last - 1] - points[first]))
@@ -221,6 +229,22 @@ class MovingThings:
         state = np.array([*segment.xy, 0.0, 0.0])
         self._tracks.append(_Track(state, covariance, self._count, segment.xy, is_moving))
         return True
+
+    def _forget_absent(self, views: Sequence[Float[np.ndarray, "_ 2"]], pose: Float[np.ndarray, "3"]) -> None:
+        """End tracks that are not seen where a sensor sees farther than they would be."""
+        left = []
+        for track in self._tracks:
+            offset = between(pose, np.array([*track.state[:2], 0.0]))[:2]
+            away_m, bearing = math.hypot(*offset), math.atan2(offset[1], offset[0])
+            is_absent = False
+            for points in views if track.unseen_s > 0 else ():
+                ahead = (
+                    np.abs(wrap(np.arctan2(points[:, 1], points[:, 0]) - bearing)) * away_m < 0.5 * _DEPTH_M
+                )
+                is_absent |= bool(ahead.any() and np.hypot(*points[ahead].T).min() > away_m + _BEYOND_M)
+            if not is_absent:
+                left.append(track)
+        self._tracks = left
 
     def _judge(self) -> None:
         """Confirm candidates that have moved, and end tracks that are out of sight or part of the building."""
