@@ -5,8 +5,8 @@ expected. Narrow things in front of the background that come into view beyond th
 out of the map for some decisions too, until they have moved, or have stood still for long enough to be part of the
 building. Each thing has a Kalman filter with constant velocity.
 
-Scans are cut into segments of neighbouring columns (beams) whose ranges hardly differ, and where free floor ends. Their centres lie half of a
-person's depth behind the surface.
+Scans are cut into segments of neighbouring columns (beams) where ranges jump, and where known free floor ends. Centres
+of things lie half of a person's depth behind the surface.
 
 Left out: shapes, and people who stand still when they first come into view, who are mapped until they walk away.
 References: Y. Bar-Shalom, X. R. Li and T. Kirubarajan, Estimation with applications to tracking and navigation (2001),

@@ -1,0 +1,73 @@
+"""Steps among people: closed cases, and that a robot which waits or leaves is never held."""
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slam.actions import FORWARD_M, Action
+from slam.control.avoidance import Avoidance, AvoidanceConfig
+from slam.grid import GridFrame, MapEstimate, MovingThing
+
+CONFIG = AvoidanceConfig()
+LEAST_M = CONFIG.radius_m + CONFIG.body_m + CONFIG.distance_m
+
+
+def estimate(*things: tuple[float, float, float, float], yaw: float = 0.0) -> MapEstimate:
+    shape = (80, 80)
+    return MapEstimate(
+        frame=GridFrame(origin_xy=(-2.0, -2.0), resolution_m=0.05, shape=shape),
+        obstacle_probability=np.full(shape, 0.1, np.float32),
+        explored=np.ones(shape, bool),
+        blocked=np.zeros(shape, bool),
+        pose=np.array([0.0, 0.0, yaw]),
+        moving=tuple(
+            MovingThing(xy=np.array([x, y]), velocity=np.array([vx, vy]), covariance=np.eye(4), number=k)
+            for k, (x, y, vx, vy) in enumerate(things)
+        ),
+    )
+
+
+def test_a_step_towards_a_person_is_a_wait_from_the_distance_on():
+    for gap_m, expected in ((0.01, Action.FORWARD), (-0.01, Action.WAIT)):
+        ahead = estimate((LEAST_M + FORWARD_M + gap_m, 0.0, 0.0, 0.0))
+        assert Avoidance().checked(ahead, Action.FORWARD) is expected
+
+
+def test_a_person_who_crosses_is_waited_for_and_one_who_passes_behind_is_not():
+    crossing, behind = estimate((0.6, 0.9, 0.0, -1.0)), estimate((-0.6, 0.9, 0.0, -1.0))
+    assert Avoidance().checked(crossing, Action.FORWARD) is Action.WAIT
+    assert Avoidance().checked(behind, Action.FORWARD) is Action.FORWARD
+    assert Avoidance().checked(behind, Action.BACKWARD) is Action.WAIT
+
+
+def test_turns_are_free():
+    near = estimate((0.4, 0.0, 0.0, 0.0))
+    for action in (Action.LEFT, Action.RIGHT, Action.WAIT):
+        assert Avoidance().checked(near, action) is action
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(0.05, 2.0), st.floats(-math.pi, math.pi))
+def test_a_step_away_from_somebody_who_stands_is_always_allowed(bearing, distance_m, yaw):
+    """A robot that a person has come near to can leave."""
+    place = distance_m * np.array([math.cos(bearing), math.sin(bearing)])
+    away = abs((bearing - yaw + math.pi) % (2 * math.pi) - math.pi) > math.radians(91)
+    chosen = Avoidance().checked(estimate((*place, 0.0, 0.0), yaw=yaw), Action.FORWARD)
+    if away:
+        assert chosen is Action.FORWARD
+
+
+def test_slow_things_are_obstacles_and_fast_ones_are_not():
+    before = estimate((1.0, 0.0, 0.1, 0.0), (0.0, 1.0, 1.0, 0.0))
+    after = Avoidance().around(before)
+    centres = before.frame.centres(after.obstacle_probability > 0.5)
+    assert np.hypot(*(centres - (1.0, 0.0)).T).max() < CONFIG.body_m
+    assert len(centres) * 0.05**2 > 0.8 * math.pi * CONFIG.body_m**2
+    assert (before.obstacle_probability < 0.5).all()
+
+
+def test_without_people_map_and_actions_are_the_same_objects():
+    empty = estimate()
+    assert Avoidance().around(empty) is empty
+    assert all(Avoidance().checked(empty, action) is action for action in Action)
