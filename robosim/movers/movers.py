@@ -26,7 +26,7 @@ _GREY = (150, 150, 155)
 @dataclass(frozen=True, kw_only=True)
 @checked
 class MoversConfig:
-    """What moves in the building besides the robot."""
+    """What moves in the building, apart from the robot."""
 
     people: Annotated[int, Range(0, 1000, "people")] = 0
     """People who walk from place to place."""

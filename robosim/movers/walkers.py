@@ -37,7 +37,7 @@ _STEP_S, _SPACE_M = 0.1, 0.15
 _PLACES, _CANDIDATES = 16, 400
 #: Most cells of the grid of routes, and least side of a cell [m].
 _CELLS, _CELL_M = 250_000, 0.08
-#: Space beside a body above which routes do not slow down [m], and the slowest pace in routes.
+#: Space around a body above which routes do not slow down [m], and the slowest pace in routes.
 _CLEAR_M, _SLOW = 0.3, 0.3
 #: People begin at least so far from the robot and from each other [m].
 _FROM_ROBOT_M, _APART_M = 1.5, 0.6

@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 #: Cells added at once when the view leaves the map.
 GROWTH_CELLS = 80
 #: Moving things nearer than this may stop the robot [m].
-_BESIDE_M = 0.8
+_NEAR_THING_M = 0.8
 #: Depths beyond this serve to match poses, but are too coarse for the map [m].
 _DRAWN_M = 6.0
 #: The map is drawn again once a pose has changed by this many cells, with all poses that changed by the second.
@@ -268,7 +268,7 @@ class ClassicalMapper:
             self._frames.append(frame)
             self._enter(frame, self.tracker.pose)
         self.pose = self.tracker.pose
-        if action is not None and not self._is_beside_moving():
+        if action is not None and not self._is_near_moving():
             self.collided = self.marks.update(
                 self._step, action, displacement, self.pose, self.occupancy.probability
             )
@@ -300,10 +300,10 @@ class ClassicalMapper:
         """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
 
-    def _is_beside_moving(self) -> bool:
+    def _is_near_moving(self) -> bool:
         """Whether something that moves may have stopped the robot."""
         things = () if self.moving is None else self.moving.things()
-        return any(math.hypot(*(thing.xy - self.pose[:2])) < _BESIDE_M for thing in things)
+        return any(math.hypot(*(thing.xy - self.pose[:2])) < _NEAR_THING_M for thing in things)
 
     def _without_moving(
         self,

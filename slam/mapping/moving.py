@@ -1,4 +1,4 @@
-"""People and other moving things: found in scans, kept out of the map, and tracked.
+"""People and other moving things: found in scans, left out of the map, and tracked.
 
 A thing counts as moving if it stands where the map knows free floor, away from all obstacles, or where a tracked one is
 expected. Narrow things in front of the background that come into view beyond the known floor are candidates: they stay
@@ -106,7 +106,7 @@ class _Segment(NamedTuple):
     free: float
     """Share of points on floor that is known to be free."""
     unknown: float
-    """Share of points on or beside unknown floor."""
+    """Share of points on unknown floor, or next to it."""
     is_front: bool
     """Whether what is seen on both sides of it lies farther off."""
 
