@@ -24,7 +24,7 @@ def crowd(tmp_path):
 
 
 def test_poses_are_linear_in_time_and_absent_outside_of_it(crowd):
-    """Turns go the short way round."""
+    """Turns take the smaller angle."""
     mover = mover_of_file(crowd(ROWS))
     np.testing.assert_allclose(mover.poses(1.0, HERE)[0], [1, 0, np.pi / 4], atol=1e-6)
     np.testing.assert_allclose(mover.poses(2.0, HERE)[1], [5, 5.5, np.pi], atol=1e-6)

@@ -55,9 +55,9 @@ def test_repulsion_is_the_gradient_of_the_published_potential(x, y, vx, vy):
 def test_a_person_alone_walks_at_the_desired_speed():
     """In a wide room: never faster, and in more than half of the time of walking the desired speed within 3 %."""
     walkers = begun(1, room(20.0, 4.0), speed_std_mps=0.0, wait_s=2.0)
-    moved = np.hypot(*np.diff(walk(walkers, every_s=0.1)[:, 0, :2], axis=0).T) / 0.1
-    walking = moved[moved > 0.5 * moved.max()]
-    assert moved.max() < 1.34 + 1e-9
+    pace = np.hypot(*np.diff(walk(walkers, every_s=0.1)[:, 0, :2], axis=0).T) / 0.1
+    walking = pace[pace > 0.5 * pace.max()]
+    assert pace.max() < 1.34 + 1e-9
     assert np.mean(np.abs(walking / 1.34 - 1) < 0.03) > 0.5
 
 
@@ -90,7 +90,7 @@ def test_two_people_pass_each_other_in_a_corridor():
 
 
 def test_motions_depend_on_the_seed_only():
-    """Poses at the same times are the same, however often they are asked for in between."""
+    """Poses at the same times are the same, however many are read in between."""
     often, seldom = walk(begun(5, seed=3), every_s=0.02), walk(begun(5, seed=3), every_s=0.1)
     # Poses between steps are rounded differently.
     np.testing.assert_allclose(often[4::5], seldom, atol=1e-9)
