@@ -70,6 +70,7 @@ def live(
     port: int = 8080,
     browser: bool = True,
     export: Path | None = None,
+    people: Annotated[int, Range(0, 1000, "people")] = 0,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
 ) -> None:
@@ -88,6 +89,7 @@ def live(
         browser: Whether to open a browser, if there is one.
         export: File (.html) to write the episode of a folder to, as a page that plays without Python; nothing is
             served then.
+        people: People who walk in the building during searches.
         radio: Which paths are traced.
         reading: How to read the plan.
     """
@@ -108,7 +110,9 @@ def live(
     from robosim.episode import EpisodeConfig
     from robosim.live.page import Page
     from robosim.live.recordings import check_results
+    from robosim.movers.movers import MoversConfig
     from robosim.plans.storey_plans import StoreysPlan
+    from robosim.simulator import SimulatorConfig
 
     if folder is not None:
         check_results(folder)
@@ -119,7 +123,8 @@ def live(
         elif floor_plan is not None:
             page.explore(floor_plan, config)
             if not isinstance(floor_plan, StoreysPlan):
-                page.search(EpisodeConfig())
+                simulator = SimulatorConfig(movers=MoversConfig(people=people))
+                page.search(EpisodeConfig(simulator=simulator))
         emit_result({"url": page.url, "shown": name})
         console.print(
             Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True

@@ -42,6 +42,7 @@ _KEYS: tuple[tuple[Any, Action, str], ...] = (
     ("K", Action.BACKWARD, "back (K)"),
     ("J", Action.LEFT, "left (J)"),
     ("L", Action.RIGHT, "right (L)"),
+    ("H", Action.WAIT, "wait (H)"),
 )
 #: Radius and height of the marks of start and target [m].
 _MARK_M, _MARK_HEIGHT_M = 0.16, 0.3
@@ -157,6 +158,8 @@ class SearchPanel:
             self._task: Any = gui.add_dropdown("start and target", tasks, initial_value=FROM_SEED)
             clicks = gui.add_button_group("by clicks on the floor", (SET_START, SET_TARGET, CLEAR))
             self._seed = gui.add_number("seed", self._config.seed, min=0, max=2**31 - 1, step=1)
+            people = self._config.simulator.movers.people
+            self._people = gui.add_number("people", people, min=0, max=max(50, people), step=1)
             noise = self._config.simulator.noise.level
             self._noise = gui.add_slider("noise [times published]", 0.0, max(3.0, noise), 0.25, noise)
         actions = {
@@ -185,6 +188,7 @@ class SearchPanel:
             simulator=replace(
                 simulator,
                 noise=replace(simulator.noise, level=float(self._noise.value)),
+                movers=replace(simulator.movers, people=int(self._people.value)),
                 radio=replace(
                     simulator.radio,
                     frequency_hz=radio.frequency_hz,

@@ -7,7 +7,14 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.drawing.picture import ANTICIPATING_PALETTE, status_line
-from robosim.drawing.plan_view import ESTIMATE_ORANGE, OBSTACLE_BLACK, PATH_PURPLE, TARGET_RED, TRUE_GREEN
+from robosim.drawing.plan_view import (
+    BODY_YELLOW,
+    ESTIMATE_ORANGE,
+    OBSTACLE_BLACK,
+    PATH_PURPLE,
+    TARGET_RED,
+    TRUE_GREEN,
+)
 from robosim.layers import BLOCKED, FREE, GUESS, GUESS_LEVELS, OBSTACLE, TOP_LEVEL, Layer
 from robosim.live.building_scene import STEP_M, BuildingScene
 from robosim.live.radio_view import arrival_fan, ray_segments
@@ -26,6 +33,8 @@ WALLS_M = 0.3
 MARGIN_M = 0.5
 #: Heights at which the robot's radio and its mapped obstacles are drawn [m].
 _RADIO_M, _OBSTACLE_M = 0.6, 0.25
+#: Height of people [m].
+_BODY_M = 1.7
 
 
 def _map_palette() -> UInt8[np.ndarray, "256 4"]:
@@ -74,6 +83,7 @@ class SearchView:
             )  # fmt: skip
             nose = np.array([[[0.0, 0, 0.12], [0.42, 0, 0.12]]])
             add_lines(scene, f"{root}/{name}/nose", nose, colour, 4)
+        self._bodies: list[Any] = []
         self._shown: tuple[Layer | None, Layer | None] = None, None
 
     def show(self, number: int, *, rays: bool = True) -> Step | None:
@@ -88,6 +98,7 @@ class SearchView:
             self._title.text = f"{self.recording.title}: step {number}{status}"
             self._place("true", step.true.pose)
             self._place("estimated", step.estimated.pose)
+            self._show_bodies(step.true.bodies)
             self._show_maps(step.map_layer, step.belief_layer)
             self._show_motion(step)
             self._show_radio(step, rays)
@@ -98,6 +109,29 @@ class SearchView:
         node.visible = True
         node.position = (float(pose[0]), float(pose[1]), 0.1)
         node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
+
+    def _show_bodies(self, bodies: Float[np.ndarray, "n 4"]) -> None:
+        """People and others who move, as cylinders that face where they walk."""
+        for k in range(max(len(bodies), len(self._bodies))):
+            if k >= len(self._bodies):
+                name = f"{self._root}/body{k}"
+                self._bodies.append(
+                    self._server.scene.add_cylinder(
+                        name, radius=float(bodies[k, 3]), height=_BODY_M, color=BODY_YELLOW, **NO_SHADOW
+                    )
+                )
+                add_lines(
+                    self._server.scene,
+                    f"{name}/nose",
+                    np.array([[[0.0, 0, 0.6], [0.35, 0, 0.6]]]),
+                    OBSTACLE_BLACK,
+                    4,
+                )
+            self._bodies[k].visible = k < len(bodies)
+            if k < len(bodies):
+                x, y, yaw, _ = bodies[k].tolist()
+                self._bodies[k].position = (x, y, _BODY_M / 2)
+                self._bodies[k].wxyz = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
 
     def _show_maps(self, built: Layer, belief: Layer | None) -> None:
         if not _is_same(built, self._shown[0]):
