@@ -15,7 +15,7 @@ FORWARD_M = 0.25
 #: Angle of a turn [rad].
 TURN_RAD = math.radians(10.0)
 #: Time of a wait [s].
-WAIT_S = 0.5
+WAIT_S = 1.0
 
 
 class Action(IntEnum):

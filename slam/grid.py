@@ -139,6 +139,10 @@ class MovingThing:
     """Velocity [m/s]."""
     covariance: Float[np.ndarray, "4 4"]
     """Of position and velocity [m2, m2/s, m2/s2]."""
+    stood_s: float
+    """Time that it has stood at its place [s]."""
+    unseen_s: float
+    """Time since it was last seen [s]."""
     number: int
     """The same in all estimates."""
 

@@ -1,7 +1,8 @@
 """Moving among people: waiting for those who cross the robot's path, and going around those who stand.
 
 A step is done only if the robot keeps its distance from the predicted places of all tracked things, or moves away from
-them; else it waits. Things that hardly move are obstacles to planner and explorer.
+them; else it waits, and accepts less distance the longer it has waited. Things that stand are obstacles to planner and
+explorer.
 
 Left out: passing people by a change of speed, since actions are discrete.
 """
@@ -31,8 +32,14 @@ class AvoidanceConfig:
     """Distance that a step keeps between hull and person [m]."""
     step_s: Annotated[float, Range(0.01, 60, "s")] = 1.0
     """Time of a step [s]."""
-    slow_mps: Annotated[float, Range(0, 10, "m/s")] = 0.25
-    """Things slower than this are obstacles that paths lead around [m/s]."""
+    squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
+    """The same after some waits, for places where there is no more space [m]."""
+    waits: Annotated[int, Range(1, 1000, "waits")] = 4
+    """Waits in which the distance falls to `squeeze_m`."""
+    stood_s: Annotated[float, Range(0, 1000, "s")] = 3.0
+    """Things that have stood for longer are obstacles that paths lead around [s]."""
+    unseen_s: Annotated[float, Range(0, 1000, "s")] = 2.0
+    """Things that were out of sight for longer are no such obstacles [s]."""
 
 
 class Avoidance:
@@ -40,10 +47,15 @@ class Avoidance:
 
     def __init__(self, config: AvoidanceConfig = AvoidanceConfig()) -> None:
         self.config = config
+        self._waited = 0
 
     def around(self, estimate: MapEstimate) -> MapEstimate:
-        """The map with things that hardly move as obstacles; the same one if there are none."""
-        places = [thing.xy for thing in estimate.moving if math.hypot(*thing.velocity) < self.config.slow_mps]
+        """The map with things that stand as obstacles; the same one if there are none."""
+        places = [
+            thing.xy
+            for thing in estimate.moving
+            if thing.stood_s >= self.config.stood_s and thing.unseen_s <= self.config.unseen_s
+        ]
         if not places:
             return estimate
         probability = estimate.obstacle_probability.copy()
@@ -65,6 +77,7 @@ class Avoidance:
         yaw = float(estimate.pose[2])
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
         meets = any(self._meets(estimate, step, thing.xy, thing.velocity) for thing in estimate.moving)
+        self._waited = self._waited + 1 if meets else 0
         return Action.WAIT if meets else action
 
     def _meets(
@@ -77,7 +90,9 @@ class Avoidance:
         """Whether a step comes too near to a thing, and nearer than waiting would."""
         config = self.config
         share = np.linspace(0.25, 1.0, 4)[:, None]
-        least_m = config.radius_m + config.body_m + config.distance_m
+        share_left = max(1 - self._waited / config.waits, 0.0)
+        distance_m = config.squeeze_m + share_left * (config.distance_m - config.squeeze_m)
+        least_m = config.radius_m + config.body_m + distance_m
         # It may stop at any time.
         for there in (xy + share * config.step_s * velocity, xy):
             going_m = np.hypot(*(estimate.pose[:2] + share * step - there).T).min()

@@ -16,7 +16,7 @@ environments, Autonomous Robots 19 (2005), for maps of free space that reveal wh
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -35,6 +35,8 @@ _DEPTH_M = 0.12
 _BEYOND_M = 0.5
 #: Time in which velocities of things out of sight decay by e [s].
 _STOPS_S = 1.0
+#: A thing stands as long as it stays within this distance of a place [m].
+_STANDING_M = 0.25
 #: Standard deviations of a measured centre [m], and of accelerations [m/s2]; speed of a new thing [m/s].
 _CENTRE_M, _ACCEL, _SPEED_MPS = 0.08, 1.0, 0.7
 
@@ -74,6 +76,8 @@ class _Track:
     is_confirmed: bool
     sightings: int = 1
     unseen_s: float = 0.0
+    stood_s: float = 0.0
+    stands_at: Float[np.ndarray, "2"] = field(default_factory=lambda: np.full(2, np.inf))
 
     def predict(self, time_s: float) -> None:
         """Let time pass."""
@@ -86,6 +90,7 @@ class _Track:
         Q = _ACCEL**2 * np.array([[a, 0, b, 0], [0, a, 0, b], [b, 0, c, 0], [0, b, 0, c]])
         self.covariance = F @ self.covariance @ F.T + Q
         self.unseen_s += time_s
+        self.stood_s += time_s
 
     def correct(self, xy: Float[np.ndarray, "2"]) -> None:
         """Add a measured position."""
@@ -94,6 +99,8 @@ class _Track:
         self.state = self.state + gain @ (xy - self.state[:2])
         self.covariance = self.covariance - gain @ self.covariance[:2]
         self.unseen_s, self.sightings = 0.0, self.sightings + 1
+        if math.hypot(*(self.state[:2] - self.stands_at)) > _STANDING_M:
+            self.stood_s, self.stands_at = 0.0, self.state[:2].copy()
 
 
 class _Segment(NamedTuple):
@@ -127,6 +134,8 @@ class MovingThings:
                 xy=track.state[:2].copy(),
                 velocity=track.state[2:].copy(),
                 covariance=track.covariance.copy(),
+                stood_s=track.stood_s,
+                unseen_s=track.unseen_s,
                 number=track.number,
             )
             for track in self._tracks

@@ -23,7 +23,14 @@ def estimate(*things: tuple[float, float, float, float], yaw: float = 0.0) -> Ma
         blocked=np.zeros(shape, bool),
         pose=np.array([0.0, 0.0, yaw]),
         moving=tuple(
-            MovingThing(xy=np.array([x, y]), velocity=np.array([vx, vy]), covariance=np.eye(4), number=k)
+            MovingThing(
+                xy=np.array([x, y]),
+                velocity=np.array([vx, vy]),
+                covariance=np.eye(4),
+                stood_s=10.0 if vx == vy == 0 else 0.0,
+                unseen_s=0.0,
+                number=k,
+            )
             for k, (x, y, vx, vy) in enumerate(things)
         ),
     )
@@ -58,8 +65,16 @@ def test_a_step_away_from_somebody_who_stands_is_always_allowed(bearing, distanc
         assert chosen is Action.FORWARD
 
 
-def test_slow_things_are_obstacles_and_fast_ones_are_not():
-    before = estimate((1.0, 0.0, 0.1, 0.0), (0.0, 1.0, 1.0, 0.0))
+def test_a_robot_that_has_waited_passes_with_less_distance():
+    """Four waits before a person 8 cm off its path, then it goes."""
+    aside = estimate((0.25, CONFIG.radius_m + CONFIG.body_m + 0.08, 0.0, 0.0))
+    avoidance = Avoidance()
+    chosen = [avoidance.checked(aside, Action.FORWARD) for _ in range(6)]
+    assert chosen.index(Action.FORWARD) == 4 and chosen[0] is Action.WAIT
+
+
+def test_standing_things_are_obstacles_and_walking_ones_are_not():
+    before = estimate((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 1.0, 0.0))
     after = Avoidance().around(before)
     centres = before.frame.centres(after.obstacle_probability > 0.5)
     assert np.hypot(*(centres - (1.0, 0.0)).T).max() < CONFIG.body_m
