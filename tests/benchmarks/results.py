@@ -188,7 +188,9 @@ def _plain(value: Any) -> float | None:
     return int(number) if number == int(number) else number
 
 
-def _number(value: float, digits: int | None) -> str:
+def _number(value: float | None, digits: int | None) -> str:
+    if value is None:  # the end of an interval, such as of a time that some searches never reach
+        return "∞"
     if digits is not None:
         return f"{value:,.{digits}f}"
     return f"{value:,.0f}" if value == int(value) or abs(value) >= 100 else f"{value:.3g}"
