@@ -62,7 +62,7 @@ def make_navigator(
         camera=camera,
         odometry=odometry,
         band=Band(high_m=top_m),
-        moving=MovingConfig(tracks=config.movers.any),
+        moving=MovingConfig(tracks=config.movers.any and config.movers.tracking),
     )
     return Navigator(
         MAPPER.make(mapper, mapping, field="mapper"),

@@ -38,6 +38,9 @@ class MoversConfig:
     walking: WalkersConfig = field(default_factory=WalkersConfig)
     """How they walk."""
 
+    tracking: bool = True
+    """Whether the robot tracks what moves, leaves it out of its map, and waits for it; else it takes it for walls."""
+
     @property
     def any(self) -> bool:
         """Whether something moves."""
