@@ -17,7 +17,7 @@ closes the gap below the feet; bodies straight above or below a terminal, as ver
 """
 
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int, UInt8
@@ -30,7 +30,6 @@ from wireless.em.screens import SCREEN_MODELS, edge_share
 from wireless.motion.bodies import Bodies
 from wireless.paths import Paths
 
-ScreenModel = Literal["knife-edges", "model-b"]
 #: The effect of an edge at these distances from the path begins to fade, and ends, in first Fresnel radii.
 FADES_AT, ENDS_AT = 5.0, 10.0
 #: Amplitudes below this are not distinguished (300 dB).
@@ -48,7 +47,7 @@ class Blockage(NamedTuple):
     """Loss by that body [dB]; 0 if there is none."""
 
 
-def block(paths: Paths, bodies: Bodies, model: ScreenModel = "knife-edges") -> tuple[Paths, Blockage]:
+def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Paths, Blockage]:
     """The same paths, weakened by bodies, strongest first again.
 
     Paths that no body affects keep every bit. Link states follow the powers: `link_state` of the given
@@ -77,7 +76,7 @@ def block(paths: Paths, bodies: Bodies, model: ScreenModel = "knife-edges") -> t
     return weaker.select(by_power), Blockage(*(column[by_power] for column in found))
 
 
-def find_blockage(paths: Paths, bodies: Bodies, model: ScreenModel = "knife-edges") -> Blockage:
+def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> Blockage:
     """What bodies do to each path, in the order of the paths; see `block`."""
     check_choice("model", model, tuple(SCREEN_MODELS))
     n = len(paths)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 
-from wireless.motion.blockage import ScreenModel, find_blockage
+from wireless.motion.blockage import find_blockage
 from wireless.motion.bodies import Bodies
 from wireless.tracing.tracer import Tracer
 
@@ -39,7 +39,7 @@ def sample_channel(
     *,
     rate_hz: float,
     bodies: Callable[[float], Bodies] | None = None,
-    model: ScreenModel = "knife-edges",
+    model: str = "knife-edges",
 ) -> ImpulseResponses:
     """Impulse responses of a link along a trajectory.
 
