@@ -11,6 +11,7 @@ Reference: 3GPP TR 38.901 V19, section 7.9.2: the mean cross-section of a person
 """
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
@@ -84,7 +85,7 @@ def _is_seen(direct: Paths) -> Bool[np.ndarray, "n_tx n_rx"]:
 def _merge(one: Paths, other: Paths) -> Paths:
     """The paths of both, strongest first; columns of points become as wide as the wider."""
     width = max(one.point.shape[1], other.point.shape[1])
-    columns = {}
+    columns: dict[str, Any] = {}
     for field in fields(Paths)[3:]:
         beyond = {"primitive": -1, "point": np.nan}.get(field.name, 0)
         both = [getattr(paths, field.name) for paths in (one, other)]

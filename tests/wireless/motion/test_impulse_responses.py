@@ -35,13 +35,24 @@ def test_doppler_between_poses_is_tracing_at_each_sample(tracer):
     errors = []
     for rate_hz in (20.0, 80.0):
         times, rx = poses(rate_hz)
-        got = sample_channel(tracer, TX, rx, times, rate_hz=400.0)
+        got = sample_channel(tracer, TX, rx, times, rate_hz=400.0, step_m=1.0)
         np.testing.assert_allclose(got.time_s, t, atol=1e-9)
         scale = np.abs(got.gain[:, 0, 0, 0]).mean()
         errors.append(np.abs(got.gain[:, :, 0, 0].sum(axis=1) - expected).max() / scale)
         first = exact.select(exact.rank == 0)
-        np.testing.assert_allclose(got.delay_s[:, 0], first.delay_s, atol=2e-3 / rate_hz**2 / 3e8 * 400)
+        np.testing.assert_allclose(got.delay_s[:, 0], first.delay_s, atol=3e-10 / rate_hz**2)
     assert errors[0] < 0.03 and errors[1] < errors[0] / 4
+
+
+def test_long_steps_are_cut(tracer):
+    """Two poses 1 m apart are traced as eleven: samples are those of the eleven poses, to 1e-12."""
+    t, line = np.linspace(0, 1, 11), np.linspace((5.0, 1.0, 1.0), (5.6, 1.8, 1.0), 11)
+    one, other = (
+        sample_channel(tracer, TX, line[some], t[some], rate_hz=37.0, step_m=step_m)
+        for some, step_m in ((slice(None, None, 10), 0.1 + 1e-9), (slice(None), 9.0))
+    )
+    np.testing.assert_allclose(one.gain, other.gain, atol=1e-12)
+    np.testing.assert_allclose(one.doppler_hz, other.doppler_hz)
 
 
 def test_a_person_who_crosses_takes_the_direct_path_for_a_moment(tracer):
