@@ -165,7 +165,7 @@ def _block(links: list[Paths], crowd: Bodies, model: str) -> None:
 
 
 def draw(speed_m_s: float) -> Any:
-    """Loss over the way of a person in the middle of the link, and depth over duration of all crossings."""
+    """Loss over time as a person crosses the middle of the link, and depth over duration of all crossings."""
     figure, (left, right) = figure_of(2)
     aside = 1e3 * np.arange(-ASIDE_M, ASIDE_M, STEP_M) / speed_m_s
     for (i, hz), (model, phases) in product(enumerate(FREQUENCIES_HZ), SCREEN_MODELS.items()):

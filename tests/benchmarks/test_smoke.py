@@ -82,7 +82,7 @@ def test_blockage(pair, options, monkeypatch):
     results = blockage.main(pair, links=2, turns=1, options=options)
     assert all(200 < value < 320 for value in column(results, "fades", "duration").values())
     assert results.find("fades", "73.5 GHz, knife-edges", "mean loss")["value"] > 10
-    assert results.find("time", "pair, 25 paths, 10 persons", "model-b")["value"] > 0
+    assert results.find("time", "two rooms, 25 paths, 10 persons", "model-b")["value"] > 0
     assert (options.out / "blockage.png").stat().st_size > 10_000
 
 

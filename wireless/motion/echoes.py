@@ -36,7 +36,7 @@ def add_echoes(
         paths: Paths of any links.
         bodies: Bodies.
         sight: Decides what is in sight: a tracer of the same building, whose other paths are ignored, with the
-            configuration `SIGHT` at least cost.
+            configuration `SIGHT` at least cost. Its polarisation weighs the powers of echoes.
         cross_section_m2: Radar cross-section of each body.
     """
     if not len(bodies):

@@ -64,7 +64,7 @@ def sample_channel(
         raise ValueError(f"rate_hz is {rate_hz:g} and step_m is {step_m:g}, expected more than 0.")
     rx, time_s = _in_steps(rx, time_s, step_m)
     paths = tracer.trace(tx[None], rx)
-    shift = paths.doppler_hz(rx_velocity=np.gradient(rx, time_s, axis=0, edge_order=min(2, len(rx) - 1)))
+    shift = paths.doppler_hz(rx_velocity=np.gradient(rx, time_s, axis=0, edge_order=2 if len(rx) > 2 else 1))
     n = int(paths.count().max())
     gain = np.zeros((len(rx), n, 2, 2), complex)
     delay, doppler = np.full((2, len(rx), n), np.nan)

@@ -216,7 +216,7 @@ def test_a_body_never_adds_more_than_the_ripple():
 
 
 def test_far_bodies_change_no_byte():
-    """The same object, whatever the model; a body in the way changes only the paths it is near."""
+    """The same object, whatever the model; a body on one path changes only the paths it is near."""
     paths = lines([(0, 0, 1), (5, 0, 1)], [(0, 0, 1), (2.5, 4, 1), (5, 0, 1)])
     blocked, found = block(paths, people(np.array([[2.5, 60.0], [-30, 1]])))
     assert blocked is paths and (found.factor == 1).all() and (found.body == -1).all()
@@ -227,7 +227,7 @@ def test_far_bodies_change_no_byte():
 
 
 def test_paths_are_sorted_again_and_keep_what_geometry_says():
-    """The direct path falls behind the reflected one; rows of the record move with it, other columns are kept."""
+    """The direct path falls behind the reflected one; rows of the record move with it, other columns are unchanged."""
     paths = lines([(0, 0, 1), (5, 0, 1)], [(0, 0, 1), (2.5, 4, 1), (5, 0, 1)])
     blocked, found = block(paths, people(np.array([[9.0, 9], [2.0, 0.3], [2.5, 0.0]])))
     assert blocked.order.tolist() == [1, 0] and found.body.tolist() == [-1, 2]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
+from wireless.motion.blockage import block
 from wireless.motion.bodies import people
 from wireless.motion.echoes import PERSON_CROSS_SECTION_M2, SIGHT, add_echoes
 from wireless.paths import Interaction
@@ -43,7 +44,7 @@ def test_power_is_that_of_the_radar_equation(sight):
 
 
 def test_bodies_echo_where_both_ends_see_them(sight):
-    """Behind the wall the transmitter sees no body, and the second receiver sees none before it; order is kept."""
+    """Behind the wall the transmitter sees no body, and the second receiver none before it; links stay in order."""
     bodies = people(np.array([[4.0, 1.0], [8.0, 1.0], [5.5, 4.5]]))
     paths = sight.trace(TX, RX)
     both = add_echoes(paths, bodies, sight)
@@ -53,6 +54,16 @@ def test_bodies_echo_where_both_ends_see_them(sight):
     )
     echo = both.select(both.order == 1)
     assert (np.hypot(*(echo.point[:, 0, :2] - [5.5, 4.5]).T) < 1e-9).all()
+
+
+def test_an_echo_is_blocked_by_others_only(sight):
+    """The body that reflects does not block its own echo; a second one on the second leg costs more than 5 dB."""
+    reflects, blocks = [4.0, 4.0], [6.5, 4.5]
+    paths = add_echoes(sight.trace(TX, RX[:1]), people(np.array([reflects])), sight)
+    echo = paths.select(paths.order == 1)
+    assert block(echo, people(np.array([reflects])))[0] is echo
+    found = block(echo, people(np.array([reflects, blocks])))[1]
+    assert found.body.tolist() == [1] and found.loss_db[0] > 5
 
 
 def test_doppler_of_an_echo_is_the_bistatic_sum(sight):
