@@ -14,6 +14,15 @@ from wireless.em.materials import Layer as Layer
 from wireless.em.materials import Material as Material
 from wireless.em.materials import permittivity as permittivity
 
+# Moving people
+from wireless.motion.bodies import Bodies as Bodies
+from wireless.motion.bodies import people as people
+from wireless.motion.blockage import Blockage as Blockage
+from wireless.motion.blockage import block as block
+from wireless.motion.echoes import add_echoes as add_echoes
+from wireless.motion.impulse_responses import ImpulseResponses as ImpulseResponses
+from wireless.motion.impulse_responses import sample_channel as sample_channel
+
 # Measurements and what is made out of them
 from wireless.antennas.codebook import terminal_named as terminal_named
 from wireless.sounding.sounder import Rays as Rays

@@ -25,6 +25,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
+from scipy.constants import speed_of_light
 
 from robosim_support.axes import axes_in_metres
 from robosim_support.reading import reading
@@ -185,6 +186,50 @@ class Paths:
         shape = len(self.tx_position), len(self.rx_position)
         return np.bincount(self.link, minlength=shape[0] * shape[1]).reshape(shape)
 
+    def doppler_hz(
+        self,
+        *,
+        tx_velocity: Float[np.ndarray, "3"] | Float[np.ndarray, "n_tx 3"] | None = None,
+        rx_velocity: Float[np.ndarray, "3"] | Float[np.ndarray, "n_rx 3"] | None = None,
+        point_velocity: Float[np.ndarray, "n m 3"] | None = None,
+    ) -> Float[np.ndarray, " n"]:
+        """Doppler shift of each path, positive where it becomes shorter.
+
+        It is the frequency times the rate at which the delay falls, exactly: reflections and diffractions slide along
+        their walls and edges so that the length does not change to first order.
+
+        Args:
+            tx_velocity: Velocity of the transmitters, or of each [m/s]; None for none.
+            rx_velocity: Velocity of the receivers, or of each.
+            point_velocity: Velocity of what each path meets, such as a body, at each of its points; NaN or anything
+                beyond the last.
+        """
+        rate = np.zeros(len(self))
+        for velocity, end, az, el in (
+            (tx_velocity, self.tx, self.aod_az, self.aod_el),
+            (rx_velocity, self.rx, self.aoa_az, self.aoa_el),
+        ):
+            if velocity is not None:
+                own = np.atleast_2d(velocity)
+                toward = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=1)
+                rate += (own[end if len(own) > 1 else 0] * toward).sum(axis=1)
+        if point_velocity is not None:
+            corner = self.corners()
+            for i in range(self.point.shape[1]):
+                some = self.order > i
+                for other in (i, i + 2):
+                    leg = corner[some, other] - corner[some, i + 1]
+                    length = np.maximum(np.linalg.norm(leg, axis=1), 1e-300)  # two reflections in one point
+                    rate[some] += (point_velocity[some, i] * leg).sum(axis=1) / length
+        return rate * self.frequency_hz / speed_of_light
+
+    def corners(self) -> Float[np.ndarray, "n m2 3"]:
+        """Transmitter, interactions and receiver of each path [m]; NaN beyond the receiver."""
+        corner = np.full((len(self), self.point.shape[1] + 2, 3), np.nan)
+        corner[:, 0], corner[:, 1:-1] = self.tx_position[self.tx], self.point
+        corner[np.arange(len(self)), self.order + 1] = self.rx_position[self.rx]
+        return corner
+
     def link_state(self, threshold_db: float = -np.inf) -> UInt8[np.ndarray, "n_tx n_rx"]:
         """`LinkState` of each link.
 
@@ -228,10 +273,8 @@ class Paths:
 
         axes = axes_in_metres(axes)
         weakest_first = np.argsort(self.power, kind="stable")
-        ends = self.tx_position[self.tx], self.rx_position[self.rx]
-        lines = [
-            np.vstack([ends[0][i], self.point[i, : self.order[i]], ends[1][i]])[:, :2] for i in weakest_first
-        ]
+        ends, corner = (self.tx_position[self.tx], self.rx_position[self.rx]), self.corners()
+        lines = [corner[i, : self.order[i] + 2, :2] for i in weakest_first]
         rays = LineCollection(lines, cmap=ray_colours(), linewidths=1.0)
         rays.set_array(self.power_db[weakest_first])
         axes.add_collection(rays)

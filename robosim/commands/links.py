@@ -41,6 +41,8 @@ def trace(
     tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
     grid: float | None = None,
     rx: Place = None,
+    along: Path | None = None,
+    rate: Annotated[float, Range(1e-3, 1e6, "Hz")] = 100.0,
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -64,6 +66,9 @@ def trace(
         tx: Transmitter [m] in the plan's frame; can be given several times.
         grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
         rx: Receiver whose rays are drawn [m]; without --grid the only one.
+        along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
+            written to channel_tx1.npz, instead of paths.
+        rate: Impulse responses per second, with --along.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         polarisation: Polarisation of all antennas; both takes the mean.
@@ -73,16 +78,26 @@ def trace(
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from robosim.datasets.trace import check_terminals, trace_link, trace_plan
+    from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
     from robosim.radio.receivers import check_step
 
     config = radio.config(polarisation)
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
+    if along is not None and (grid is not None or rx is not None):
+        raise ValueError("along is given with grid or rx: give either a trajectory or places of receivers.")
     alone = grid is None and rx is not None
-    folder = output_folder(out, "trace --rx" if alone else "trace")
+    folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     floor_plan = read_storey(plan, storey, reading)
+    if along is not None:
+        samples = trace_along(
+            floor_plan, config, folder, tx=tx, trajectory=along, rate_hz=rate, console=console
+        )
+        emit_result({"plan": floor_plan.name, "tx_m": tx, "samples": samples}, folder)
+        console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
+        console.print(f"Wrote channel_tx1.npz in {folder}")
+        return
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         _report_link(floor_plan, paths, folder)

@@ -40,12 +40,14 @@ from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
-from robosim.support.files import whole_file, whole_folder, write_files, write_json, write_whole
+from robosim.support.files import npz_bytes, whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import run_folder
+from robosim.support.tum import read_tum
 from robosim.support.workers import Workers
 from wireless.formats.deepmimo_scenario import scenario_name
+from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
 
@@ -246,6 +248,39 @@ def trace_link(
             if isinstance(scene.whole, Storeys):
                 plot_storeys(out / f"storeys_tx{i + 1}.png", scene.whole, paths, i, 0, config.tx_power_dbm)
     return paths
+
+
+def trace_along(
+    plan: FloorPlan | OneStorey,
+    config: RadioConfig,
+    out: Path,
+    *,
+    tx: tuple[tuple[float, ...], ...],
+    trajectory: Path,
+    rate_hz: float,
+    console: Console | None = None,
+) -> int:
+    """Sample the channel from each transmitter to a receiver that moves along a TUM trajectory.
+
+    Writes `channel_txK.npz` for each, the arrays of `wireless.motion.impulse_responses.ImpulseResponses`; returns the
+    number of samples.
+
+    Raises:
+        ValueError: If a position does not fit, or the trajectory has fewer than two poses.
+        FileError: If the trajectory is damaged.
+    """
+    out, console = Path(out), console or Console(quiet=True)
+    check_terminals(tx, None, height_of(plan, config))
+    time_s, poses = read_tum(trajectory)
+    samples = 0
+    with run_folder(out, "trace --along"):
+        scene, transmitters = _prepare(plan, config, tx, console)
+        rx = scene.places(tuple((x, y) for x, y, _ in poses.tolist()), "a pose of the trajectory")
+        for i, one in enumerate(transmitters):
+            channel = sample_channel(scene.tracer, one, rx, time_s, rate_hz=rate_hz)
+            write_whole(out / f"channel_tx{i + 1}.npz", npz_bytes(vars(channel)))
+            samples = len(channel.time_s)
+    return samples
 
 
 def height_of(plan: FloorPlan | OneStorey, config: RadioConfig) -> float:

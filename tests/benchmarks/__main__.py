@@ -16,7 +16,7 @@ import tyro
 BENCHMARKS = (
     "tracing", "estimation", "labels", "edges", "positioning", "render", "physics", "episode", "search", "belief",
     "exploration", "mapping", "robot_logs", "warsaw_flat", "endurance", "environment", "live", "plans", "start",
-    "tracer_peer", "mapex", "senses", "people", "readme",
+    "tracer_peer", "mapex", "senses", "people", "blockage", "readme",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
 

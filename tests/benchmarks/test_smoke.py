@@ -10,6 +10,7 @@ from robosim.plans.files import write_ros
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from tests.benchmarks import (
     belief,
+    blockage,
     edges,
     endurance,
     environment,
@@ -73,6 +74,16 @@ def test_tracing(pair, options, monkeypatch):
     sight = column(results, "scattering", "line of sight")
     assert all(abs(change) < 0.2 for change in sight.values())
     assert (options.out / "space.png").stat().st_size > 10_000
+
+
+def test_blockage(pair, options, monkeypatch):
+    """A person of 0.3 m at 1.2 m/s fades 250 ms (200 to 320), by more than 10 dB at 73.5 GHz; the crowd takes time."""
+    monkeypatch.setattr(blockage, "CROSSED_M", np.array([1.0, 2.5]))
+    results = blockage.main(pair, links=2, turns=1, options=options)
+    assert all(200 < value < 320 for value in column(results, "fades", "duration").values())
+    assert results.find("fades", "73.5 GHz, knife-edges", "mean loss")["value"] > 10
+    assert results.find("time", "two rooms, 25 paths, 10 persons", "model-b")["value"] > 0
+    assert (options.out / "blockage.png").stat().st_size > 10_000
 
 
 def test_estimation(pair, options, monkeypatch):

@@ -10,6 +10,7 @@ import pytest
 from robosim.cli import main
 from robosim.plans.files import write_ros
 from robosim.radio.scene import RadioConfig, RadioScene
+from robosim.support.tum import write_tum
 from tests.plans import two_rooms
 from wireless import LinkState, Paths
 
@@ -83,6 +84,20 @@ def test_one_link_with_every_option(plan_file, tmp_path, capsys):
     assert 0 < len(paths) <= 9
     assert set(np.unique(paths.interaction)) <= {0, 1, 4}
     assert (out / "rays_tx1.png").exists()
+
+
+def test_a_channel_along_a_trajectory(plan_file, tmp_path, capsys, fails):
+    """Two seconds at 50 Hz: 101 samples, whose direct path shortens at the robot's speed."""
+    poses = np.column_stack([np.linspace(2, 1.5, 5), np.full(5, 1.0), np.zeros(5)])
+    write_tum(tmp_path / "trajectory.tum", np.linspace(10, 12, 5), poses)
+    command = f"trace {plan_file} --tx 1,1 --along {tmp_path}/trajectory.tum --rate 50 --out {tmp_path}/out"
+    main(command.split())
+    assert "101 impulse responses from 1 transmitter" in capsys.readouterr().out
+    channel = np.load(tmp_path / "out" / "channel_tx1.npz")
+    assert channel["gain"].shape[0] == 101 and channel["time_s"][[0, -1]].tolist() == [10, 12]
+    np.testing.assert_allclose(channel["doppler_hz"][:, 0], 28e9 * 0.25 / 299792458, rtol=1e-9)
+    np.testing.assert_allclose(channel["delay_s"][:, 0] * 299792458, np.linspace(1, 0.5, 101), atol=1e-9)
+    assert "either a trajectory or places of receivers" in fails(*command.split(), "--rx", "2,2")
 
 
 def test_a_transmitter_in_a_part_of_its_own_is_reported(tmp_path, capsys):

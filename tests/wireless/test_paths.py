@@ -80,6 +80,26 @@ def test_points_make_up_the_delay_and_the_angles(traced):
         assert abs(np.arctan2(-legs[-1, 1], -legs[-1, 0]) - traced.aoa_az[i]) < 1e-9
 
 
+def test_doppler_shift_is_the_rate_of_the_delay(extruded, ring):
+    """Both ends move: central differences of delays traced in the moved scene, 1e-6 relative, also round edges."""
+    mesh = extruded(np.concatenate([ring((0, 0), (6, 0), (6, 4), (0, 4)), ring((2, 1), (3, 1), (3, 2))]))
+    tracer = Tracer(mesh, config=TracerConfig(floor_ceiling=False))
+    tx, rx = np.array([[1.0, 1.4, 1.5], [4.0, 3.1, 1.2]]), np.array([[5.0, 0.9, 1.5], [2.5, 1.2, 2.0]])
+    v_tx, v_rx, step_s = np.array([0.4, -0.3, 0.1]), np.array([[-0.5, 0.7, 0.0], [0.2, 0.9, -0.2]]), 2e-5
+    now, before, after = (tracer.trace(tx + v_tx * t, rx + v_rx * t) for t in (0.0, -step_s, step_s))
+    for link in np.unique(now.link):
+        here, then, later = (paths.select(paths.link == link) for paths in (now, before, after))
+        same = (here.digits == then.digits) & (here.digits == later.digits) & (here.order > 0)
+        same &= (here.primitive == then.primitive).all(axis=1) & (here.primitive == later.primitive).all(
+            axis=1
+        )
+        assert same.sum() > 10 and (here.interaction[same] == 2).any()
+        rate = (later.delay_s - then.delay_s) / (2 * step_s)
+        shift = here.doppler_hz(tx_velocity=v_tx, rx_velocity=v_rx)
+        np.testing.assert_allclose(shift[same], -28e9 * rate[same], rtol=1e-6, atol=1e-4)
+    assert (now.doppler_hz() == 0).all()
+
+
 def test_parquet_gives_back_every_bit(traced, tmp_path):
     """All columns, positions and the frequency, and types as they were; link states included."""
     traced.write_parquet(tmp_path / "paths.parquet")
