@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+#: A line of sight with more loss than this by people counts as blocked [dB].
+_BLOCKED_DB = 3.0
+
+
 class Link(NamedTuple):
     """One measurement of the radio, for judging."""
 
@@ -39,6 +43,8 @@ class Link(NamedTuple):
     """The most probable state, as estimated."""
     snr_db: float
     """Of the strongest estimated path; -inf if none was found."""
+    sight_loss_db: float
+    """Loss of the direct path by people [dB]; NaN without a direct path, or people."""
     aoa_error_rad: float
     """Between the strongest estimated and the strongest true path in `map`; NaN if either is missing."""
 
@@ -97,6 +103,7 @@ class EpisodeLog:
                 state=radio.state,
                 believed=measurement.state,
                 snr_db=float(measurement.snr_db[0]) if found else -np.inf,
+                sight_loss_db=radio.sight_loss_db,
                 aoa_error_rad=abs(wrap(float(measurement.aoa_rad[0]) - radio.bearing)) if found else np.nan,
             )
         )
@@ -229,4 +236,7 @@ def _radio_result(links: list[Link]) -> dict[str, Any]:
         result[f"{name}_share"] = len(mine) / len(links)
         near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
         result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
+    losses = [link.sight_loss_db for link in links if link.sight_loss_db == link.sight_loss_db]
+    if losses:
+        result["sight_blocked_share"] = float(np.mean(np.array(losses) > _BLOCKED_DB))
     return result

@@ -248,9 +248,11 @@ class Simulator:
                 None if self._lidar is None else self._lidar.scan(self.pose, self._lidar_rng, *self._moving())
             )
         with self.watch.stage("radio"):
-            paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng)
+            bodies = None if self.movers is None else self.movers.radio_bodies
+            paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng, bodies)
             anchors = {
-                name: link.measure(self.pose, self._anchor_rngs[name]) for name, link in self.anchors.items()
+                name: link.measure(self.pose, self._anchor_rngs[name], bodies)
+                for name, link in self.anchors.items()
             }
         with self.watch.stage("recognition"):
             target = None

@@ -16,6 +16,7 @@ from robosim.movers.person import cylinder_triangles, person_colours, person_tri
 from robosim.movers.walkers import Walkers, WalkersConfig
 from robosim.parts import MOVER, MoverPart
 from robosim.support.checks import Range, checked
+from wireless.motion.bodies import Bodies, people
 
 #: A contact begins at less than the first gap, and ends at more than the second [m].
 _TOUCH_M, _APART_M = 0.01, 0.05
@@ -91,6 +92,17 @@ class Movers:
         """Pose and radius of each body that is there: x [m], y [m], yaw [rad], radius [m]."""
         rows = np.column_stack([self.poses, self.radius_m])
         return rows[np.isfinite(rows[:, 0])]
+
+    @property
+    def radio_bodies(self) -> Bodies:
+        """The bodies that are there, as the radio meets them."""
+        there = np.isfinite(self.poses[:, 0])
+        return people(
+            self.poses[there, :2],
+            radius_m=self.radius_m[there],
+            height_m=self.height_m[there],
+            velocity=self.velocity[there],
+        )
 
     def advance(self, duration_s: float, robot: Float[np.ndarray, "3"]) -> None:
         """Let time pass, in which the robot went to a pose."""

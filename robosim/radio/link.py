@@ -9,14 +9,17 @@ With `engine="cached"` paths come from a table that is traced once for each plac
 table's paths by rule (`robosim.radio.table_reader`), without a measurement, for learning. Errors are drawn every time.
 Robots of one process share tables. The last ones are cached in memory, and all of them in a folder if one is given.
 
-Left out: Doppler, shadowing by the robot's own body, interference between transmitters.
+People weaken paths at each measurement. The link state stays that of the building.
+
+Left out: Doppler, shadowing by the robot's own body, interference between transmitters; with `engine="table"` people
+in the probabilities of link states.
 """
 
 import hashlib
 from collections import OrderedDict
 from copy import copy
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 from weakref import WeakKeyDictionary
@@ -33,11 +36,15 @@ from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
+from wireless.motion.blockage import Blockage, block
+from wireless.motion.bodies import Bodies
+from wireless.motion.echoes import SIGHT, add_echoes
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 RadioEngine = Literal["live", "cached", "table"]
+BlockageModel = Literal["knife-edges", "model-b", "none"]
 #: Tables that are cached in memory: 5 MB each in a flat, 40 MB in an office.
 _CACHED = 16
 
@@ -66,6 +73,10 @@ class RadioLinkConfig:
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths there are."""
+    blockage: BlockageModel = "knife-edges"
+    """How people weaken paths: by Fresnel integrals with phases, by model B of 3GPP TR 38.901, or not at all."""
+    echoes: bool = False
+    """Whether people reflect, too: one path off each of them that both ends see."""
 
 
 @cache
@@ -89,18 +100,23 @@ class RadioLink:
                 f"height_m is {self.config.height_m}, expected antennas between floor and ceiling, 0 to "
                 f"{building.height_m:g} m."
             )
+        self._building = building
         self._tracer = Tracer(building, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
         c = self.config
         self.sounder, self._estimator = _receiver(c.transmitter, c.receiver, c.estimator, c.sounding)
         self._target = np.full(3, np.nan)
         self.tables = RadioTables(building, self._tracer, self.config.tables)
         self.paths: Paths | None = None
+        """True paths of the last measurement, weakened by people."""
+        self.blockage: Blockage | None = None
+        """What people do to each of them; None without people."""
+        self._unblocked: Paths | None = None
         self._at = np.full(2, np.nan)
 
     def clone(self) -> "RadioLink":
         """The same receiver's link with another transmitter; they take turns, without interference."""
         other = copy(self)
-        other._target, other.paths = np.full(3, np.nan), None
+        other._target, other.paths, other._unblocked = np.full(3, np.nan), None, None
         return other
 
     def place(self, target: Float[np.ndarray, "2"]) -> None:
@@ -108,14 +124,22 @@ class RadioLink:
         self._target = np.array([*target, self.config.height_m])
         self.paths = None
 
-    def measure(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
-        """Sound the channel at a true pose in `map`, and estimate its paths.
+    def measure(
+        self, pose: Float[np.ndarray, "3"], rng: np.random.Generator, bodies: Bodies | None = None
+    ) -> PathEstimates:
+        """Sound the channel at a true pose in `map`, among people, and estimate its paths.
 
         Returns:
             Estimates of the one link: arrivals in the robot's frame, departures in `map`.
         """
         self._at = np.array(pose[:2])
-        self.paths = self._paths(self._at)
+        self.paths = self._unblocked = self._paths(self._at)
+        self.blockage = None
+        if bodies is not None:
+            if self.config.echoes:
+                self.paths = add_echoes(self.paths, bodies, self._sight)
+            if self.config.blockage != "none":
+                self.paths, self.blockage = block(self.paths, bodies, self.config.blockage)
         if self.config.engine == "table":
             return read_paths(self.paths, float(pose[2]), self.sounder, rng)
         rays = Rays.from_paths(self.paths, rx_heading_rad=float(pose[2]))
@@ -123,10 +147,17 @@ class RadioLink:
 
     @property
     def state(self) -> LinkState:
-        """True link state at the last measurement."""
-        if self.paths is None:
+        """True link state at the last measurement, as of the building without people."""
+        if self._unblocked is None:
             raise RuntimeError("The radio has not measured yet. Call measure first.")
-        return LinkState(int(self.paths.link_state()[0, 0]))
+        return LinkState(int(self._unblocked.link_state()[0, 0]))
+
+    @property
+    def sight_loss_db(self) -> float:
+        """Loss of the direct path by people at the last measurement [dB]; NaN without a direct path, or people."""
+        if self.paths is None or self.blockage is None or not (self.paths.order == 0).any():
+            return float("nan")
+        return float(-20 * np.log10(np.abs(self.blockage.factor[self.paths.order == 0][0]) + 1e-15))
 
     @property
     def bearing(self) -> float:
@@ -153,6 +184,12 @@ class RadioLink:
         found = None if self.config.engine == "live" else self.table.at(at)
         # No node of the table is visible from a niche.
         return self._trace(at) if found is None else found
+
+    @cached_property
+    def _sight(self) -> Tracer:
+        """Finds what is in sight of a body."""
+        config = replace(SIGHT, polarisation=self.config.tracer.polarisation)
+        return Tracer(self._building, frequency_hz=self.config.frequency_hz, config=config)
 
     def _trace(self, at: Float[np.ndarray, "2"]) -> Paths:
         return self._tracer.trace(self._target[None], np.array([[*at, self.config.height_m]]), workers=1)
