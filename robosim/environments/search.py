@@ -155,7 +155,7 @@ class Search:
             v, w = np.clip(np.asarray(action, float), -1, 1) * (MAX_SPEED_MPS, MAX_TURN_RADPS)
             self._view, motion = self._simulator.drive(float(v), float(w), STEP_S)
         else:
-            self._view, motion = self._simulator.step(Action(int(action)))
+            self._view, motion = self._simulator.step(discrete_actions(self.simulator_config)[int(action)])
         self._steps += 1
         pose = self._simulator.pose
         before = self._distance, self._seen_m2, self._worth, self._snr
@@ -308,6 +308,13 @@ def make_spaces(
         lidar = LIDAR.make(simulator.lidar, [room], simulator.laser, field="lidar")
     observed = senses.observation_space(config, simulator, lidar)
     actions: spaces.Space[Any] = (
-        spaces.Box(-1.0, 1.0, (2,), np.float32) if config.continuous else spaces.Discrete(len(PUBLISHED))
+        spaces.Box(-1.0, 1.0, (2,), np.float32)
+        if config.continuous
+        else spaces.Discrete(len(discrete_actions(simulator)))
     )
     return observed, actions
+
+
+def discrete_actions(simulator: SimulatorConfig) -> tuple[Action, ...]:
+    """Actions by number: those of the published system, and a wait where others move."""
+    return (*PUBLISHED, Action.WAIT) if simulator.movers.any else PUBLISHED

@@ -16,8 +16,8 @@ class TargetSearch(gymnasium.Env):
     """A differential-drive robot looks for a target at an unknown place in a building.
 
     ## Action space
-    Discrete (default): 0 forward 0.25 m, 1 left 10 degrees, 2 right 10 degrees, each subject to actuation
-    noise. With `continuous=True`: Box (2,), forward speed [-1, 1] as a fraction of 0.5 m/s and turn rate
+    Discrete (default): 0 forward 0.25 m, 1 left 10 degrees, 2 right 10 degrees (among people also 3, wait), each
+    subject to actuation noise. With `continuous=True`: Box (2,), forward speed [-1, 1] as a fraction of 0.5 m/s and turn rate
     [-1, 1] as a fraction of 90 degrees/s, held for 0.5 s.
 
     ## Observation space

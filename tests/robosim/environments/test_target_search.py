@@ -14,6 +14,7 @@ from robosim.environments.search import Curriculum, longest_drive_m
 from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.generator.generate import GeneratorConfig
+from robosim.movers.movers import MoversConfig
 from robosim.plans.files import write_ros
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
@@ -43,6 +44,21 @@ def test_gymnasium_and_stable_baselines_accept_it(options):
     check_env(env.unwrapped)
     check_env_sb3(env.unwrapped)
     env.close()
+
+
+def test_robots_among_people_can_wait():
+    """Accepted by the checker, and the same for the same seed."""
+    config = SimulatorConfig(physics="kinematic", camera="plan", movers=MoversConfig(people=2))
+    env, again = (TargetSearch(PLAN, config=config, targets=2, observe=("depth",)) for _ in range(2))
+    check_env(env, skip_render_check=True)
+    assert env.action_space.n == 4
+    for one in (env, again):
+        one.reset(seed=1)
+    for action in (3, 3, 0, 1, 3):
+        ours, theirs = env.step(action), again.step(action)
+        np.testing.assert_array_equal(ours[0]["depth"], theirs[0]["depth"])
+    for one in (env, again):
+        one.close()
 
 
 def rollout(env, seed: int, steps: int = 25) -> list:
