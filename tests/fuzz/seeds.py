@@ -10,8 +10,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import trimesh
 from PIL import Image
+from pyarrow import csv
 from rich.console import Console
 from safetensors.numpy import save
 
@@ -408,6 +411,11 @@ def robots(folder: Path) -> None:
     (home / "runs.csv").write_text(text)
     found = calibrated(*read_runs(home / "runs.csv"))
     write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
+    crowd = pa.table(
+        {"time": [0.0, 2, 1, 3], "id": ["a", "a", "b", "b"], "x": [0.0, 2, 5, 5], "y": [0.0, 0, 5, 6]}
+    )
+    csv.write_csv(crowd, home / "crowd.csv")
+    pq.write_table(crowd, home / "crowd.parquet")
     columns = ",".join(MEASURED)
     (home / "paths.csv").write_text(
         "\n".join(

@@ -26,6 +26,7 @@ from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.link_model import MOST_BYTES, plan_of
 from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
+from robosim.movers.recorded import mover_of_file
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings
@@ -383,6 +384,7 @@ TARGETS: dict[str, Target] = {
     "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
     "layers of a wall": Target("robots", "wall.yaml", lambda folder, file: read_material(file), 0.5),
+    "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
