@@ -28,14 +28,13 @@ image, step_s, count = CameraConfig(width=320, height=240), 0.04, 750
 power = {"knife-edges": np.empty(count), "model-b": np.empty(count)}
 trails, most = [], 0.02
 with make_camera([shaded_mesh(building)], image) as camera:
-    pose = camera_pose(robot, image)
-    empty = camera.render(pose)
+    empty = camera.render(camera_pose(robot, image))
 for k in range(count):
     movers.advance(step_s, robot)
     trails.append(movers.poses[:, :2].copy())
     for model, values in power.items():
         values[k] = block(paths, movers.radio_bodies, model)[0].power.sum()
-    seen = movers.draw(empty, pose, image)
+    seen = movers.draw(empty, camera_pose(robot, image), image)
     covered = np.mean(seen.depth < empty.depth)
     if most < covered < 0.2:
         most, picture = covered, seen.rgb
