@@ -66,10 +66,21 @@ class Movers:
         self.radius_m = np.array([body.radius_m for body in self.bodies])
         self.height_m = np.array([body.height_m for body in self.bodies])
         self._phase_m = stride_m(self.height_m) / (2 * math.pi)
-        self.reset(np.full(3, np.nan), np.random.default_rng(0), begin=False)
+        self._forget(np.full(3, np.nan))
 
-    def reset(self, robot: Float[np.ndarray, "3"], rng: np.random.Generator, *, begin: bool = True) -> None:
+    def reset(self, robot: Float[np.ndarray, "3"], rng: np.random.Generator) -> None:
         """Begin at time 0 with the robot at a pose."""
+        self._forget(robot)
+        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
+            mover.reset(Surroundings(self._building, self._robot, self._robot_radius_m), own)
+        self._colours = [
+            person_colours(own) if body.look == "person" else None
+            for body, own in zip(self.bodies, rng.spawn(len(self.bodies)), strict=True)
+        ]
+        self.poses = self._poses_at(0.0)
+
+    def _forget(self, robot: Float[np.ndarray, "3"]) -> None:
+        """Time 0, before any body is there."""
         n = len(self.bodies)
         self.time_s, self.contacts = 0.0, list[Contact]()
         self._touching, self._phase = np.zeros(n, bool), np.zeros(n)
@@ -77,15 +88,6 @@ class Movers:
         self.poses: Float[np.ndarray, "n 3"] = np.full((n, 3), np.nan)
         self._robot = np.array(robot, float)
         self._surfaces: tuple[np.ndarray, np.ndarray] | None = None
-        if not begin:
-            return
-        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
-            mover.reset(Surroundings(self._building, self._robot, self._robot_radius_m), own)
-        self._colours = [
-            person_colours(own) if body.look == "person" else None
-            for body, own in zip(self.bodies, rng.spawn(n), strict=True)
-        ]
-        self.poses = self._poses_at(0.0)
 
     @property
     def present(self) -> Float[np.ndarray, "m 4"]:

@@ -133,7 +133,7 @@ class Walkers:
         self._stuck_s += _STEP_S
         self._stuck_s[progress | waits] = 0.0
         for k in np.flatnonzero(~waits & (left_m < _ARRIVED_M)):
-            self._wait_s[k] = self._rng.exponential(self._config.wait_s)
+            self._wait_s[k] = max(self._rng.exponential(self._config.wait_s), _STEP_S)
         for k in np.flatnonzero(self._stuck_s > _PATIENCE_S):
             self._choose(int(k))
 
