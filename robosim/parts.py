@@ -138,8 +138,8 @@ MOVER = Kind(
     {"none": ""},  # nothing else moves: nothing is made
     has=("bodies", "reset", "poses"),
     made_from="nothing",
-    suffixes=(".csv", ".parquet", ".tum"),
-    from_file="robosim.movers.recorded:mover_of_file",
+    suffixes=(".csv", ".parquet", ".tum", ".yaml"),
+    from_file="robosim.movers.mover_file:mover_of_file",
 )
 TERMINAL = Kind(
     "terminal",

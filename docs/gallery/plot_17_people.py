@@ -1,6 +1,6 @@
 """
-People in the way of the radio
-==============================
+People between transmitter and receiver
+=======================================
 
 Five people walk through a flat for half a minute. A camera sees them, and they cross a link at 28 GHz: each path is
 weakened by the diffraction at both sides and the top of a body. The two models differ in ripple and depth. A person who

@@ -33,7 +33,7 @@ class MoversConfig:
     """People who walk from place to place."""
     mover: MoverPart = "none"
     """Another mover: a recorded crowd (.csv or .parquet: time, id, x, y, heading), another robot's trajectory (.tum),
-    or module:Name."""
+    a list of doors, crowds and trajectories (.yaml), or module:Name."""
     person: Body = field(default_factory=Body)
     """Size of the people."""
     walking: WalkersConfig = field(default_factory=WalkersConfig)
@@ -68,6 +68,16 @@ class Movers:
         self._phase_m = stride_m(self.height_m) / (2 * math.pi)
         self._forget(np.full(3, np.nan))
 
+    def _forget(self, robot: Float[np.ndarray, "3"]) -> None:
+        """Time 0, before any body is there."""
+        n = len(self.bodies)
+        self.time_s, self.contacts = 0.0, list[Contact]()
+        self._touching, self._phase = np.zeros(n, bool), np.zeros(n)
+        self.velocity: Float[np.ndarray, "n 2"] = np.zeros((n, 2))
+        self.poses: Float[np.ndarray, "n 3"] = np.full((n, 3), np.nan)
+        self._robot = np.array(robot, float)
+        self._surfaces: tuple[np.ndarray, np.ndarray] | None = None
+
     def reset(self, robot: Float[np.ndarray, "3"], rng: np.random.Generator) -> None:
         """Begin at time 0 with the robot at a pose."""
         self._forget(robot)
@@ -78,16 +88,6 @@ class Movers:
             for body, own in zip(self.bodies, rng.spawn(len(self.bodies)), strict=True)
         ]
         self.poses = self._poses_at(0.0)
-
-    def _forget(self, robot: Float[np.ndarray, "3"]) -> None:
-        """Time 0, before any body is there."""
-        n = len(self.bodies)
-        self.time_s, self.contacts = 0.0, list[Contact]()
-        self._touching, self._phase = np.zeros(n, bool), np.zeros(n)
-        self.velocity: Float[np.ndarray, "n 2"] = np.zeros((n, 2))
-        self.poses: Float[np.ndarray, "n 3"] = np.full((n, 3), np.nan)
-        self._robot = np.array(robot, float)
-        self._surfaces: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def present(self) -> Float[np.ndarray, "m 4"]:

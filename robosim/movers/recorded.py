@@ -40,6 +40,10 @@ class Recorded:
         self.bodies: Sequence[Body] = (body,) * len(tracks)
         self._tracks = tracks
 
+    def resized(self, body: Body) -> "Recorded":
+        """The same tracks by bodies of another size."""
+        return Recorded(self._tracks, body)
+
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
         """Nothing to do: time 0 of the recording is that of the episode."""
 
@@ -53,21 +57,23 @@ class Recorded:
         )
 
 
-def mover_of_file(path: Path) -> Recorded:
-    """A crowd from a .csv or .parquet file, or another robot from a .tum file.
+def read_trajectory(path: Path) -> Recorded:
+    """Another robot on a trajectory (.tum), from its first time on; FileError if the file is damaged."""
+    times, poses = read_tum(path)
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    return Recorded([Track(times - times[0], poses)], _ROBOT)
 
-    A crowd has a row for each person and time: time [s], id, x [m], y [m] in the plan's frame, and, if it is known,
+
+def read_crowd(path: Path) -> Recorded:
+    """A crowd from a .csv or .parquet file.
+
+    It has a row for each person and time: time [s], id, x [m], y [m] in the plan's frame, and, if it is known,
     heading [rad]; else people face where they walk.
 
     Raises:
         FileError: If the file is damaged, a column is missing, times of a body are equal, or there are more than 1,000
             bodies.
     """
-    path = Path(path)
-    if path.suffix == ".tum":
-        times, poses = read_tum(path)
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        return Recorded([Track(times - times[0], poses)], _ROBOT)
     remedy = "Give columns time [s], id, x [m], y [m] and, if known, heading [rad]"
     with reading(path, "a recorded crowd", remedy) as file:
         table = csv.read_csv(file) if path.suffix == ".csv" else parquet_table(file)

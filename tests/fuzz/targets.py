@@ -26,7 +26,7 @@ from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.link_model import MOST_BYTES, plan_of
 from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
-from robosim.movers.recorded import mover_of_file
+from robosim.movers.mover_file import mover_of_file
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings

@@ -5,7 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from robosim.movers.recorded import mover_of_file
+from robosim.movers.mover_file import mover_of_file
 from robosim.support.tum import write_tum
 from robosim_support.reading import FileError
 
