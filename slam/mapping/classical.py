@@ -109,7 +109,8 @@ class Mapper(Protocol):
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
-        One that takes scans of a laser too has an argument `laser`, which is given where the robot has one.
+        One that takes scans of a laser too has an argument `laser`, which is given where the robot has one. Where others
+        move, `time_s` is given, the time since the last update [s].
         """
 
     def estimate(self) -> MapEstimate:
@@ -268,8 +269,8 @@ class ClassicalMapper:
             self._frames.append(frame)
             self._enter(frame, self.tracker.pose)
         self.pose = self.tracker.pose
-        if action is not None and not self._is_near_moving():
-            self.collided = self.marks.update(
+        if action is not None:
+            self.collided = not self._is_near_moving() and self.marks.update(
                 self._step, action, displacement, self.pose, self.occupancy.probability
             )
         self._stand(self.pose)
