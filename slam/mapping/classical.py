@@ -109,8 +109,8 @@ class Mapper(Protocol):
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
-        One that takes scans of a laser too has an argument `laser`, which is given where the robot has one. Where others
-        move, `time_s` is given, the time since the last update [s].
+        One that takes scans of a laser too has an argument `laser`, which is given where the robot has one. Where
+        others move, `time_s` is given, the time since the last update [s].
         """
 
     def estimate(self) -> MapEstimate:
