@@ -159,6 +159,7 @@ def dataset(
     transmitter: TerminalPart = "gnb",
     receiver: TerminalPart = "ue",
     headings: Literal["fixed", "random"] = "fixed",
+    people: int = 0,
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
@@ -185,6 +186,8 @@ def dataset(
         transmitter: Antennas of the transmitter; gnb are those of the published base station.
         receiver: Antennas of the receiver; ue are those of the published robot.
         headings: Headings of receivers: fixed, as published, or random, as of a moving robot.
+        people: Mean number of people in each building, at random places for each link, who weaken its paths. States
+            stay those of the building.
         format: Additional formats: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
         radio: Which paths are traced.
         reading: How to read the plans.
@@ -206,6 +209,7 @@ def dataset(
         tx=transmitter,
         rx=receiver,
         headings=headings,
+        people=people,
         formats=tuple(sorted(set(format))),
         radio=radio.config(),
     )

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,6 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TimeRemainingColumn
 from rich.text import Text
 
+from robosim.movers.mover import Body
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
@@ -34,6 +36,8 @@ from wireless.estimation.sage import SageEstimator
 from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
 from wireless.formats.link_records import link_table, write_links
 from wireless.formats.mmwrobotnav_csv import estimated_csv, traced_csv
+from wireless.motion.blockage import find_blockage, weaken
+from wireless.motion.bodies import people
 from wireless.paths import Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 
@@ -123,6 +127,8 @@ Format = Literal["mmwrobotnav", "deepmimo"]
 Headings = Literal["fixed", "random"]
 #: Links that are sounded at once, in 50 MB; results depend on it.
 CHUNK_LINKS = 512
+#: Number of the random numbers of people in a unit, and their least distance from a receiver [m].
+_PEOPLE, _FROM_RECEIVER_M = 1, 0.3
 LINKS = "links"
 MMWROBOTNAV = "mmwrobotnav"
 
@@ -146,6 +152,8 @@ class LinkSetConfig:
     """Terminal of the receiver."""
     headings: Headings = "fixed"
     """Headings of receivers: fixed, as published, or random, as of a moving robot."""
+    people: Annotated[int, Range(0, 1000, "people")] = 0
+    """Mean number of people in each building, at random places for each link; states are those of the building."""
     formats: tuple[Format, ...] = ()
     """Additional formats."""
     radio: RadioConfig = field(default_factory=RadioConfig)
@@ -189,7 +197,10 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
     heading = np.zeros(len(grid.position))
     if config.headings == "random":
         heading = rng.uniform(-np.pi, np.pi, len(grid.position))
-    rays = Rays.from_paths(paths, rx_heading_rad=heading)
+    received = paths
+    if config.people:
+        received = _among_people(paths, config.people, stream(config.seed, site.digest, tx, _PEOPLE))
+    rays = Rays.from_paths(received, rx_heading_rad=heading)
     estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
     paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
     table = link_table(
@@ -210,6 +221,19 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
     buffer = io.BytesIO()
     write_links(buffer, table)
     return {**files, unit_path(Path(), name, tx).as_posix(): buffer.getvalue()}
+
+
+def _among_people(paths: Paths, mean: int, rng: np.random.Generator) -> Paths:
+    """Paths weakened by people: for each receiver up to twice the mean, where other receivers are."""
+    factor, floor = np.ones(len(paths), complex), paths.rx_position[:, :2]
+    ends = np.searchsorted(paths.rx, np.arange(len(floor) + 1))
+    for k, (first, last) in enumerate(pairwise(ends.tolist())):
+        places = floor[rng.integers(len(floor), size=int(rng.integers(2 * mean + 1)))]
+        places = places[np.hypot(*(places - floor[k]).T) > _FROM_RECEIVER_M]
+        if last > first and len(places):
+            own = paths.select(np.arange(first, last))
+            factor[first:last] = find_blockage(own, people(places, radius_m=Body.radius_m)).factor
+    return weaken(paths, factor)[0]
 
 
 def _below(folder: Path, files: Files) -> Files:
@@ -246,5 +270,6 @@ def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> Pa
 
 
 def plain_config(config: LinkSetConfig) -> dict[str, Any]:
-    """The configuration in plain values."""
-    return {**to_dict(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}
+    """The configuration in plain values; without people as before there was that option."""
+    plain = {**to_dict(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}
+    return plain if config.people else {key: value for key, value in plain.items() if key != "people"}

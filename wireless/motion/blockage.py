@@ -66,15 +66,21 @@ def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Pat
         ValueError: If there is no such model.
     """
     found = find_blockage(paths, bodies, model)
-    met = found.factor != 1
-    if not met.any():
+    if not (found.factor != 1).any():
         return paths, found
+    weaker, by_power = weaken(paths, found.factor)
+    return weaker, Blockage(*(column[by_power] for column in found))
+
+
+def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[np.ndarray, " n"]]:
+    """Paths with their gains multiplied by factors, strongest first again, and their numbers before."""
+    met = factor != 1
     gain, power = paths.gain.copy(), paths.power.copy()
-    gain[met] *= found.factor[met, None, None]
-    power[met] *= np.abs(found.factor[met]) ** 2
+    gain[met] *= factor[met, None, None]
+    power[met] *= np.abs(factor[met]) ** 2
     weaker = replace(paths, gain=gain, power=power)
     by_power = np.lexsort((-weaker.power, weaker.link))
-    return weaker.select(by_power), Blockage(*(column[by_power] for column in found))
+    return weaker.select(by_power), by_power
 
 
 def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> Blockage:
