@@ -97,6 +97,21 @@ def test_arrays_turn_and_azimuths_stay(plan_file, tmp_path):
     assert np.mean(off < np.deg2rad(5)) > 0.9
 
 
+def test_people_weaken_estimates_and_leave_states(plan_file, tmp_path):
+    """True paths and states are those of the building; of lines of sight one in twenty loses 6 dB, and none gains 3 dB."""
+    command = f"dataset {plan_file} --tx-per-plan 1 --grid 0.3 --estimator pca"
+    for people in (0, 3):
+        main(f"{command} --people {people} --out {tmp_path / str(people)}".split())
+    without, among = (
+        read_links(tmp_path / str(people) / "links" / "two rooms_Tx_1.parquet") for people in (0, 3)
+    )
+    np.testing.assert_array_equal(without.state, among.state)
+    np.testing.assert_array_equal(without.n_paths, among.n_paths)
+    sight = without.state == LinkState.LOS
+    loss_db = (without.estimates.snr_db - among.estimates.snr_db)[sight, 0]
+    assert np.mean(loss_db > 6) > 0.05 and loss_db.min() > -3
+
+
 def test_formats_hold_the_same_links(made):
     """MmwRobotNav's files, by the reader of the published ones, and DeepMIMO's agree with the tables."""
     found = find_measurements(made / "mmwrobotnav")
