@@ -16,6 +16,7 @@ in the probabilities of link states.
 """
 
 import hashlib
+import math
 from collections import OrderedDict
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -156,7 +157,7 @@ class RadioLink:
     def sight_loss_db(self) -> float:
         """Loss of the direct path by people at the last measurement [dB]; NaN without a direct path, or people."""
         if self.paths is None or self.blockage is None or not (self.paths.order == 0).any():
-            return float("nan")
+            return math.nan
         return float(-20 * np.log10(np.abs(self.blockage.factor[self.paths.order == 0][0]) + 1e-15))
 
     @property

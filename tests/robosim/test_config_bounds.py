@@ -35,6 +35,7 @@ EXEMPT = {
 }
 #: What must be given to make one of them.
 NEEDED = {
+    "DoorConfig": {"door": (0.0, 0.0)},
     "GridFrame": {"origin_xy": (0.0, 0.0)},
     "Layer": {"thickness_m": 0.01, "relative_permittivity": 2.0},
     "Material": {"name": "wall", "layers": (Layer(thickness_m=0.01, material="wood"),)},
