@@ -15,13 +15,12 @@ import tyro
 from tyro.conf import OmitArgPrefixes, Suppress, UseAppendAction
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructTypeInfo
 
+from robosim.support.checks import ADVANCED
 from robosim_support.checks import Range
 from wireless.support.counting import counted
 
 #: Options that print the help of a command, and the help with all its options.
 HELP, HELP_ALL = {"-h", "--help"}, "--help-all"
-#: Marks a type of an option, or of a group of options, that only `--help-all` shows.
-ADVANCED = "advanced"
 _METAVARS: dict[Any, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 
 

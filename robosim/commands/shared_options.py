@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.option_help import ADVANCED
 from robosim.commands.output import console
 from robosim.parts import MaterialPart, ReaderPart
 from robosim.plans.floorplan import FloorPlan, MapError, MapReading
 from robosim.plans.storey_plans import OneStorey, StoreysPlan
-from robosim.support.checks import FARTHEST, Range, checked, shown
+from robosim.support.checks import ADVANCED, FARTHEST, Range, checked, shown
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 

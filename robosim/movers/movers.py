@@ -15,7 +15,7 @@ from robosim.movers.mover import Body, Mover, Surroundings
 from robosim.movers.person import cylinder_triangles, person_colours, person_triangles, stride_m
 from robosim.movers.walkers import Walkers, WalkersConfig
 from robosim.parts import MOVER, MoverPart
-from robosim.support.checks import Range, checked
+from robosim.support.checks import ADVANCED, Range, checked
 from wireless.motion.bodies import Bodies, people
 
 #: A contact begins at less than the first gap, and ends at more than the second [m].
@@ -31,7 +31,7 @@ class MoversConfig:
 
     people: Annotated[int, Range(0, 1000, "people")] = 0
     """People who walk from place to place."""
-    mover: MoverPart = "none"
+    mover: Annotated[MoverPart, ADVANCED] = "none"
     """Another mover: a recorded crowd (.csv or .parquet: time, id, x, y, heading), another robot's trajectory (.tum),
     a list of doors, crowds and trajectories (.yaml), or module:Name."""
     person: Body = field(default_factory=Body)
@@ -39,7 +39,7 @@ class MoversConfig:
     walking: WalkersConfig = field(default_factory=WalkersConfig)
     """How they walk."""
 
-    tracking: bool = True
+    tracking: Annotated[bool, ADVANCED] = True
     """Whether the robot tracks what moves, leaves it out of its map, and waits for it; else it takes it for walls."""
 
     @property

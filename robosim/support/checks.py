@@ -4,8 +4,19 @@ from collections.abc import Collection
 
 from robosim_support.checks import Range, check_arguments, check_choice, check_number, checked, shown
 
-__all__ = ["Range", "check_arguments", "check_choice", "check_number", "check_some", "checked", "shown"]
+__all__ = [
+    "ADVANCED",
+    "Range",
+    "check_arguments",
+    "check_choice",
+    "check_number",
+    "check_some",
+    "checked",
+    "shown",
+]
 
+#: Marks the type of an option, or of a group of options, that only `--help-all` shows.
+ADVANCED = "advanced"
 #: Seeds of random numbers.
 SEED = Range(0, 2**63 - 1)
 #: What a command expects of the plans that it goes through.
