@@ -98,7 +98,7 @@ def test_arrays_turn_and_azimuths_stay(plan_file, tmp_path):
 
 
 def test_people_weaken_estimates_and_leave_states(plan_file, tmp_path):
-    """True paths and states are those of the building; of lines of sight one in twenty loses 6 dB, and none gains 3 dB."""
+    """True paths and states are those of the building; one line of sight in twenty loses 6 dB, none gains 3 dB."""
     command = f"dataset {plan_file} --tx-per-plan 1 --grid 0.3 --estimator pca"
     for people in (0, 3):
         main(f"{command} --people {people} --out {tmp_path / str(people)}".split())
