@@ -189,3 +189,17 @@ def test_references_resolve(page: Path) -> None:
         for name in parts[n:]:
             assert hasattr(found, name), target
             found = getattr(found, name)
+
+
+def test_entries_of_the_bibliography_are_closed_and_have_different_keys() -> None:
+    """Braces are balanced in each entry; every citation of a page has one."""
+    entries = re.split(r"^@", (DOCS / "references.bib").read_text("utf-8"), flags=re.MULTILINE)[1:]
+    assert not [entry[:40] for entry in entries if entry.count("{") != entry.count("}")]
+    keys = [entry.partition("{")[2].partition(",")[0] for entry in entries]
+    cited = [
+        key
+        for page in PAGES
+        for some in re.findall(r"\{cite\}`([^`]+)`", page.read_text("utf-8"))
+        for key in some.split(",")
+    ]
+    assert len(keys) == len(set(keys)) and {key.strip() for key in cited} <= set(keys)
