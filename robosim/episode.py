@@ -155,7 +155,7 @@ def drive(
             estimated = interpret(sensed, map_)
         with watch.stage("goal"):
             around = avoidance.around(map_)
-            wanted = policy.goal(sensed, replace(estimated, map=around))
+            wanted = policy.goal(sensed, estimated if around is map_ else replace(estimated, map=around))
         if wanted is None:
             return map_, True
         with watch.stage("planner"):

@@ -33,8 +33,8 @@ WALLS_M = 0.3
 MARGIN_M = 0.5
 #: Heights at which the robot's radio and its mapped obstacles are drawn [m].
 _RADIO_M, _OBSTACLE_M = 0.6, 0.25
-#: Height of people [m].
-_BODY_M = 1.7
+#: Heights of robots and of people as they are drawn [m].
+_ROBOT_M, _BODY_M = 0.2, 1.7
 
 
 def _map_palette() -> UInt8[np.ndarray, "256 4"]:
@@ -78,7 +78,7 @@ class SearchView:
         self._robots: dict[str, Any] = {}
         for name, colour in _ROBOTS.items():
             self._robots[name] = scene.add_cylinder(
-                f"{root}/{name}", radius=0.14, height=0.2, color=colour, visible=False,
+                f"{root}/{name}", radius=0.14, height=_ROBOT_M, color=colour, visible=False,
                 opacity=None if name == "true" else 0.6, **NO_SHADOW,
             )  # fmt: skip
             nose = np.array([[[0.0, 0, 0.12], [0.42, 0, 0.12]]])
@@ -96,19 +96,13 @@ class SearchView:
         with self._server.atomic():
             status = "" if self._brief else f": {status_line(step, self.recording.target)}"
             self._title.text = f"{self.recording.title}: step {number}{status}"
-            self._place("true", step.true.pose)
-            self._place("estimated", step.estimated.pose)
+            _place(self._robots["true"], step.true.pose, _ROBOT_M / 2)
+            _place(self._robots["estimated"], step.estimated.pose, _ROBOT_M / 2)
             self._show_bodies(step.true.bodies)
             self._show_maps(step.map_layer, step.belief_layer)
             self._show_motion(step)
             self._show_radio(step, rays)
         return step
-
-    def _place(self, name: str, pose: Float[np.ndarray, "3"]) -> None:
-        node = self._robots[name]
-        node.visible = True
-        node.position = (float(pose[0]), float(pose[1]), 0.1)
-        node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
 
     def _show_bodies(self, bodies: Float[np.ndarray, "n 4"]) -> None:
         """People and others who move, as cylinders that face where they walk."""
@@ -127,11 +121,10 @@ class SearchView:
                     OBSTACLE_BLACK,
                     4,
                 )
-            self._bodies[k].visible = k < len(bodies)
             if k < len(bodies):
-                x, y, yaw, _ = bodies[k].tolist()
-                self._bodies[k].position = (x, y, _BODY_M / 2)
-                self._bodies[k].wxyz = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+                _place(self._bodies[k], bodies[k, :3], _BODY_M / 2)
+            else:
+                self._bodies[k].visible = False
 
     def _show_maps(self, built: Layer, belief: Layer | None) -> None:
         if not _is_same(built, self._shown[0]):
@@ -187,6 +180,13 @@ class SearchView:
         if rays and step.true.paths is not None:
             legs, colours, _ = ray_segments(step.true.paths, "kind", 0.0)
         self._nodes.lines("rays", legs, colours, 1.5)
+
+
+def _place(node: Any, pose: Float[np.ndarray, "3"], z_m: float) -> None:
+    """Show a node at a pose, its middle at a height [m]."""
+    node.visible = True
+    node.position = (float(pose[0]), float(pose[1]), z_m)
+    node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
 
 
 def _is_same(layer: Layer, other: Layer | None) -> bool:

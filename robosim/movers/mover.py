@@ -55,3 +55,20 @@ class Mover(Protocol):
             time_s: Time since the reset, not before that of the last call [s].
             robot: Pose of the robot at that time.
         """
+
+
+class Group:
+    """Several movers as one."""
+
+    def __init__(self, movers: Sequence[Mover]) -> None:
+        self._movers = movers
+        self.bodies: Sequence[Body] = [body for mover in movers for body in mover.bodies]
+
+    def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
+        """Begin with all of them."""
+        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
+            mover.reset(surroundings, own)
+
+    def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
+        """Poses of all of them; see `robosim.movers.mover.Mover`."""
+        return np.concatenate([mover.poses(time_s, robot) for mover in self._movers])

@@ -23,7 +23,7 @@ from typing import Annotated, Any
 import numpy as np
 from jaxtyping import Float
 
-from robosim.movers.mover import Body, Mover, Surroundings
+from robosim.movers.mover import Body, Group, Mover, Surroundings
 from robosim.movers.recorded import Recorded, read_crowd, read_trajectory
 from robosim.support.checks import FARTHEST, Range, checked
 from robosim.support.from_dict import from_dict
@@ -97,23 +97,6 @@ class Door:
         return np.column_stack(
             [x + along * math.cos(angle), y + along * math.sin(angle), np.full(len(along), angle)]
         )
-
-
-class Group:
-    """Several movers as one."""
-
-    def __init__(self, movers: Sequence[Mover]) -> None:
-        self._movers = movers
-        self.bodies: Sequence[Body] = [body for mover in movers for body in mover.bodies]
-
-    def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
-        """Begin with all of them."""
-        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
-            mover.reset(surroundings, own)
-
-    def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
-        """Poses of all of them; see `robosim.movers.mover.Mover`."""
-        return np.concatenate([mover.poses(time_s, robot) for mover in self._movers])
 
 
 def mover_of_file(path: Path) -> Mover:

@@ -11,7 +11,7 @@ from jaxtyping import Float, UInt8
 from robosim.building.building import Building
 from robosim.camera.model import RGBD, CameraConfig
 from robosim.camera.rendering.triangle_raster import Lens, draw_triangles
-from robosim.movers.mover import Body, Mover, Surroundings
+from robosim.movers.mover import Body, Group, Mover, Surroundings
 from robosim.movers.person import cylinder_triangles, person_colours, person_triangles, stride_m
 from robosim.movers.walkers import Walkers, WalkersConfig
 from robosim.parts import MOVER, MoverPart
@@ -61,8 +61,8 @@ class Movers:
     """Movers of an episode, with the poses and velocities of all their bodies."""
 
     def __init__(self, movers: Sequence[Mover], building: Building, robot_radius_m: float) -> None:
-        self._movers, self._building, self._robot_radius_m = movers, building, robot_radius_m
-        self.bodies: tuple[Body, ...] = tuple(body for mover in movers for body in mover.bodies)
+        self._group, self._building, self._robot_radius_m = Group(movers), building, robot_radius_m
+        self.bodies = tuple(self._group.bodies)
         self.radius_m = np.array([body.radius_m for body in self.bodies])
         self.height_m = np.array([body.height_m for body in self.bodies])
         self._phase_m = stride_m(self.height_m) / (2 * math.pi)
@@ -81,13 +81,12 @@ class Movers:
     def reset(self, robot: Float[np.ndarray, "3"], rng: np.random.Generator) -> None:
         """Begin at time 0 with the robot at a pose."""
         self._forget(robot)
-        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
-            mover.reset(Surroundings(self._building, self._robot, self._robot_radius_m), own)
+        self._group.reset(Surroundings(self._building, self._robot, self._robot_radius_m), rng)
         self._colours = [
             person_colours(own) if body.look == "person" else None
             for body, own in zip(self.bodies, rng.spawn(len(self.bodies)), strict=True)
         ]
-        self.poses = self._poses_at(0.0)
+        self.poses = self._group.poses(0.0, self._robot)
 
     @property
     def present(self) -> Float[np.ndarray, "m 4"]:
@@ -111,7 +110,7 @@ class Movers:
         if duration_s <= 0:
             return
         self.time_s += duration_s
-        poses = self._poses_at(self.time_s)
+        poses = self._group.poses(self.time_s, self._robot)
         shift = poses[:, :2] - self.poses[:, :2]
         self.velocity = np.where(np.isfinite(shift), shift, 0.0) / duration_s
         self._phase += np.hypot(*self.velocity.T) * duration_s / self._phase_m
@@ -179,9 +178,6 @@ class Movers:
             rgb,
         )
         return RGBD(rgb, depth)
-
-    def _poses_at(self, time_s: float) -> Float[np.ndarray, "n 3"]:
-        return np.concatenate([mover.poses(time_s, self._robot) for mover in self._movers])
 
 
 def make_movers(config: MoversConfig, building: Building, robot_radius_m: float) -> Movers | None:

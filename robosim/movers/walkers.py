@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Float, Float32
 from scipy import ndimage
 
-from robosim.building.reach import Reach, reach
+from robosim.building.reach import reach
 from robosim.movers.mover import Body, Surroundings
 from robosim.support.checks import Range, checked
 from robosim_support.compiled import compiled
@@ -154,7 +154,7 @@ class _Routes:
 
     def __init__(self, surroundings: Surroundings, body: Body, rng: np.random.Generator) -> None:
         places = reach(surroundings.building, body.radius_m, body.height_m)
-        cells = _largest(places)
+        cells = (places.parts == 1) & places.indoors
         cell_m = places.plan.resolution_m
         every = max(1, round(_CELL_M / cell_m), math.ceil(math.sqrt(cells.size / _CELLS)))
         self._cells = cells[::every, ::every].copy()
@@ -204,14 +204,6 @@ class _Routes:
             self._travel[k] = march(self._pace, (int(row), int(column)), self._cell_m)
             self._is_known[k] = True
         return self._travel
-
-
-def _largest(places: Reach) -> Bool[np.ndarray, "ny nx"]:
-    """Cells of the largest part within the building."""
-    parts = np.where(places.indoors, places.parts, 0)
-    sizes = np.bincount(parts.ravel())
-    sizes[0] = 0
-    return parts == (sizes.argmax() if len(sizes) > 1 else -1)
 
 
 def _farthest(cells: np.ndarray, count: int) -> list[int]:

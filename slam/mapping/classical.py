@@ -224,7 +224,8 @@ class ClassicalMapper:
         start, open_before = self.pose, self.tracker.covariance
         predicted, prior = self.tracker.predict(displacement, covariance)
         if self.moving is not None:
-            scan, laser = self._without_moving(scan, laser, predicted, time_s)
+            grid = self.occupancy
+            scan, laser = self.moving.leave_out(scan, laser, predicted, grid.probability, self.frame, time_s)
         self.scan = scan
         points = points_of_scan(scan, self.config.match, self.config.resolution_m)
         drawn, view = points.within(_DRAWN_M), view_of_scan(scan)
@@ -270,7 +271,9 @@ class ClassicalMapper:
             self._enter(frame, self.tracker.pose)
         self.pose = self.tracker.pose
         if action is not None:
-            self.collided = not self._is_near_moving() and self.marks.update(
+            # Something that moves may have stopped the robot.
+            near = self.moving is not None and self.moving.has_near(self.pose[:2], _NEAR_THING_M)
+            self.collided = not near and self.marks.update(
                 self._step, action, displacement, self.pose, self.occupancy.probability
             )
         self._stand(self.pose)
@@ -300,31 +303,6 @@ class ClassicalMapper:
     def transmitters(self) -> dict[str, Transmitter]:
         """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
-
-    def _is_near_moving(self) -> bool:
-        """Whether something that moves may have stopped the robot."""
-        things = () if self.moving is None else self.moving.things()
-        return any(math.hypot(*(thing.xy - self.pose[:2])) < _NEAR_THING_M for thing in things)
-
-    def _without_moving(
-        self,
-        scan: Scan,
-        laser: LaserScan | None,
-        pose: Float[np.ndarray, "3"],
-        time_s: float | None,
-    ) -> tuple[Scan, LaserScan | None]:
-        """Scans without what moves: up to there nothing is seen to be an obstacle."""
-        assert self.moving is not None
-        with np.errstate(invalid="ignore"):
-            points = np.column_stack([scan.depth_m, scan.depth_m * scan.left])
-        views = [np.where(scan.hit[:, None], points, np.nan).astype(float)]
-        if laser is not None:
-            angle = laser.bearing_rad
-            points = laser.range_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-            views.append(np.where(laser.hit[:, None], points, np.nan))
-        masks = self.moving.update(views, pose, self.occupancy.probability, self.frame, time_s)
-        scan = scan.without(masks[0])
-        return scan, laser if laser is None else laser.without(masks[1])
 
     def _measured(
         self, action: Action | None, odometry: Float[np.ndarray, "3"] | None

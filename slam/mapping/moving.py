@@ -26,6 +26,8 @@ from robosim_support.checks import Range, checked
 from robosim_support.compiled import compiled
 from slam.grid import GridFrame, MovingThing
 from slam.poses import between, to_map, wrap
+from slam.sensing.laser import LaserScan
+from slam.sensing.projection import Scan
 
 #: Neighbouring ranges that differ by less are of one segment [m].
 _JUMP_M = 0.25
@@ -140,6 +142,30 @@ class MovingThings:
             )
             for track in self._tracks
         )
+
+    def has_near(self, xy: Float[np.ndarray, "2"], distance_m: float) -> bool:
+        """Whether a tracked thing is nearer to a point than a distance [m]."""
+        return any(math.hypot(*(track.state[:2] - xy)) < distance_m for track in self._tracks)
+
+    def leave_out(
+        self,
+        scan: Scan,
+        laser: LaserScan | None,
+        pose: Float[np.ndarray, "3"],
+        probability: Float32[np.ndarray, "ny nx"],
+        frame: GridFrame,
+        time_s: float | None = None,
+    ) -> tuple[Scan, LaserScan | None]:
+        """Track what moves in the scans of a camera and a laser; returns them without it. See `update`."""
+        with np.errstate(invalid="ignore"):  # where nothing was hit
+            points = np.column_stack([scan.depth_m, scan.depth_m * scan.left])
+        views = [np.where(scan.hit[:, None], points, np.nan).astype(float)]
+        if laser is not None:
+            angle = laser.bearing_rad
+            points = laser.range_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+            views.append(np.where(laser.hit[:, None], points, np.nan))
+        masks = self.update(views, pose, probability, frame, time_s)
+        return scan.without(masks[0]), laser if laser is None else laser.without(masks[1])
 
     def update(
         self,
