@@ -36,6 +36,7 @@ from robosim.task.coverage import Coverage
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.control.avoidance import Avoidance, AvoidanceConfig
+from slam.control.controller import Controller
 from slam.grid import MapEstimate
 from slam.mapping.classical import RadioMapper
 from slam.planning.cost_map import CostConfig
@@ -106,7 +107,13 @@ def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarra
     if cost.radius_m == CostConfig.radius_m:
         cost = replace(cost, radius_m=control.radius_m)
     fused = replace(fused, cost=cost, uses_camera=fused.uses_camera and looks)
-    context = PolicyContext(explorer=navigator.explorer, fused=fused, control=control, target=target)
+    context = PolicyContext(
+        explorer=navigator.explorer,
+        fused=fused,
+        control=control,
+        hfov_deg=config.simulator.image.hfov_deg,
+        target=target,
+    )
     return make_policy(config.goal, context)
 
 
@@ -168,13 +175,15 @@ def drive(
             plan = planner.plan(around, goal, look=look)
             if loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
-            action = policy.action() if isinstance(policy, Driver) else None
-            action = controller.act(map_.pose, plan) if action is None else action
-            action = avoidance.checked(map_, action)
+            chosen = policy.action() if isinstance(policy, Driver) else None
+            chosen = controller.act(map_.pose, plan) if chosen is None else chosen
+            action = avoidance.checked(map_, chosen)
         decided = Decision(goal=goal, reason=reason, path=plan.path, action=action, belief=policy.belief)
         step = Step(number=number, sensed=sensed, estimated=estimated, decided=decided, true=true)
         replacement = on_step(step)
         action = action if replacement is None else replacement
+        if action is not chosen and isinstance(controller, Controller):
+            controller.withdraw()
         sensed, motion = simulator.step(action)
         number += 1
 

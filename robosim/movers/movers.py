@@ -159,7 +159,8 @@ class Movers:
             else:
                 surface = person_triangles(body.height_m, float(self._phase[k]), float(speed[k]))
             c, s = math.cos(yaw), math.sin(yaw)
-            triangles.append(surface @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + (x, y, 0))
+            turned = surface.reshape(-1, 3) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + (x, y, 0)
+            triangles.append(turned.reshape(surface.shape))
             colours.append(colour)
         return np.concatenate(triangles), np.concatenate(colours)
 

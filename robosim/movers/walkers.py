@@ -7,7 +7,7 @@ chooses another; sometimes the place where somebody else is. Others push them as
     2 b = sqrt((|r| + |r - s|)^2 - |s|^2),  s = v_other Delta_t,
 
 with weight w = 1 within the field of view and c outside of it; the robot is another one. Bodies neither enter walls nor
-each other nor the robot: such a move is replaced by its part along the wall, or left out. A person without
+each other nor the robot: they step around, the right way first, as in traffic on the right. A person without
 progress for some seconds, as in a doorway from which another one comes, chooses another place.
 
 Left out: forces of walls, which close narrow doorways (routes keep clear of walls instead), and groups that walk
@@ -56,6 +56,10 @@ _TAU_S, _V0, _SIGMA_M, _AHEAD_S, _VIEW, _BEHIND, _FASTEST = (
     0.5,
     1.3,
 )
+#: People who stand move aside at this speed [m/s].
+_ASIDE_MPS = 0.6
+#: Directions of a step where the one ahead is taken, the right one first [rad], and the pace of those to the side.
+_ASIDE, _SHUFFLE = tuple(math.radians(angle) for angle in (0, -30, 30, -60, 60, -90, 90)), 0.3
 #: Directions among which that of the least travel is chosen, and how far ahead it is looked up [m].
 _DIRECTIONS, _LOOK_M = 24, 0.35
 
@@ -252,18 +256,15 @@ def _walk(
             ax += weight * fx
             ay += weight * fy
         vx, vy = velocity[k, 0] + ax * _STEP_S, velocity[k, 1] + ay * _STEP_S
-        # Who stands moves aside slowly.
-        most = _FASTEST * max(speed[k], 0.3)
+        most = _FASTEST * max(speed[k], _ASIDE_MPS)
         pace = math.hypot(vx, vy)
         if pace > most:
             vx, vy = vx * most / pace, vy * most / pace
         found = False
-        for part in range(3):
-            dx, dy = vx * _STEP_S, vy * _STEP_S
-            if part == 1:
-                dy = 0.0
-            elif part == 2:
-                dx = 0.0
+        for angle in _ASIDE:
+            along, across = math.cos(angle), math.sin(angle)
+            share = max(along, _SHUFFLE) * _STEP_S
+            dx, dy = (vx * along - vy * across) * share, (vx * across + vy * along) * share
             if _is_free(xy, k, x + dx, y + dy, grid, robot, radius):
                 found = True
                 break

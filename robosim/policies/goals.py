@@ -146,6 +146,8 @@ class PolicyContext:
     """Settings of `fused`."""
     control: ControlConfig = field(default_factory=ControlConfig)
     """The robot's hull and actions."""
+    hfov_deg: float = 90.0
+    """Horizontal field of view of the camera [deg]."""
     target: Float[np.ndarray, "2"] | None = None
     """True position of the target, for the oracle and `shortest` only."""
 

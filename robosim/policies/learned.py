@@ -12,6 +12,7 @@ network's probabilities with that group set to zero (occlusion; Zeiler and Fergu
 convolutional networks, ECCV 2014). What the memory holds of earlier inputs stays.
 """
 
+import math
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
@@ -26,12 +27,14 @@ from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
 from robosim.policies.reason import GoalKind, Reason
 from robosim.policies.search_network import (
+    COLUMNS,
     SENSES,
     SearchNetwork,
     SearchSenses,
     action_probabilities,
     draw_actions,
     empty_memory,
+    horizon,
     load_search,
 )
 from robosim.simulator import Observation
@@ -40,6 +43,7 @@ from slam.actions import TURN_RAD, Action
 from slam.control.guard import Guard
 from slam.grid import MapEstimate
 from slam.poses import to_map
+from slam.sensing.background import background
 
 #: Seed of the draws.
 _SEED = 28
@@ -63,8 +67,9 @@ class Learned:
 
     seeks_target, uses_radio = True, True
 
-    def __init__(self, network: SearchNetwork, fused: Fused, guard: Guard) -> None:
-        self._network, self._senses, self._memory = network, SearchSenses(), empty_memory()
+    def __init__(self, network: SearchNetwork, fused: Fused, guard: Guard, hfov_deg: float = 90.0) -> None:
+        self._network, self._senses = network, SearchSenses()
+        self._before = self._memory = empty_memory()
         self._rng = np.random.default_rng(_SEED)
         self._stuck = StuckDetector(_STUCK_STEPS, _STUCK_M)
         self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
@@ -72,6 +77,8 @@ class Learned:
         self._reason: Reason | None = None
         self._fused, self._has_fallen_back = fused, False
         self._guard = guard
+        column = (np.arange(COLUMNS) + 0.5) / COLUMNS
+        self._left = math.tan(math.radians(hfov_deg) / 2) * (1 - 2 * column)
         self.uses_camera = fused.uses_camera
 
     @property
@@ -95,8 +102,11 @@ class Learned:
             self._action = None
             return self._fused.goal(sensed, estimated)
         measured = estimated.require_measurement()
+        depth_m = sensed.depth
+        if estimated.map.moving:  # there were no people in training
+            depth_m = background(horizon(depth_m).astype(float), self._left, estimated.map)[None]
         inputs = self._senses.encode(
-            sensed.depth,
+            depth_m,
             sensed.odometry,
             # In the robot's frame, without the map's error of heading.
             measured.aoa_rad - measured.pose[2],
@@ -104,15 +114,16 @@ class Learned:
             measured.delay_s,
             measured.probability,
         )
-        memory = self._memory
-        scores, _, self._memory = self._network(inputs, memory)
+        if sensed.odometry.any():  # after a wait it decides again
+            self._before = self._memory
+        scores, _, self._memory = self._network(inputs, self._before)
         belief = self._fused.observe(sensed, estimated)
         bumps = self._guard.bumps(estimated.map)
         if not bumps.all():
             scores[bumps] = -np.inf
         self._action = Action(int(draw_actions(_POWER * scores[None], self._rng)[0]))
         self._reason = Reason(
-            kind=GoalKind.ACTION, because=self._because(inputs, memory), mass=belief.peak()[1]
+            kind=GoalKind.ACTION, because=self._because(inputs, self._before), mass=belief.peak()[1]
         )
         turn = _TURNS[self._action]
         return to_map(estimated.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
@@ -152,4 +163,6 @@ def learned_of_file(path: Path, context: PolicyContext) -> Learned:
         candidates=_CANDIDATES,
         belief=replace(context.fused.belief, silence=True, beyond_m=_BEYOND_M),
     )
-    return Learned(load_search(path), Fused(context.explorer, config), Guard(context.control))
+    return Learned(
+        load_search(path), Fused(context.explorer, config), Guard(context.control), context.hfov_deg
+    )

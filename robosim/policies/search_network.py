@@ -81,8 +81,9 @@ class SearchSenses:
             delay_s: Their delays relative to the strongest [s].
             probability: Of each link state.
         """
-        self._move(odometry)
-        ahead = np.minimum(_horizon(depth_m), _FAR_M)
+        if odometry.any() or self._steps < 0:  # waits do not count
+            self._move(odometry)
+        ahead = np.minimum(horizon(depth_m), _FAR_M)
         n = min(len(direction_rad), PATHS)
         paths = np.zeros((PATHS, 5), np.float32)
         paths[:n, 0] = 1
@@ -126,7 +127,7 @@ class SearchSenses:
         return np.log1p(count[: _SECTORS * len(_RINGS_M)]) / _TRAIL
 
 
-def _horizon(depth_m: Float[np.ndarray, "h w"]) -> Float[np.ndarray, " n"]:
+def horizon(depth_m: Float[np.ndarray, "h w"]) -> Float[np.ndarray, " n"]:
     """Depth at the height of the camera [m]: the larger one of the two middle rows."""
     height, width = depth_m.shape
     columns = ((np.arange(COLUMNS) + 0.5) * (width / COLUMNS)).astype(int)

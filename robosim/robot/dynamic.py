@@ -33,6 +33,8 @@ ARRIVED_M, ARRIVED_RAD = 1e-4, 1e-4
 GAIN_M, STALL_S = 5e-4, 0.1
 #: Time to settle after the end of the plan [s], and to come to rest [s].
 SETTLE_S, REST_S = 0.5, 0.2
+#: Movers move after more than this time [s].
+MOVERS_S = 0.03
 #: What counts as rest [m/s], [rad/s].
 REST_MPS, REST_RADPS = 1e-3, 1e-2
 #: Feedback of pose errors [1/s].
@@ -99,7 +101,7 @@ class World:
         self._slide = self.data.qvel[floor_at.dofadr[0] :][:2]
         self._touch = self.data.sensordata[self.model.sensor("touch").adr[0] :][:2]
         self._commanded = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] of the last command to the wheels
-        self._steps, self._deepest_m = 0, 0.0
+        self._steps, self._moved, self._deepest_m = 0, 0, 0.0  # steps of the robot, and of movers
         self._touched = self._at_wall = False  # during this motion, in its last control period
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -251,7 +253,7 @@ class World:
 
     def _begin(self) -> None:
         """Start counting for a new motion."""
-        self._steps, self._deepest_m, self._touched = 0, 0.0, False
+        self._steps, self._moved, self._deepest_m, self._touched = 0, 0, 0.0, False
         # The floor looks the same everywhere; back to the middle, so that it never runs out.
         self._floor[:] = 0.0
 
@@ -266,11 +268,18 @@ class World:
                 self._deepest_m = min(self._deepest_m, float(touch[1]))
         self._touched |= self._at_wall
         self._steps += steps
+        if (self._steps - self._moved) * self.config.timestep_s > MOVERS_S:
+            self._move_movers()
+
+    def _move_movers(self) -> None:
+        """Let movers go on to the present."""
         if self._movers is not None:
-            self._movers.advance(steps * self.config.timestep_s, self.pose)
+            self._movers.advance((self._steps - self._moved) * self.config.timestep_s, self.pose)
             self._place_movers()
+        self._moved = self._steps
 
     def _motion(self, collided: bool) -> Motion:
+        self._move_movers()
         return Motion(
             pose=self.pose,
             collided=collided,

@@ -151,6 +151,11 @@ class Controller:
         self._recent.append(action)
         return action
 
+    def withdraw(self) -> None:
+        """The last action was not done, as when the robot waits instead: nothing is learned from it."""
+        self._last = None
+        self._committed.clear()
+
     def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
         self._trail.append((float(pose[0]), float(pose[1])))

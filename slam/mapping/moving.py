@@ -31,6 +31,8 @@ from slam.sensing.projection import Scan
 
 #: Neighbouring ranges that differ by less are of one segment [m].
 _JUMP_M = 0.25
+#: Centres of segments of one thing lie within this distance [m].
+_SAME_M = 0.35
 #: Distance from the surface of a thing to its centre [m].
 _DEPTH_M = 0.12
 #: A thing is not where it is expected if a sensor sees farther than there by this [m].
@@ -201,7 +203,12 @@ class MovingThings:
                     found.setdefault(nearest.number, []).append(segment)
         for track in self._tracks:
             if mine := found.get(track.number):
-                track.correct(np.mean([segment.xy for segment in mine], axis=0))
+                # Somebody else may stand next to it.
+                nearest = min(mine, key=lambda one, at=track.state[:2]: math.hypot(*(one.xy - at)))
+                own = [one for one in mine if math.hypot(*(one.xy - nearest.xy)) < _SAME_M]
+                left += [one for one in mine if math.hypot(*(one.xy - nearest.xy)) >= _SAME_M]
+                found[track.number] = own
+                track.correct(np.mean([segment.xy for segment in own], axis=0))
         self._forget_absent(views, pose)
         for segment in left:
             if self._begin(segment):

@@ -89,6 +89,15 @@ def test_two_people_pass_each_other_in_a_corridor():
     assert (np.diff(order) != 0).sum() >= 3
 
 
+def test_a_person_steps_around_a_robot_that_stands_in_the_corridor():
+    """A corridor of 1.2 m with the robot off its middle: from one end to the other, not nearer than 0.15 m."""
+    robot = (7.0, 0.35, 0.0)
+    walkers = begun(1, room(14.0, 1.2), robot=robot, wait_s=1.0)
+    xy = walk(walkers, robot, until_s=120.0, every_s=0.2)[:, 0, :2]
+    assert (np.diff(np.sign(xy[:, 0] - robot[0])) != 0).sum() >= 3
+    assert np.hypot(*(xy - robot[:2]).T).min() > Body().radius_m + 0.1 + 0.15 - 1e-9
+
+
 def test_motions_depend_on_the_seed_only():
     """Poses at the same times are the same, however many are read in between."""
     often, seldom = walk(begun(5, seed=3), every_s=0.02), walk(begun(5, seed=3), every_s=0.1)

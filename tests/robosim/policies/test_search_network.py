@@ -69,6 +69,17 @@ def test_the_trail_lies_where_the_robot_was():
     assert inputs[-1] == pytest.approx(0.004)
 
 
+def test_waits_do_not_count():
+    """The same inputs after any number of decisions without motion."""
+    senses = SearchSenses()
+    encode(senses)
+    encode(senses, odometry=(0.5, 0, 0))
+    turned = encode(senses, odometry=(0, 0, 0.3))
+    for _ in range(3):
+        waited = encode(senses)
+    np.testing.assert_array_equal(np.delete(waited, slice(153, 160)), np.delete(turned, slice(153, 160)))
+
+
 def test_the_trail_of_a_long_search_is_complete():
     """Two hundred turns on the spot: all steps count as within the nearest ring, in some direction."""
     senses = SearchSenses()

@@ -95,6 +95,20 @@ def test_after_repeated_bumps_it_tries_something_else():
     assert np.abs(poses[:, 1]).max() > 0.05
 
 
+def test_an_action_that_was_not_done_is_no_bump():
+    """Twenty waits instead of steps on a free floor: it goes on straight ahead, where bumps would turn it away."""
+    chosen = {}
+    for withdrawn in (True, False):
+        controller = Controller()
+        chosen[withdrawn] = []
+        for _ in range(20):
+            chosen[withdrawn].append(_act((0.0, 0.0, 0.0), (2.0, 0.0), controller))
+            if withdrawn:
+                controller.withdraw()
+    assert set(chosen[True]) == {Action.FORWARD}
+    assert set(chosen[False]) > {Action.FORWARD}
+
+
 def test_pursuit_drives_straight_ahead_and_turns_on_the_spot_for_what_is_behind():
     """Ahead: full speed, no turn. Left ahead: turns left. Behind: no speed."""
     speeds = []

@@ -96,3 +96,15 @@ def test_two_people_have_two_tracks_with_numbers_that_stay():
     for k in range(8):
         things.update([view((4.0, 2.0 + 0.1 * k), (5.0, 4.0 - 0.05 * k))], POSE, free_floor(), FRAME, 0.2)
     assert sorted(thing.number for thing in things.things()) == [1, 2]
+
+
+def test_somebody_who_comes_to_stand_next_to_another_has_a_track_of_their_own():
+    """Half a metre apart, first seen there: two tracks at the two places, and not one between them."""
+    things = MovingThings(CONFIG)
+    bodies = [(3.0, 3.0), (3.0, 3.5)]
+    things.update([view(bodies[0])], POSE, free_floor(), FRAME, 0.5)
+    for _ in range(4):
+        (mask,) = things.update([view(*bodies)], POSE, free_floor(), FRAME, 0.5)
+    found = np.array(sorted(thing.xy.tolist() for thing in things.things()))
+    np.testing.assert_allclose(found[np.argsort(found[:, 1])], bodies, atol=0.08)
+    assert mask.sum() > 20
