@@ -16,7 +16,10 @@ from jaxtyping import Float
 
 from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action
-from slam.grid import MapEstimate
+from slam.grid import MapEstimate, MovingThing
+
+#: Velocities with larger standard deviations are not known yet [m/s].
+_UNSURE_MPS = 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +31,15 @@ class AvoidanceConfig:
     """Radius of the robot's hull [m]."""
     body_m: Annotated[float, Range(0.01, 5, "m")] = 0.17
     """Radius of a person [m]."""
-    distance_m: Annotated[float, Range(0, 5, "m")] = 0.2
+    distance_m: Annotated[float, Range(0, 5, "m")] = 0.15
     """Distance that a step keeps between hull and person [m]."""
+    deviations: Annotated[float, Range(0, 5)] = 0.5
+    """Standard deviations of a velocity that is not known yet, by which the distance grows with time."""
     step_s: Annotated[float, Range(0.01, 60, "s")] = 1.0
     """Time of a step [s]."""
     squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
     """The same after some waits, for places where there is no more space [m]."""
-    waits: Annotated[int, Range(1, 1000, "waits")] = 4
+    waits: Annotated[int, Range(1, 1000, "waits")] = 2
     """Waits in which the distance falls to `squeeze_m`."""
     stood_s: Annotated[float, Range(0, 1000, "s")] = 3.0
     """Things that have stood for longer are obstacles that paths lead around [s]."""
@@ -76,27 +81,25 @@ class Avoidance:
         length_m = FORWARD_M if action is Action.FORWARD else -FORWARD_M
         yaw = float(estimate.pose[2])
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
-        meets = any(self._meets(estimate, step, thing.xy, thing.velocity) for thing in estimate.moving)
+        meets = any(self._meets(estimate, step, thing) for thing in estimate.moving)
         self._waited = self._waited + 1 if meets else 0
         return Action.WAIT if meets else action
 
-    def _meets(
-        self,
-        estimate: MapEstimate,
-        step: Float[np.ndarray, "2"],
-        xy: Float[np.ndarray, "2"],
-        velocity: Float[np.ndarray, "2"],
-    ) -> bool:
+    def _meets(self, estimate: MapEstimate, step: Float[np.ndarray, "2"], thing: MovingThing) -> bool:
         """Whether a step comes too near to a thing, and nearer than waiting would."""
         config = self.config
-        share = np.linspace(0.25, 1.0, 4)[:, None]
+        share = np.linspace(0.25, 1.0, 4)
         share_left = max(1 - self._waited / config.waits, 0.0)
         distance_m = config.squeeze_m + share_left * (config.distance_m - config.squeeze_m)
         least_m = config.radius_m + config.body_m + distance_m
-        # It may stop at any time.
-        for there in (xy + share * config.step_s * velocity, xy):
-            going_m = np.hypot(*(estimate.pose[:2] + share * step - there).T).min()
+        std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)
+        # Of somebody who has just come into view the velocity is not known yet.
+        unsure_mps = config.deviations * std_mps if thing.unseen_s == 0 and std_mps > _UNSURE_MPS else 0.0
+        # It goes on, or stops at any time.
+        for time_s in (share * config.step_s, np.zeros(4)):
+            there = thing.xy + time_s[:, None] * thing.velocity
+            going_m = np.hypot(*(estimate.pose[:2] + share[:, None] * step - there).T)
             waiting_m = np.hypot(*(estimate.pose[:2] - there).T).min()
-            if going_m < min(least_m, waiting_m):
+            if ((going_m < least_m + unsure_mps * time_s) & (going_m < waiting_m)).any():
                 return True
         return False

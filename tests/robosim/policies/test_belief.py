@@ -61,6 +61,19 @@ def test_one_measurement_in_sight_gives_direction_and_distance():
     assert mass > 0.01
 
 
+def test_a_line_of_sight_that_fades_for_some_decisions_is_not_another_place():
+    """Five measurements in sight, then three of which a person takes 15 dB: the peak stays within 0.3 m."""
+    target, belief = np.array([3.0, 2.0]), TargetBelief(np.zeros(2))
+    for k in range(8):
+        place = np.array([0.2 * k, 0.0])
+        aoa, distance_m = to(place, target), np.hypot(*(target - place))
+        loss_db = 15.0 if k >= 5 else 0.0
+        belief.add(
+            measurement(place, aoa, aoa + np.pi, distance_m, LinkState.LOS, loss_db), estimate(known=False)
+        )
+    assert np.hypot(*(belief.peak()[0] - target)) < 0.3
+
+
 def test_in_a_large_building_the_grid_grows():
     """A target 57 m from the start, beyond the first grid of 30 m: within 1 m of it after 50 m towards it."""
     target, belief, first = np.array([57.0, 3.0]), TargetBelief(np.zeros(2)), TargetBelief(np.zeros(2)).frame

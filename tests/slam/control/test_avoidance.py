@@ -14,7 +14,9 @@ CONFIG = AvoidanceConfig()
 LEAST_M = CONFIG.radius_m + CONFIG.body_m + CONFIG.distance_m
 
 
-def estimate(*things: tuple[float, float, float, float], yaw: float = 0.0) -> MapEstimate:
+def estimate(
+    *things: tuple[float, float, float, float], yaw: float = 0.0, velocity_std_mps: float = 0.3
+) -> MapEstimate:
     shape = (80, 80)
     return MapEstimate(
         frame=GridFrame(origin_xy=(-2.0, -2.0), resolution_m=0.05, shape=shape),
@@ -26,7 +28,7 @@ def estimate(*things: tuple[float, float, float, float], yaw: float = 0.0) -> Ma
             MovingThing(
                 xy=np.array([x, y]),
                 velocity=np.array([vx, vy]),
-                covariance=np.eye(4),
+                covariance=np.diag([0.01, 0.01, velocity_std_mps**2, velocity_std_mps**2]),
                 stood_s=10.0 if vx == vy == 0 else 0.0,
                 unseen_s=0.0,
                 number=k,
@@ -49,6 +51,13 @@ def test_a_person_who_crosses_is_waited_for_and_one_who_passes_behind_is_not():
     assert Avoidance().checked(behind, Action.BACKWARD) is Action.WAIT
 
 
+def test_somebody_who_has_just_come_into_view_may_approach():
+    """By half a standard deviation of the velocity, 0.7 m/s, in the second that a step takes."""
+    for gap_m, expected in ((0.36, Action.FORWARD), (0.34, Action.WAIT)):
+        ahead = estimate((LEAST_M + FORWARD_M + gap_m, 0.0, 0.0, 0.0), velocity_std_mps=0.7)
+        assert Avoidance().checked(ahead, Action.FORWARD) is expected
+
+
 def test_turns_are_free():
     near = estimate((0.4, 0.0, 0.0, 0.0))
     for action in (Action.LEFT, Action.RIGHT, Action.WAIT):
@@ -68,7 +77,7 @@ def test_a_step_away_from_somebody_who_stands_is_always_allowed(bearing, distanc
 def test_a_robot_that_has_waited_passes_with_less_distance():
     """Four waits before a person 8 cm off its path, then it goes."""
     aside = estimate((0.25, CONFIG.radius_m + CONFIG.body_m + 0.08, 0.0, 0.0))
-    avoidance = Avoidance()
+    avoidance = Avoidance(AvoidanceConfig(distance_m=0.2, waits=4))
     chosen = [avoidance.checked(aside, Action.FORWARD) for _ in range(6)]
     assert chosen.index(Action.FORWARD) == 4 and chosen[0] is Action.WAIT
 
