@@ -88,6 +88,22 @@ class GridFrame:
         rows, columns = slice(iy0, iy1), slice(ix0, ix1)
         return rows, columns, self.part(rows, columns)
 
+    def axes(self) -> tuple[Float[np.ndarray, " nx"], Float[np.ndarray, " ny"]]:
+        """Centres of columns (x) and rows (y) [m]."""
+        ny, nx = self.shape
+        x = self.origin_xy[0] + (np.arange(nx) + 0.5) * self.resolution_m
+        y = self.origin_xy[1] + (np.arange(ny) + 0.5) * self.resolution_m
+        return x, y
+
+    def disc(
+        self, xy: Float[np.ndarray, "2"], radius_m: float
+    ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
+        """Rows and columns around a disc in `map`, and which of their cells have their centres in it."""
+        x, y = float(xy[0]), float(xy[1])
+        rows, columns, frame = self.window((x - radius_m, y - radius_m), (x + radius_m, y + radius_m))
+        cx, cy = frame.axes()
+        return rows, columns, (cx - x) ** 2 + (cy - y)[:, None] ** 2 < radius_m**2
+
     def part(self, rows: slice, columns: slice) -> "GridFrame":
         """Frame of some rows and columns."""
         x, y = self.origin_xy

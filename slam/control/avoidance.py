@@ -64,13 +64,8 @@ class Avoidance:
         if not places:
             return estimate
         probability = estimate.obstacle_probability.copy()
-        for x, y in places:
-            radius_m = self.config.body_m
-            rows, columns, frame = estimate.frame.window(
-                (x - radius_m, y - radius_m), (x + radius_m, y + radius_m)
-            )
-            centres = frame.centres(np.ones(frame.shape, bool))
-            covered = (np.hypot(*(centres - (x, y)).T) < radius_m).reshape(frame.shape)
+        for place in places:
+            rows, columns, covered = estimate.frame.disc(place, self.config.body_m)
             probability[rows, columns][covered] = 1.0
         return replace(estimate, obstacle_probability=probability)
 

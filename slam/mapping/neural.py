@@ -229,9 +229,8 @@ class NeuralMapper:
         corners = self._corners(pose)
         low, high = corners.min(axis=0), corners.max(axis=0)
         rows, columns, frame = self.frame.window((low[0], low[1]), (high[0], high[1]))
-        my, mx = frame.shape
-        x = frame.origin_xy[0] + (np.arange(mx) + 0.5) * frame.resolution_m - pose[0]
-        y = frame.origin_xy[1] + (np.arange(my) + 0.5) * frame.resolution_m - pose[1]
+        x, y = frame.axes()
+        x, y = x - pose[0], y - pose[1]
         column = ((c * x - x0) / cell - 0.5)[None, :] + (s * y / cell)[:, None]
         row = ((-s * x - y0) / cell - 0.5)[None, :] + (c * y / cell)[:, None]
         return rows, columns, column.astype(np.float32), row.astype(np.float32)
@@ -245,12 +244,7 @@ class NeuralMapper:
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Where the hull is, nothing else stands."""
         radius_m = self.classical.config.radius_m - 0.5 * self.frame.resolution_m
-        x, y, _ = pose
-        rows, columns, frame = self.frame.window((x - radius_m, y - radius_m), (x + radius_m, y + radius_m))
-        my, mx = frame.shape
-        cx = frame.origin_xy[0] + (np.arange(mx) + 0.5) * frame.resolution_m
-        cy = frame.origin_xy[1] + (np.arange(my) + 0.5) * frame.resolution_m
-        under = (cx - x) ** 2 + (cy - y)[:, None] ** 2 < radius_m**2
+        rows, columns, under = self.frame.disc(pose[:2], radius_m)
         self._log_odds[rows, columns][under] = np.minimum(self._log_odds[rows, columns][under], -1.0)
         for known in (self._is_predicted, self._viewed):
             known[rows, columns] |= under

@@ -156,11 +156,7 @@ class OccupancyGrid:
 
     def stand(self, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
         """Clear the cells whose centres the hull covers: the robot stands there, so nothing else does."""
-        x, y, _ = pose
-        box = ((x - radius_m, y - radius_m), (x + radius_m, y + radius_m))
-        rows, columns, frame = self.frame.window(*box)
-        cx, cy = _axes(frame)
-        under = (cx - x) ** 2 + (cy - y)[:, None] ** 2 < radius_m**2
+        rows, columns, under = self.frame.disc(pose[:2], radius_m)
         log_odds = self.log_odds[rows, columns]
         log_odds[under & (log_odds > -self.config.miss)] = -self.config.miss
         self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))
@@ -291,18 +287,10 @@ def _look(
                 explored[iy, ix] = True
 
 
-def _axes(frame: GridFrame) -> tuple[Float[np.ndarray, " nx"], Float[np.ndarray, " ny"]]:
-    """Centres of columns (x) and rows (y) [m]."""
-    ny, nx = frame.shape
-    x = frame.origin_xy[0] + (np.arange(nx) + 0.5) * frame.resolution_m
-    y = frame.origin_xy[1] + (np.arange(ny) + 0.5) * frame.resolution_m
-    return x, y
-
-
 def _beams(
     frame: GridFrame, pose: Float[np.ndarray, "3"], scan: LaserScan
 ) -> tuple[Float32[np.ndarray, "ny nx"], Int[np.ndarray, "ny nx"]]:
     """Distance of the cell centres [m], and the number of the beam nearest to each."""
-    x, y = _axes(frame)
+    x, y = frame.axes()
     x, y = (x - pose[0]).astype(np.float32), (y - pose[1]).astype(np.float32)[:, None]
     return np.hypot(x, y), scan.nearest(np.arctan2(y, x) - np.float32(pose[2]))

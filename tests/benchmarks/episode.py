@@ -1,9 +1,9 @@
 """Whole searches, speed against arrival time, with one part of the simulation changed at a time.
 
-The same searches run as they are by default and with another camera, physics, mapper, radio or outline of the walls.
-Speed is decisions per second of processor time, one episode at a time, each task in all settings in turn. Arrival time
-is in steps relative to those of the default on the same task: the geometric mean, with a 95 % interval by bootstrap
-over tasks. A robot that never arrives counts with all the steps allowed.
+The same searches run as they are by default and with another camera, physics, mapper, radio or outline of the walls, or
+among people. Speed is decisions per second of processor time, one episode at a time, each task in all settings in turn.
+Arrival time is in steps relative to those of the default on the same task: the geometric mean, with a 95 % interval by
+bootstrap over tasks. A robot that never arrives counts with all the steps allowed.
 """
 
 import tempfile
@@ -21,6 +21,7 @@ from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Job, make_jobs, read_job_head, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.search_scores import bootstrap
+from robosim.movers.movers import MoversConfig
 from robosim.radio.link import RadioLinkConfig
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from tests.benchmarks.harness import DEFAULT, Options, console, quartiles, run_units
@@ -80,6 +81,10 @@ def variations(base: EpisodeConfig) -> dict[str, EpisodeConfig]:
         "classical mapper": replace(base, mapper="classical"),
         "cached radio": replace(base, simulator=replace(simulator, radio=RadioLinkConfig(engine="cached"))),
     }
+    for people in (5, 10):
+        found[f"{people} people"] = replace(
+            base, simulator=replace(simulator, movers=MoversConfig(people=people))
+        )
     for tolerance_m in (0.02, 0.05, 0.1):
         outline = BuildingConfig(tolerance_m=tolerance_m)
         found[f"outline of {tolerance_m:.2f} m"] = replace(base, building=outline)
