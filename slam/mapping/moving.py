@@ -17,6 +17,7 @@ environments, Autonomous Robots 19 (2005), for maps of free space that reveal wh
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -192,25 +193,25 @@ class MovingThings:
         for track in self._tracks:
             track.predict(self.config.update_s if time_s is None else time_s)
         masks = [np.zeros(len(points), bool) for points in views]
-        left: list[_Segment] = []
+        unmatched: list[_Segment] = []
         found: dict[int, list[_Segment]] = {}
         for sensor, points in enumerate(views):
             for segment in self._segments(sensor, points, pose, probability, frame):
-                nearest = self._nearest(segment)
-                if nearest is None:
-                    left.append(segment)
+                if (near := self._nearest(segment)) is None:
+                    unmatched.append(segment)
                 else:
-                    found.setdefault(nearest.number, []).append(segment)
+                    found.setdefault(near.number, []).append(segment)
         for track in self._tracks:
-            if mine := found.get(track.number):
+            if candidates := found.get(track.number):
                 # Somebody else may stand next to it.
-                nearest = min(mine, key=lambda one, at=track.state[:2]: math.hypot(*(one.xy - at)))
-                own = [one for one in mine if math.hypot(*(one.xy - nearest.xy)) < _SAME_M]
-                left += [one for one in mine if math.hypot(*(one.xy - nearest.xy)) >= _SAME_M]
-                found[track.number] = own
-                track.correct(np.mean([segment.xy for segment in own], axis=0))
+                gaps_m = [math.hypot(*(one.xy - track.state[:2])) for one in candidates]
+                nearest = candidates[int(np.argmin(gaps_m))]
+                is_own = [math.hypot(*(one.xy - nearest.xy)) < _SAME_M for one in candidates]
+                found[track.number] = list(compress(candidates, is_own))
+                unmatched += compress(candidates, np.logical_not(is_own))
+                track.correct(np.mean([one.xy for one in found[track.number]], axis=0))
         self._forget_absent(views, pose)
-        for segment in left:
+        for segment in unmatched:
             if self._begin(segment):
                 found[self._count] = [segment]
         for segment in (one for some in found.values() for one in some):
