@@ -34,6 +34,8 @@ from slam.sensing.projection import Scan
 _JUMP_M = 0.25
 #: Centres of segments of one thing lie within this distance [m].
 _SAME_M = 0.35
+#: Points within this distance of the centre of a thing are left out [m].
+_BODY_M = 0.27
 #: Distance from the surface of a thing to its centre [m].
 _DEPTH_M = 0.12
 #: A thing is not where it is expected if a sensor sees farther than there by this [m].
@@ -216,6 +218,11 @@ class MovingThings:
                 found[self._count] = [segment]
         for segment in (one for some in found.values() for one in some):
             masks[segment.sensor][segment.points] = True
+        # The rest of a body may look like a part of the wall next to it.
+        for track in self._tracks:
+            centre = between(pose, np.array([*track.state[:2], 0.0]))[:2]
+            for points, mask in zip(views, masks, strict=True):
+                mask |= np.hypot(*(points - centre).T) < _BODY_M
         self._judge()
         return masks
 

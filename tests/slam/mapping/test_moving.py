@@ -108,3 +108,16 @@ def test_somebody_who_comes_to_stand_next_to_another_has_a_track_of_their_own():
     found = np.array(sorted(thing.xy.tolist() for thing in things.things()))
     np.testing.assert_allclose(found[np.argsort(found[:, 1])], bodies, atol=0.08)
     assert mask.sum() > 20
+
+
+def test_all_of_a_body_next_to_a_wall_is_left_out():
+    """A walker who comes to stand 5 cm from a cupboard, around which floor does not count as free: no point stays."""
+    probability = free_floor()
+    probability[40:56, 60:72] = 0.9  # x = 3.0 to 3.6 m, y = 2.0 to 2.8 m
+    things = MovingThings(CONFIG)
+    for k in range(9):
+        at = (3.3, 4.6 - 0.2 * k)
+        points = view(at)
+        (mask,) = things.update([points], POSE, probability, FRAME, 0.2)
+    body = np.hypot(*(points + POSE[:2] - at).T) < 0.16
+    assert body.sum() == 10 and mask[body].all()
