@@ -43,6 +43,7 @@ def trace(
     rx: Place = None,
     along: Path | None = None,
     rate: Annotated[float, Range(1e-3, 1e6, "Hz")] = 100.0,
+    csi: str | None = None,
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -69,6 +70,8 @@ def trace(
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.
         rate: Impulse responses per second, with --along.
+        csi: Subcarriers of frequency responses (channel state information): their number and spacing, such as
+            64x312.5kHz. Writes csi_txK.npz and csi_txK.png for each transmitter.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         polarisation: Polarisation of all antennas; both takes the mean.
@@ -78,6 +81,7 @@ def trace(
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
+    from robosim.datasets.csi import parse_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
     from robosim.radio.receivers import check_step
 
@@ -85,6 +89,7 @@ def trace(
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
+    csi_hz = None if csi is None else parse_csi(csi, config.frequency_hz)
     if along is not None and (grid is not None or rx is not None):
         raise ValueError("along is given with grid or rx: give either a trajectory or places of receivers.")
     alone = grid is None and rx is not None
@@ -92,15 +97,23 @@ def trace(
     floor_plan = read_storey(plan, storey, reading)
     if along is not None:
         samples = trace_along(
-            floor_plan, config, folder, tx=tx, trajectory=along, rate_hz=rate, console=console
+            floor_plan,
+            config,
+            folder,
+            tx=tx,
+            trajectory=along,
+            rate_hz=rate,
+            plots=plots,
+            csi_hz=csi_hz,
+            console=console,
         )
         emit_result({"plan": floor_plan.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
-        console.print(f"Wrote channel_tx1.npz in {folder}")
+        console.print(f"Wrote channel_tx1.npz{'' if csi is None else ' and csi_tx1.npz'} in {folder}")
         return
     if alone and rx is not None:
-        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
-        _report_link(floor_plan, paths, folder)
+        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, csi_hz=csi_hz, console=console)
+        _report_link(floor_plan, paths, folder, csi is not None)
         return
     with resume_hint(folder):
         result = trace_plan(
@@ -111,6 +124,7 @@ def trace(
             grid_m=0.15 if grid is None else grid,
             rx=rx,
             plots=plots,
+            csi_hz=csi_hz,
             workers=work.count,
             cluster=work.cluster,
             console=console,
@@ -121,14 +135,14 @@ def trace(
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
-    drawn = ", *.png" if plots else ""
+    drawn = ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else "")
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
 
 
-def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path) -> None:
+def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path, has_csi: bool) -> None:
     """What one traced link has, on the terminal and as the command's result."""
     from robosim.plans.floorplan import FloorPlan
     from wireless.paths import LinkCategory
@@ -145,7 +159,8 @@ def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path) ->
     sources = counted(len(paths.tx_position), "transmitter")
     console.print(f"{counted(len(paths), 'path')} from {sources} to the receiver")
     drawn = "rays_tx1.png" if isinstance(plan, FloorPlan) else "storeys_tx1.png"
-    console.print(f"Wrote paths.parquet and {drawn} in {folder}")
+    responses = ", csi_tx1.npz" if has_csi else ""
+    console.print(f"Wrote paths.parquet{responses} and {drawn} in {folder}")
 
 
 def dataset(
