@@ -92,7 +92,7 @@ def _grid(file: BinaryIO) -> PatternElement:
     azimuth = numbers(table, "azimuth_deg", pa.float64(), -360, 360)
     elevation = numbers(table, "elevation_deg", pa.float64(), -90, 90)
     gain = numbers(table, "gain_dbi", pa.float64(), *_GAIN_DB)
-    azimuths, column = np.unique(azimuth % 360, return_inverse=True)
+    azimuths, column = np.unique(_within_a_turn(azimuth), return_inverse=True)
     elevations, row = np.unique(elevation, return_inverse=True)
     _check_gaps(azimuths, "azimuth_deg")
     if len(elevations) < 2 or np.diff(elevations, prepend=-90, append=90).max() > _GAP_DEG:
@@ -153,7 +153,7 @@ def _msi(text: str) -> tuple[float, list[tuple[Float[np.ndarray, " n"], Float[np
             angle, attenuation = np.array(rows).T
             check_within(angle, f"the angle of {key}", -360, 360)
             check_within(attenuation, f"the attenuation of {key}", *_ATTENUATION_DB)
-            angle, first = np.unique(angle % 360, return_index=True)
+            angle, first = np.unique(_within_a_turn(angle), return_index=True)
             _check_gaps(angle, key)
             cuts[key] = angle, attenuation[first]
     missing = [] if gain_dbi is not None else ["GAIN"]
@@ -172,6 +172,11 @@ def _numbers(words: list[str], count: int, line: int) -> list[float]:
         what = "a number" if count == 1 else "an angle and an attenuation"
         raise ValueError(f"line {line} has {' '.join(words)!r}, expected {what}")
     return found
+
+
+def _within_a_turn(angle_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Angles in [0, 360); those that differ by rounding are one."""
+    return np.round(angle_deg, 6) % 360
 
 
 def _check_gaps(angle_deg: Float[np.ndarray, " n"], what: str) -> None:

@@ -126,6 +126,16 @@ def test_gain_is_as_given_or_that_of_the_pattern(sector):
     assert terminal_named("gnb", str(path)).weight.shape == (48, 16)
 
 
+def test_a_full_turn_and_rounding_are_the_same_angle(sector):
+    """Files that repeat the first angle as 360, or have it as -1e-14, have the pattern of those that do not."""
+    path, *_ = sector
+    want = gain_dbi(read_pattern(path), ANGLES, 10)
+    text = path.read_text("latin-1")
+    for angle in ("-1e-14", "360"):
+        path.write_text(text.replace("\n0.0 ", f"\n{angle} "), "latin-1")
+        np.testing.assert_array_equal(gain_dbi(read_pattern(path), ANGLES, 10), want)
+
+
 DAMAGED_MSI = [
     (lambda lines: [line for line in lines if "GAIN" not in line], "no line GAIN"),
     (lambda lines: [*lines[:2], "GAIN loud", *lines[3:]], "line 3 has 'loud', expected a number"),
