@@ -165,10 +165,10 @@ def test_ports_are_where_a_second_trace_has_them(tracer, end):
     low, high = np.sin(np.pi / 6), np.cos(np.pi / 6)
     axes = np.array([[0, high, -low], [-1, 0, 0], [0, low, high]])
     for port, shift in enumerate(WAVE_M * position_wl @ axes):
-        moved = tracer.trace(**{**places, end: places[end] + shift})
+        second = tracer.trace(**{**places, end: places[end] + shift})
         for i in range(len(paths)):
-            same = (moved.primitive == paths.primitive[i]).all(axis=1)
-            want = moved.delay_s[same][0] - paths.delay_s[i]
+            same = (second.primitive == paths.primitive[i]).all(axis=1)
+            want = second.delay_s[same][0] - paths.delay_s[i]
             coefficient = channel.coefficient[i].ravel()
             phase = np.angle(coefficient[port] / coefficient[0] * np.exp(2j * np.pi * FREQUENCY_HZ * want))
             assert abs(phase) < 0.02
@@ -254,9 +254,9 @@ def test_later_channel_is_that_of_a_moved_receiver(tracer):
     tx, rx, velocity = np.array([[1.0, 1.4, 1.5]]), np.array([[5.0, 0.9, 1.2]]), np.array([-0.6, 0.8, 0.0])
     paths = tracer.trace(tx, rx).strongest(8)
     later = Channel.from_paths(paths, doppler_hz=paths.doppler_hz(rx_velocity=velocity)).at(0.01)
-    moved = tracer.trace(tx, rx + 0.01 * velocity)
+    second = tracer.trace(tx, rx + 0.01 * velocity)
     for i in range(len(paths)):
-        same = moved.select((moved.primitive == paths.primitive[i]).all(axis=1))
+        same = second.select((second.primitive == paths.primitive[i]).all(axis=1))
         assert abs(np.angle(later.coefficient[i, 0, 0] / same.gain[0, 0, 0])) < 0.02
         assert later.paths.delay_s[i] == pytest.approx(same.delay_s[0], abs=1e-13)
 

@@ -21,7 +21,7 @@ def gain_dbi(element, azimuth_deg, elevation_deg):
 
 def write_msi(path, across, along, gain="GAIN 15.5 dBi"):
     """A file of two cuts, as functions of the azimuth and of the elevation in front and behind."""
-    lines = ["NAME sector", "FREQUENCY 3500", gain, "TILT ELECTRICAL", "COMMENT caf\xe9"]
+    lines = ["NAME sector", "FREQUENCY 3500", gain, "TILT ELECTRICAL", "COMMENT \xe9"]
     for key, cut in (("HORIZONTAL", across), ("VERTICAL", along)):
         lines += [f"{key} 360", *(f"{angle:.1f} {cut(angle):.6f}" for angle in ANGLES)]
     path.write_text("\n".join(lines), "latin-1")
