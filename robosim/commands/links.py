@@ -44,6 +44,8 @@ def trace(
     along: Path | None = None,
     rate: Annotated[float, Range(1e-3, 1e6, "Hz")] = 100.0,
     csi: str | None = None,
+    tx_antenna: str = "isotropic",
+    rx_antenna: str = "isotropic",
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -72,6 +74,10 @@ def trace(
         rate: Impulse responses per second, with --along.
         csi: Subcarriers of frequency responses (channel state information): their number and spacing, such as
             64x312.5kHz. Writes csi_txK.npz and csi_txK.png for each transmitter.
+        tx_antenna: Antenna of transmitters with --csi: patch, 3gpp, isotropic, dipole, or a pattern file (.msi, .pln,
+            .csv), and its yaw, pitch (down) and roll [degrees], such as sector.msi,90,6. Paths stay those between
+            isotropic antennas.
+        rx_antenna: Antenna of receivers with --csi; likewise.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         polarisation: Polarisation of all antennas; both takes the mean.
@@ -89,7 +95,22 @@ def trace(
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
-    csi_hz = None if csi is None else parse_csi(csi, config.frequency_hz)
+    is_isotropic = tx_antenna == rx_antenna == "isotropic"
+    if not is_isotropic and (csi is None or along is not None):
+        raise ValueError(
+            "tx_antenna or rx_antenna is given, which count with --csi and without --along only."
+        )
+    responses = (
+        None
+        if csi is None
+        else parse_csi(
+            csi,
+            tx_antenna=tx_antenna,
+            rx_antenna=rx_antenna,
+            frequency_hz=config.frequency_hz,
+            polarisation=polarisation,
+        )
+    )
     if along is not None and (grid is not None or rx is not None):
         raise ValueError("along is given with grid or rx: give either a trajectory or places of receivers.")
     alone = grid is None and rx is not None
@@ -104,7 +125,7 @@ def trace(
             trajectory=along,
             rate_hz=rate,
             plots=plots,
-            csi_hz=csi_hz,
+            csi=responses,
             console=console,
         )
         emit_result({"plan": floor_plan.name, "tx_m": tx, "samples": samples}, folder)
@@ -112,7 +133,7 @@ def trace(
         console.print(f"Wrote channel_tx1.npz{'' if csi is None else ' and csi_tx1.npz'} in {folder}")
         return
     if alone and rx is not None:
-        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, csi_hz=csi_hz, console=console)
+        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, csi=responses, console=console)
         _report_link(floor_plan, paths, folder, csi is not None)
         return
     with resume_hint(folder):
@@ -124,7 +145,7 @@ def trace(
             grid_m=0.15 if grid is None else grid,
             rx=rx,
             plots=plots,
-            csi_hz=csi_hz,
+            csi=responses,
             workers=work.count,
             cluster=work.cluster,
             console=console,
@@ -159,8 +180,8 @@ def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path, ha
     sources = counted(len(paths.tx_position), "transmitter")
     console.print(f"{counted(len(paths), 'path')} from {sources} to the receiver")
     drawn = "rays_tx1.png" if isinstance(plan, FloorPlan) else "storeys_tx1.png"
-    responses = ", csi_tx1.npz" if has_csi else ""
-    console.print(f"Wrote paths.parquet{responses} and {drawn} in {folder}")
+    written = ", csi_tx1.npz" if has_csi else ""
+    console.print(f"Wrote paths.parquet{written} and {drawn} in {folder}")
 
 
 def dataset(

@@ -1,11 +1,11 @@
 """Frequency responses of traced links on the subcarriers of OFDM (channel state information), as files and figures.
 
-`csi_txK.npz` holds what `wireless.channel.Channel.cfr` computes between single antennas, or between pairs of vertical
-and horizontal ones with both polarisations.
+`csi_txK.npz` holds what `wireless.channel.Channel.cfr` computes between one antenna at each end, or between pairs of
+vertical and horizontal ones with both polarisations.
 """
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from robosim.drawing.csi_picture import plot_over_time, plot_response
 from robosim.support.checks import shown
 from robosim.support.files import npz_bytes, write_whole
 from wireless.antennas.arrays import Array
-from wireless.antennas.elements import element_named
+from wireless.antennas.elements import ELEMENTS, element_named
 from wireless.antennas.mounting import MountedArray
 from wireless.channel import Channel, subcarriers
 from wireless.motion.impulse_responses import ImpulseResponses
@@ -27,11 +27,24 @@ _MOST = 65_536
 _SLANT_RAD = {"vertical": [0.0], "horizontal": [np.pi / 2], "both": [0.0, np.pi / 2]}
 
 
-def parse_csi(text: str, frequency_hz: float) -> Float[np.ndarray, " f"]:
-    """Offsets of subcarriers from the carrier, of a text such as 64x312.5kHz.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Csi:
+    """Subcarriers, and the antennas between which responses are computed."""
+
+    offset_hz: Float[np.ndarray, " f"]
+    """Frequencies from the carrier."""
+    tx: MountedArray
+    """Antenna of each transmitter, one port for each polarisation."""
+    rx: MountedArray
+    """Likewise of each receiver."""
+
+
+def parse_csi(text: str, *, tx_antenna: str, rx_antenna: str, frequency_hz: float, polarisation: str) -> Csi:
+    """Subcarriers of a text such as 64x312.5kHz, between antennas of texts such as sector.msi,90,6.
 
     Raises:
-        ValueError: If it is no number of subcarriers and spacing, or they reach down to 0 Hz.
+        ValueError: If a text is not understood, or the subcarriers reach down to 0 Hz.
+        FileError: If a pattern file is missing or damaged.
     """
     found = re.fullmatch(r"(\d{1,6})x(\d+(?:\.\d+)?)(Hz|kHz|MHz|GHz)", text, re.ASCII)
     count, spacing_hz = (int(found[1]), float(found[2]) * _UNITS[found[3]]) if found else (0, 0.0)
@@ -40,30 +53,53 @@ def parse_csi(text: str, frequency_hz: float) -> Float[np.ndarray, " f"]:
             f"csi is {shown(text)}, expected a number of subcarriers (1 to {_MOST}) and their spacing, such as "
             f"64x312.5kHz, within the carrier frequency of {frequency_hz / 1e9:g} GHz to either side."
         )
-    return subcarriers(count, spacing_hz)
+    slant_rad = np.array(_SLANT_RAD[polarisation])
+    return Csi(
+        offset_hz=subcarriers(count, spacing_hz),
+        tx=_parse_antenna(tx_antenna, "tx_antenna", slant_rad),
+        rx=_parse_antenna(rx_antenna, "rx_antenna", slant_rad),
+    )
+
+
+def _parse_antenna(text: str, option: str, slant_rad: Float[np.ndarray, " ports"]) -> MountedArray:
+    name, *words = text.split(",")
+    try:
+        angles = np.radians([float(word) for word in words])
+    except ValueError:
+        angles = np.array([np.nan])
+    if len(angles) > 3 or not np.isfinite(angles).all():
+        raise ValueError(
+            f"{option} is {shown(text)}, expected an element, or an element and its yaw, pitch (down) and roll "
+            "[degrees] with commas and no spaces, such as 3gpp,90,6."
+        )
+    yaw_rad, pitch_rad, roll_rad = np.append(angles, np.zeros(3 - len(angles))).tolist()
+    return MountedArray(
+        array=Array(element=element_named(name), position_wl=np.zeros((len(slant_rad), 3))),
+        yaw_rad=yaw_rad,
+        pitch_rad=pitch_rad,
+        roll_rad=roll_rad,
+        slant_rad=slant_rad,
+        scaling="directivity" if name in ELEMENTS else "given",
+    )
 
 
 def write_link_csi(
     out: Path,
     paths: Paths,
     tx: int,
-    offset_hz: Float[np.ndarray, " f"],
-    polarisation: str,
+    csi: Csi,
     *,
     drawn_rx: int | None,
 ) -> None:
     """Write the responses from one of the transmitters to all receivers, and draw that to one of them if given."""
-    slant_rad = np.array(_SLANT_RAD[polarisation])
-    array = Array(element=element_named("isotropic"), position_wl=np.zeros((len(slant_rad), 3)))
-    ends = MountedArray(array=array, slant_rad=slant_rad)
     mine = paths.select(paths.tx == tx)
     mine = replace(mine, tx_position=paths.tx_position[tx : tx + 1], tx=np.zeros_like(mine.tx))
-    response = Channel.from_paths(mine, tx=ends, rx=ends).cfr(offset_hz)[0]
+    response = Channel.from_paths(mine, tx=csi.tx, rx=csi.rx).cfr(csi.offset_hz)[0]
     _write(
         out,
         tx,
         response,
-        offset_hz=offset_hz,
+        offset_hz=csi.offset_hz,
         frequency_hz=paths.frequency_hz,
         tx_position_m=paths.tx_position[tx],
         rx_position_m=paths.rx_position,
@@ -73,7 +109,7 @@ def write_link_csi(
         plot_response(
             out / f"csi_tx{tx + 1}.png",
             response[drawn_rx],
-            offset_hz,
+            csi.offset_hz,
             frequency_hz=paths.frequency_hz,
             title=f"Frequency response, transmitter {tx + 1} to ({x:.2f}, {y:.2f}, {z:.2f}) m",
         )
@@ -83,14 +119,13 @@ def write_sampled_csi(
     out: Path,
     samples: ImpulseResponses,
     tx: int,
-    offset_hz: Float[np.ndarray, " f"],
+    csi: Csi,
     frequency_hz: float,
-    polarisation: str,
     *,
     plots: bool,
 ) -> None:
-    """Write the responses from a transmitter to a receiver that moves, at each time, and draw them."""
-    ports = [round(angle / (np.pi / 2)) for angle in _SLANT_RAD[polarisation]]
+    """Write the responses between isotropic antennas to a receiver that moves, at each time, and draw them."""
+    offset_hz, ports = csi.offset_hz, np.rint(csi.rx.slant_rad / (np.pi / 2)).astype(int)
     gain = samples.gain[:, :, ports][..., ports]
     response = np.zeros((len(gain), len(ports), len(ports), len(offset_hz)), complex)
     for i, delay_s in enumerate(np.nan_to_num(samples.delay_s).T):

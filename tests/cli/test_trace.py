@@ -205,3 +205,27 @@ def test_frequency_responses_are_written_and_drawn(plan_file, tmp_path, capsys, 
     assert (grid / "csi_tx2.png").exists()
     for text in ("64", "0x1MHz", "64x312.5khz", "64x1GHz", "70000x1Hz", "3x0kHz"):
         assert f"csi is '{text}', expected a number of subcarriers" in fails(*command.split(), "--csi", text)
+
+
+def test_antennas_of_frequency_responses(plan_file, tmp_path, fails):
+    """A 3GPP element that faces the receiver, or turned away: 30 dB; a pattern file with its gain as given, 6 dBi."""
+    cut = "\n".join(f"{angle} 3.0" for angle in range(0, 360, 10))
+    (tmp_path / "even.msi").write_text(f"GAIN 9 dBi\nHORIZONTAL 36\n{cut}\nVERTICAL 36\n{cut}\n")
+    link = f"trace {plan_file} --tx 1,1 --rx 2.5,1 --max-reflections 0 --no-diffraction --csi 1x1MHz"
+    gains = {}
+    for name in ("isotropic", "3gpp", "3gpp,180", f"{tmp_path}/even.msi,90,10,20"):
+        out = tmp_path / f"out{len(gains)}"
+        main([*link.split(), "--tx-antenna", name, "--out", str(out)])
+        with np.load(out / "csi_tx1.npz") as file:
+            gains[name] = 20 * np.log10(np.abs(file["response"][0, 0, 0, 0]))
+    isotropic, facing, away, given = gains.values()
+    assert facing - away == pytest.approx(30, abs=1e-3)
+    assert given < isotropic + 6 and given == pytest.approx(
+        isotropic + 6, abs=0.6
+    )  # turned by 20 degrees: -0.5 dB
+    assert "tx_antenna is '3gpp,left', expected an element" in fails(
+        *link.split(), "--tx-antenna", "3gpp,left"
+    )
+    assert "Known: patch, 3gpp" in fails(*link.split(), "--rx-antenna", "dish")
+    assert "absent.msi: no such file" in fails(*link.split(), "--rx-antenna", "absent.msi")
+    assert "which count with --csi" in fails(*link.split()[:-2], "--rx-antenna", "3gpp")
