@@ -204,6 +204,31 @@ def test_turned_dipoles_see_each_other_by_their_axes(tracer):
         assert got == pytest.approx(want * np.exp(-2j * np.pi * far / WAVE_M), abs=1e-9)
 
 
+def test_turned_dipole_receives_both_polarisations(traced):
+    """Along axis a it receives -a.theta of the field along theta and -a.phi of that along phi, also of reflections."""
+    array = Array(element=ShortDipole(), position_wl=np.zeros((1, 3)))
+    azimuth, elevation = traced.aoa_az, traced.aoa_el
+    theta = [np.sin(elevation) * np.cos(azimuth), np.sin(elevation) * np.sin(azimuth), -np.cos(elevation)]
+    phi = [-np.sin(azimuth), np.cos(azimuth), np.zeros(len(traced))]
+    for angles in np.random.default_rng(4).uniform(-np.pi, np.pi, (5, 3)):
+        yaw, pitch, roll = angles.tolist()
+        mounted = MountedArray(array=array, yaw_rad=yaw, pitch_rad=pitch, roll_rad=roll)
+        axis = Rotation.from_euler("ZYX", angles).apply([0, 0, 1])
+        along = -np.sqrt(1.5) * np.stack([axis @ theta, axis @ phi], axis=1)
+        want = (along * traced.gain[:, :, 0]).sum(axis=1)
+        got = Channel.from_paths(traced, rx=mounted).coefficient[:, 0, 0]
+        np.testing.assert_allclose(got, want, atol=1e-9 * np.abs(want).max())
+
+
+def test_vertical_and_horizontal_ports_have_the_gain_itself(traced):
+    """Not turned, they lie along theta and phi; paths that turn the polarisation have matrices without symmetry."""
+    pair = Array(element=IsotropicElement(), position_wl=np.zeros((2, 3)))
+    ends = MountedArray(array=pair, slant_rad=np.array([0.0, np.pi / 2]))
+    got = Channel.from_paths(traced, tx=ends, rx=ends).coefficient
+    np.testing.assert_allclose(got, traced.gain, atol=1e-12 * np.abs(traced.gain).max())
+    assert np.abs(got[:, 0, 1] - got[:, 1, 0]).max() > 1e-3 * np.abs(got).max()
+
+
 def test_slanted_ports_share_the_power(tracer):
     """Facing each other, ports of +-45 degrees: the two of one slant do not see each other, for they are mirrored."""
     pair = Array(element=IsotropicElement(), position_wl=np.zeros((2, 3)))
