@@ -149,6 +149,15 @@ def test_impulse_response_holds_all_paths(traced):
     assert np.isneginf(table["gain_coherent_db"].to_numpy()[1])
 
 
+def test_no_paths_make_an_empty_channel(traced):
+    """Zeros of the shapes of any other channel, and spreads that are NaN."""
+    empty = Channel.from_paths(traced.select(np.zeros(len(traced), bool)))
+    assert empty.cir()[0].shape == (2, 3, 1, 1, 0) and empty.taps(1e8).shape == (2, 3, 1, 1, 13)
+    assert not empty.cfr(np.zeros(4)).any() and not empty.power(coherent=True).any()
+    assert np.isnan(empty.delay_spread_s()).all() and np.isnan(empty.angular_spread_rad("aod_az")).all()
+    assert len(empty.synchronised().at(1.0).paths) == 0
+
+
 @pytest.mark.parametrize("end", ["tx", "rx"])
 def test_ports_are_where_a_second_trace_has_them(tracer, end):
     """Coefficients of ports off the centre are traced gains of antennas moved there, of the five strongest paths.
