@@ -87,7 +87,7 @@ def trace(
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from robosim.datasets.csi import parse_csi
+    from robosim.datasets.csi import parse_csi, write_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
     from robosim.radio.receivers import check_step
 
@@ -95,46 +95,33 @@ def trace(
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
-    is_isotropic = tx_antenna == rx_antenna == "isotropic"
-    if not is_isotropic and (csi is None or along is not None):
+    if along is not None and (grid is not None or rx is not None or csi is not None):
         raise ValueError(
-            "tx_antenna or rx_antenna is given, which count with --csi and without --along only."
+            "along is given with grid, rx or csi: give either a trajectory or places of receivers."
         )
-    responses = (
-        None
-        if csi is None
-        else parse_csi(
-            csi,
-            tx_antenna=tx_antenna,
-            rx_antenna=rx_antenna,
-            frequency_hz=config.frequency_hz,
-            polarisation=polarisation,
+    if csi is None and not tx_antenna == rx_antenna == "isotropic":
+        raise ValueError(
+            "tx_antenna or rx_antenna is given, which count with --csi only. Give --csi 64x312.5kHz."
         )
-    )
-    if along is not None and (grid is not None or rx is not None):
-        raise ValueError("along is given with grid or rx: give either a trajectory or places of receivers.")
+    antennas = {"tx_antenna": tx_antenna, "rx_antenna": rx_antenna}
+    responses = None if csi is None else parse_csi(csi, config.frequency_hz, polarisation, antennas)
     alone = grid is None and rx is not None
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     floor_plan = read_storey(plan, storey, reading)
     if along is not None:
         samples = trace_along(
-            floor_plan,
-            config,
-            folder,
-            tx=tx,
-            trajectory=along,
-            rate_hz=rate,
-            plots=plots,
-            csi=responses,
-            console=console,
+            floor_plan, config, folder, tx=tx, trajectory=along, rate_hz=rate, console=console
         )
         emit_result({"plan": floor_plan.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
-        console.print(f"Wrote channel_tx1.npz{'' if csi is None else ' and csi_tx1.npz'} in {folder}")
+        console.print(f"Wrote channel_tx1.npz in {folder}")
         return
     if alone and rx is not None:
-        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, csi=responses, console=console)
-        _report_link(floor_plan, paths, folder, csi is not None)
+        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
+        if responses is not None:
+            write_csi(folder, responses, len(tx), rx=rx, plots=plots)
+            console.print(f"Wrote csi_tx1.npz in {folder}")
+        _report_link(floor_plan, paths, folder)
         return
     with resume_hint(folder):
         result = trace_plan(
@@ -145,11 +132,12 @@ def trace(
             grid_m=0.15 if grid is None else grid,
             rx=rx,
             plots=plots,
-            csi=responses,
             workers=work.count,
             cluster=work.cluster,
             console=console,
         )
+        if responses is not None:
+            write_csi(folder, responses, len(tx), rx=rx, plots=plots)
     emit_result(result, folder)
     timing, states = result["timing"], result["states"]
     shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
@@ -163,7 +151,7 @@ def trace(
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
 
 
-def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path, has_csi: bool) -> None:
+def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path) -> None:
     """What one traced link has, on the terminal and as the command's result."""
     from robosim.plans.floorplan import FloorPlan
     from wireless.paths import LinkCategory
@@ -180,8 +168,7 @@ def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path, ha
     sources = counted(len(paths.tx_position), "transmitter")
     console.print(f"{counted(len(paths), 'path')} from {sources} to the receiver")
     drawn = "rays_tx1.png" if isinstance(plan, FloorPlan) else "storeys_tx1.png"
-    written = ", csi_tx1.npz" if has_csi else ""
-    console.print(f"Wrote paths.parquet{written} and {drawn} in {folder}")
+    console.print(f"Wrote paths.parquet and {drawn} in {folder}")
 
 
 def dataset(

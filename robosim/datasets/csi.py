@@ -9,16 +9,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
-from robosim.drawing.csi_picture import plot_over_time, plot_response
+from robosim.datasets.trace import PATHS
+from robosim.drawing.csi_picture import plot_response
+from robosim.drawing.radio_pictures import choose_link
 from robosim.support.checks import shown
 from robosim.support.files import npz_bytes, write_whole
 from wireless.antennas.arrays import Array
 from wireless.antennas.elements import ELEMENTS, element_named
 from wireless.antennas.mounting import MountedArray
 from wireless.channel import Channel, subcarriers
-from wireless.motion.impulse_responses import ImpulseResponses
 from wireless.paths import Paths
 
 _UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
@@ -39,8 +40,8 @@ class Csi:
     """Likewise of each receiver."""
 
 
-def parse_csi(text: str, *, tx_antenna: str, rx_antenna: str, frequency_hz: float, polarisation: str) -> Csi:
-    """Subcarriers of a text such as 64x312.5kHz, between antennas of texts such as sector.msi,90,6.
+def parse_csi(text: str, frequency_hz: float, polarisation: str, antennas: dict[str, str]) -> Csi:
+    """Subcarriers of a text such as 64x312.5kHz, between a tx_antenna and an rx_antenna such as sector.msi,90,6.
 
     Raises:
         ValueError: If a text is not understood, or the subcarriers reach down to 0 Hz.
@@ -54,11 +55,8 @@ def parse_csi(text: str, *, tx_antenna: str, rx_antenna: str, frequency_hz: floa
             f"64x312.5kHz, within the carrier frequency of {frequency_hz / 1e9:g} GHz to either side."
         )
     slant_rad = np.array(_SLANT_RAD[polarisation])
-    return Csi(
-        offset_hz=subcarriers(count, spacing_hz),
-        tx=_parse_antenna(tx_antenna, "tx_antenna", slant_rad),
-        rx=_parse_antenna(rx_antenna, "rx_antenna", slant_rad),
-    )
+    tx, rx = (_parse_antenna(antennas[end], end, slant_rad) for end in ("tx_antenna", "rx_antenna"))
+    return Csi(offset_hz=subcarriers(count, spacing_hz), tx=tx, rx=rx)
 
 
 def _parse_antenna(text: str, option: str, slant_rad: Float[np.ndarray, " ports"]) -> MountedArray:
@@ -83,67 +81,28 @@ def _parse_antenna(text: str, option: str, slant_rad: Float[np.ndarray, " ports"
     )
 
 
-def write_link_csi(
-    out: Path,
-    paths: Paths,
-    tx: int,
-    csi: Csi,
-    *,
-    drawn_rx: int | None,
-) -> None:
-    """Write the responses from one of the transmitters to all receivers, and draw that to one of them if given."""
-    mine = paths.select(paths.tx == tx)
-    mine = replace(mine, tx_position=paths.tx_position[tx : tx + 1], tx=np.zeros_like(mine.tx))
-    response = Channel.from_paths(mine, tx=csi.tx, rx=csi.rx).cfr(csi.offset_hz)[0]
-    _write(
-        out,
-        tx,
-        response,
-        offset_hz=csi.offset_hz,
-        frequency_hz=paths.frequency_hz,
-        tx_position_m=paths.tx_position[tx],
-        rx_position_m=paths.rx_position,
-    )
-    if drawn_rx is not None:
-        x, y, z = paths.rx_position[drawn_rx]
-        plot_response(
-            out / f"csi_tx{tx + 1}.png",
-            response[drawn_rx],
-            csi.offset_hz,
-            frequency_hz=paths.frequency_hz,
-            title=f"Frequency response, transmitter {tx + 1} to ({x:.2f}, {y:.2f}, {z:.2f}) m",
-        )
-
-
-def write_sampled_csi(
-    out: Path,
-    samples: ImpulseResponses,
-    tx: int,
-    csi: Csi,
-    frequency_hz: float,
-    *,
-    plots: bool,
-) -> None:
-    """Write the responses between isotropic antennas to a receiver that moves, at each time, and draw them."""
-    offset_hz, ports = csi.offset_hz, np.rint(csi.rx.slant_rad / (np.pi / 2)).astype(int)
-    gain = samples.gain[:, :, ports][..., ports]
-    response = np.zeros((len(gain), len(ports), len(ports), len(offset_hz)), complex)
-    for i, delay_s in enumerate(np.nan_to_num(samples.delay_s).T):
-        response += gain[:, i, :, :, None] * np.exp(-2j * np.pi * np.outer(delay_s, offset_hz))[:, None, None]
-    _write(out, tx, response, offset_hz=offset_hz, frequency_hz=frequency_hz, time_s=samples.time_s)
-    if plots:
-        plot_over_time(
-            out / f"csi_tx{tx + 1}.png",
-            response[:, 0, 0],
-            samples.time_s,
-            offset_hz,
-            frequency_hz=frequency_hz,
-            title=f"Frequency response, transmitter {tx + 1} to the moving receiver",
-        )
-
-
-def _write(
-    out: Path, tx: int, response: Complex[np.ndarray, "n rx_ports tx_ports f"], **about: np.ndarray | float
-) -> None:
-    content = npz_bytes({"response": response.astype(np.complex64), **about})
-    write_whole(out / f"csi_tx{tx + 1}.npz", content)
+def write_csi(folder: Path, csi: Csi, n_tx: int, *, rx: tuple[float, ...] | None, plots: bool) -> None:
+    """Write the responses of the paths of a folder, and draw that of the receiver at `rx`, or of a chosen one."""
+    for tx in range(n_tx):
+        paths = Paths.read_parquet(folder / PATHS, tx)
+        paths = replace(paths, tx_position=paths.tx_position[tx : tx + 1], tx=np.zeros_like(paths.tx))
+        response = Channel.from_paths(paths, tx=csi.tx, rx=csi.rx).cfr(csi.offset_hz)[0]
+        arrays = {
+            "response": response.astype(np.complex64),
+            "offset_hz": csi.offset_hz,
+            "frequency_hz": paths.frequency_hz,
+            "tx_position_m": paths.tx_position[0],
+            "rx_position_m": paths.rx_position,
+        }
+        write_whole(folder / f"csi_tx{tx + 1}.npz", npz_bytes(arrays))
+        if plots:
+            near = [] if rx is None else np.linalg.norm(paths.rx_position[:, : len(rx)] - rx, axis=1)
+            drawn = choose_link(paths, 0) if rx is None else int(np.argmin(near))
+            title = "Frequency response, transmitter {} to ({:.2f}, {:.2f}, {:.2f}) m"
+            plot_response(
+                folder / f"csi_tx{tx + 1}.png",
+                response[drawn],
+                csi.offset_hz,
+                frequency_hz=paths.frequency_hz,
+                title=title.format(tx + 1, *paths.rx_position[drawn]),
+            )

@@ -23,7 +23,6 @@ from jaxtyping import Float, Int
 from rich.console import Console
 
 from robosim.building.multi_storey import Storeys
-from robosim.datasets.csi import Csi, write_link_csi, write_sampled_csi
 from robosim.datasets.link_units import (
     Site,
     csv_files,
@@ -160,7 +159,6 @@ def trace_plan(
     grid_m: float = 0.15,
     rx: tuple[float, ...] | None = None,
     plots: bool = True,
-    csi: Csi | None = None,
     workers: int = 1,
     cluster: str | None = None,
     console: Console | None = None,
@@ -169,8 +167,7 @@ def trace_plan(
 
     The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and `NAME_tx_pos.csv` in
     the format of mmwRobotNav; pictures of each transmitter, with rays to `rx` or to a receiver with many paths;
-    frequency responses `csi_txK.npz`, if there is `csi`; `trace.json`, whose content is returned.
-    After an interruption the same call resumes, to the same files.
+    `trace.json`, whose content is returned. After an interruption the same call resumes, to the same files.
 
     Raises:
         ValueError: If a position or the grid does not fit.
@@ -198,11 +195,6 @@ def trace_plan(
             )
             timing = progress.timing()
         states = _write_formats(scene, transmitters, grid, path, out, console)
-        if csi is not None:
-            for i in range(len(transmitters)):
-                with console.status(f"computing responses of transmitter {i + 1} of {len(transmitters)} ..."):
-                    paths = Paths.read_parquet(path, i)
-                    write_link_csi(out, paths, i, csi, drawn_rx=_drawn(paths, i, given_rx) if plots else None)
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
@@ -233,13 +225,11 @@ def trace_link(
     *,
     tx: tuple[tuple[float, ...], ...],
     rx: tuple[float, ...],
-    csi: Csi | None = None,
     console: Console | None = None,
 ) -> Paths:
     """Trace transmitters to one receiver; writes `paths.parquet`, and the rays of each as a picture.
 
-    With several storeys around, a second picture shows them all. Frequency responses are written as by
-    `trace_plan`.
+    With several storeys around, a second picture shows them all.
 
     Raises:
         ValueError: If a position does not fit.
@@ -257,8 +247,6 @@ def trace_link(
             plot_rays(out / f"rays_tx{i + 1}.png", scene.building, paths, i, 0, config.tx_power_dbm)
             if isinstance(scene.whole, Storeys):
                 plot_storeys(out / f"storeys_tx{i + 1}.png", scene.whole, paths, i, 0, config.tx_power_dbm)
-            if csi is not None:
-                write_link_csi(out, paths, i, csi, drawn_rx=0)
     return paths
 
 
@@ -270,14 +258,12 @@ def trace_along(
     tx: tuple[tuple[float, ...], ...],
     trajectory: Path,
     rate_hz: float,
-    plots: bool = True,
-    csi: Csi | None = None,
     console: Console | None = None,
 ) -> int:
     """Sample the channel from each transmitter to a receiver that moves along a TUM trajectory.
 
-    Writes `channel_txK.npz` for each, the arrays of `wireless.motion.impulse_responses.ImpulseResponses`, and frequency
-    responses as `trace_plan` does; returns the number of samples.
+    Writes `channel_txK.npz` for each, the arrays of `wireless.motion.impulse_responses.ImpulseResponses`; returns the
+    number of samples.
 
     Raises:
         ValueError: If a position does not fit, or the trajectory has fewer than two poses.
@@ -293,8 +279,6 @@ def trace_along(
         for i, one in enumerate(transmitters):
             channel = sample_channel(scene.tracer, one, rx, time_s, rate_hz=rate_hz)
             write_whole(out / f"channel_tx{i + 1}.npz", npz_bytes(vars(channel)))
-            if csi is not None:
-                write_sampled_csi(out, channel, i, csi, config.frequency_hz, plots=plots)
             samples = len(channel.time_s)
     return samples
 
@@ -383,13 +367,6 @@ def _write_formats(
         write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), int(reached.sum())))
     write_files(out, transmitters_file(name, transmitters))
     return states
-
-
-def _drawn(paths: Paths, tx: int, given_rx: Float[np.ndarray, "3"] | None) -> int:
-    """Receiver whose response is drawn: the nearest to a given one, or a chosen one."""
-    if given_rx is None:
-        return choose_link(paths, tx)
-    return int(np.linalg.norm(paths.rx_position - given_rx, axis=1).argmin())
 
 
 def _plot(

@@ -1,4 +1,4 @@
-"""Figures of frequency responses: of one link over frequency, and of a moving receiver over frequency and time."""
+"""Figure of the frequency response of one link."""
 
 from pathlib import Path
 
@@ -27,40 +27,15 @@ def plot_response(
         pair = f"{_PORTS[t]} to {_PORTS[r]}" if response.shape[0] > 1 else None
         marker = "." if len(offset_hz) <= 128 else ""
         if np.abs(response[r, t]).max() > _LEAST * np.abs(response).max():
-            axes.plot(offset_hz / 1e6, _decibels(response[r, t]), marker=marker, label=pair)
+            axes.plot(offset_hz / 1e6, 20 * np.log10(np.abs(response[r, t])), marker=marker, label=pair)
     if not response.any():
         axes.text(0.5, 0.5, "no path", transform=axes.transAxes, ha="center")
-    axes.set(xlabel=_offset_label(frequency_hz), ylabel="|H| [dB]", title=title)
+    axes.set(
+        xlabel=f"frequency from the carrier of {frequency_hz / 1e9:g} GHz [MHz]",
+        ylabel="|H| [dB]",
+        title=title,
+    )
     axes.grid(alpha=0.3)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize="small")
     save_figure(figure, path)
-
-
-def plot_over_time(
-    path: Path,
-    response: Complex[np.ndarray, "t f"],
-    time_s: Float[np.ndarray, " t"],
-    offset_hz: Float[np.ndarray, " f"],
-    *,
-    frequency_hz: float,
-    title: str,
-) -> None:
-    """Draw |H| in decibels over offsets from the carrier and time."""
-    figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
-    gain_db = np.where(response == 0, np.nan, _decibels(response))
-    image = axes.pcolormesh(
-        offset_hz / 1e6, time_s, gain_db, cmap="cividis", shading="nearest", rasterized=True
-    )
-    figure.colorbar(image, ax=axes, label="|H| [dB]")
-    axes.set(xlabel=_offset_label(frequency_hz), ylabel="time [s]", title=title)
-    save_figure(figure, path)
-
-
-def _decibels(response: Complex[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    with np.errstate(divide="ignore"):
-        return 20 * np.log10(np.abs(response))
-
-
-def _offset_label(frequency_hz: float) -> str:
-    return f"frequency from the carrier of {frequency_hz / 1e9:g} GHz [MHz]"

@@ -90,23 +90,15 @@ def test_a_channel_along_a_trajectory(plan_file, tmp_path, capsys, fails):
     """Two seconds at 50 Hz: 101 samples, whose direct path shortens at the robot's speed."""
     poses = np.column_stack([np.linspace(2, 1.5, 5), np.full(5, 1.0), np.zeros(5)])
     write_tum(tmp_path / "trajectory.tum", np.linspace(10, 12, 5), poses)
-    options = f"--tx 1,1 --along {tmp_path}/trajectory.tum --rate 50 --csi 16x5MHz --out {tmp_path}/out"
-    command = f"trace {plan_file} {options}"
+    command = f"trace {plan_file} --tx 1,1 --along {tmp_path}/trajectory.tum --rate 50 --out {tmp_path}/out"
     main(command.split())
     assert "101 impulse responses from 1 transmitter" in capsys.readouterr().out
     channel = np.load(tmp_path / "out" / "channel_tx1.npz")
     assert channel["gain"].shape[0] == 101 and channel["time_s"][[0, -1]].tolist() == [10, 12]
     np.testing.assert_allclose(channel["doppler_hz"][:, 0], 28e9 * 0.25 / 299792458, rtol=1e-9)
     np.testing.assert_allclose(channel["delay_s"][:, 0] * 299792458, np.linspace(1, 0.5, 101), atol=1e-9)
-    with np.load(tmp_path / "out" / "csi_tx1.npz") as file:
-        assert (
-            file["response"].shape == (101, 1, 1, 16)
-            and file["time_s"].tolist() == channel["time_s"].tolist()
-        )
-        centre = channel["gain"][:, :, 0, 0].sum(axis=1)
-        np.testing.assert_allclose(file["response"][:, 0, 0, 8], centre, rtol=1e-4)
-    assert (tmp_path / "out" / "csi_tx1.png").exists()
-    assert "either a trajectory or places of receivers" in fails(*command.split(), "--rx", "2,2")
+    for other in (("--rx", "2,2"), ("--csi", "64x1MHz")):
+        assert "either a trajectory or places of receivers" in fails(*command.split(), *other)
 
 
 def test_a_transmitter_in_a_part_of_its_own_is_reported(tmp_path, capsys):
