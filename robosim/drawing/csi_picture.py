@@ -27,14 +27,12 @@ def plot_response(
         pair = f"{_PORTS[t]} to {_PORTS[r]}" if response.shape[0] > 1 else None
         marker = "." if len(offset_hz) <= 128 else ""
         if np.abs(response[r, t]).max() > _LEAST * np.abs(response).max():
-            axes.plot(offset_hz / 1e6, 20 * np.log10(np.abs(response[r, t])), marker=marker, label=pair)
+            gain_db = 20 * np.log10(np.maximum(np.abs(response[r, t]), 1e-300))
+            axes.plot(offset_hz / 1e6, gain_db, marker=marker, label=pair)
     if not response.any():
         axes.text(0.5, 0.5, "no path", transform=axes.transAxes, ha="center")
-    axes.set(
-        xlabel=f"frequency from the carrier of {frequency_hz / 1e9:g} GHz [MHz]",
-        ylabel="|H| [dB]",
-        title=title,
-    )
+    label = f"frequency from the carrier of {frequency_hz / 1e9:g} GHz [MHz]"
+    axes.set(xlabel=label, ylabel="|H| [dB]", title=title)
     axes.grid(alpha=0.3)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize="small")

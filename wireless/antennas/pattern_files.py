@@ -97,6 +97,8 @@ def _grid(file: BinaryIO) -> PatternElement:
     _check_gaps(azimuths, "azimuth_deg")
     if len(elevations) < 2 or np.diff(elevations, prepend=-90, append=90).max() > _GAP_DEG:
         raise ValueError(f"elevation_deg leaves out more than {_GAP_DEG:g} degrees between -90 and 90")
+    if (size := len(elevations) * len(azimuths)) > 2 * len(gain):
+        raise ValueError(f"it has {len(gain)} rows for {size} pairs of angles")
     grid = np.full((len(elevations), len(azimuths)), np.nan)
     grid[row, column] = gain
     if np.isnan(grid).any():

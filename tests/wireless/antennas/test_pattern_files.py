@@ -150,6 +150,7 @@ DAMAGED_CSV = [
     (lambda lines: [lines[0].replace("gain_dbi", "gain"), *lines[1:]], "column gain_dbi is missing"),
     (lambda lines: lines[:-1], "there is no gain at azimuth 177 and elevation 90"),
     (lambda lines: [*lines[:5], "0,95,1.0", *lines[6:]], "elevation_deg of row 5 is 95.0, expected -90 to 90"),
+    (lambda lines: [*lines, *(f"{k / 50},{k / 50},0" for k in range(4000))], "it has 11320 rows for 16"),
     (lambda lines: [*lines, "0,0,7.5"], "gives a direction another gain than a later row"),
     (lambda lines: [line for line in lines if line[0] != "-"], "azimuth_deg leaves out 183 degrees after 177"),
     (lambda lines: [line for line in lines if ",-" not in line], "elevation_deg leaves out more than 45 degrees"),
