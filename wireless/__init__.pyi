@@ -14,6 +14,13 @@ from wireless.em.materials import Layer as Layer
 from wireless.em.materials import Material as Material
 from wireless.em.materials import permittivity as permittivity
 
+# Channels between antennas
+from wireless.channel import Channel as Channel
+from wireless.channel import subcarriers as subcarriers
+from wireless.antennas.mounting import MountedArray as MountedArray
+from wireless.antennas.arrays import Array as Array
+from wireless.antennas.elements import element_named as element_named
+
 # Moving people
 from wireless.motion.bodies import Bodies as Bodies
 from wireless.motion.bodies import people as people

@@ -43,6 +43,9 @@ def trace(
     rx: Place = None,
     along: Path | None = None,
     rate: Annotated[float, Range(1e-3, 1e6, "Hz")] = 100.0,
+    csi: str | None = None,
+    tx_antenna: str = "isotropic",
+    rx_antenna: str = "isotropic",
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -69,6 +72,12 @@ def trace(
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.
         rate: Impulse responses per second, with --along.
+        csi: Subcarriers of frequency responses (channel state information): their number and spacing, such as
+            64x312.5kHz. Writes csi_txK.npz and csi_txK.png for each transmitter.
+        tx_antenna: Antenna of transmitters with --csi: patch, 3gpp, isotropic, dipole, or a pattern file (.msi, .pln,
+            .csv), and its yaw, pitch (down) and roll [degrees], such as sector.msi,90,6. Paths stay those between
+            isotropic antennas.
+        rx_antenna: Antenna of receivers with --csi; likewise.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         polarisation: Polarisation of all antennas; both takes the mean.
@@ -78,6 +87,7 @@ def trace(
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
+    from robosim.datasets.csi import parse_csi, write_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
     from robosim.radio.receivers import check_step
 
@@ -85,8 +95,16 @@ def trace(
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
-    if along is not None and (grid is not None or rx is not None):
-        raise ValueError("along is given with grid or rx: give either a trajectory or places of receivers.")
+    if along is not None and (grid is not None or rx is not None or csi is not None):
+        raise ValueError(
+            "along is given with grid, rx or csi: give either a trajectory or places of receivers."
+        )
+    if csi is None and not tx_antenna == rx_antenna == "isotropic":
+        raise ValueError(
+            "tx_antenna or rx_antenna is given, which count with --csi only. Give --csi 64x312.5kHz."
+        )
+    antennas = {"tx_antenna": tx_antenna, "rx_antenna": rx_antenna}
+    responses = None if csi is None else parse_csi(csi, config.frequency_hz, polarisation, antennas)
     alone = grid is None and rx is not None
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     floor_plan = read_storey(plan, storey, reading)
@@ -100,6 +118,9 @@ def trace(
         return
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
+        if responses is not None:
+            write_csi(folder, responses, len(tx), rx=rx, plots=plots)
+            console.print(f"Wrote csi_tx1.npz in {folder}")
         _report_link(floor_plan, paths, folder)
         return
     with resume_hint(folder):
@@ -115,13 +136,15 @@ def trace(
             cluster=work.cluster,
             console=console,
         )
+        if responses is not None:
+            write_csi(folder, responses, len(tx), rx=rx, plots=plots)
     emit_result(result, folder)
     timing, states = result["timing"], result["states"]
     shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
-    drawn = ", *.png" if plots else ""
+    drawn = ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else "")
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"

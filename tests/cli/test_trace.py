@@ -97,7 +97,8 @@ def test_a_channel_along_a_trajectory(plan_file, tmp_path, capsys, fails):
     assert channel["gain"].shape[0] == 101 and channel["time_s"][[0, -1]].tolist() == [10, 12]
     np.testing.assert_allclose(channel["doppler_hz"][:, 0], 28e9 * 0.25 / 299792458, rtol=1e-9)
     np.testing.assert_allclose(channel["delay_s"][:, 0] * 299792458, np.linspace(1, 0.5, 101), atol=1e-9)
-    assert "either a trajectory or places of receivers" in fails(*command.split(), "--rx", "2,2")
+    for other in (("--rx", "2,2"), ("--csi", "64x1MHz")):
+        assert "either a trajectory or places of receivers" in fails(*command.split(), *other)
 
 
 def test_a_transmitter_in_a_part_of_its_own_is_reported(tmp_path, capsys):
@@ -166,3 +167,57 @@ def test_the_free_point_that_is_named_will_do(wrong):
         scene.places((wrong,), "tx")
     x, y = re.findall(r"point is \((-?[\d.]+), (-?[\d.]+)\)", str(rejected.value))[0]
     scene.places(((float(x), float(y)),), "tx")
+
+
+def test_frequency_responses_are_written_and_drawn(plan_file, tmp_path, capsys, fails):
+    """One link with both polarisations: the sum over its paths. A grid: all receivers; resumed with another --csi."""
+    link, grid = tmp_path / "link", tmp_path / "grid"
+    ends = f"{plan_file} --tx 1,1 --rx 5,1.2 --polarisation both --floor-ceiling"
+    main(f"trace {ends} --csi 64x312.5kHz --out {link}".split())
+    paths = Paths.read_parquet(link / "paths.parquet")
+    offset_hz = (np.arange(64) - 32) * 312.5e3
+    want = np.einsum(
+        "nrt,nf->rtf", paths.gain, np.exp(-2j * np.pi * np.outer(paths.delay_s, offset_hz)), optimize=True
+    )
+    with np.load(link / "csi_tx1.npz") as file:
+        np.testing.assert_array_equal(file["offset_hz"], offset_hz)
+        np.testing.assert_allclose(file["response"][0], want, atol=1e-6 * np.abs(want).max())
+    assert (link / "csi_tx1.png").exists() and "csi_tx1.npz" in capsys.readouterr().out
+    command = f"trace {plan_file} --tx 0.7,1.5 --tx 5.5,2.5 --grid 0.8 --csi 8x1MHz --workers 1 --out {grid}"
+    main([*command.split(), "--no-plots"])
+    main(command.replace("8x1MHz", "3x20MHz").split())
+    paths = Paths.read_parquet(grid / "paths.parquet")
+    with np.load(grid / "csi_tx2.npz") as file:
+        assert file["response"].shape == (len(paths.rx_position), 1, 1, 3)
+        present = np.abs(file["response"]).any(axis=(1, 2, 3))
+        assert (present == (paths.count()[1] > 0)).all()
+        some = paths.between(1, int(np.argmax(present)))
+        want = (some.gain[:, 0, 0] * np.exp(2j * np.pi * 20e6 * some.delay_s)).sum()
+        assert file["response"][some.rx[0], 0, 0, 0] == pytest.approx(want, rel=1e-5)
+    assert (grid / "csi_tx2.png").exists()
+    for text in ("64", "0x1MHz", "64x312.5khz", "64x1GHz", "70000x1Hz", "3x0kHz"):
+        assert f"csi is '{text}', expected a number of subcarriers" in fails(*command.split(), "--csi", text)
+
+
+def test_antennas_of_frequency_responses(plan_file, tmp_path, fails):
+    """A 3GPP element that faces the receiver, or turned away: 30 dB; a pattern file with its gain as given, 6 dBi."""
+    cut = "\n".join(f"{angle} 3.0" for angle in range(0, 360, 10))
+    (tmp_path / "even.msi").write_text(f"GAIN 9 dBi\nHORIZONTAL 36\n{cut}\nVERTICAL 36\n{cut}\n")
+    link = f"trace {plan_file} --tx 1,1 --rx 2.5,1 --max-reflections 0 --no-diffraction --csi 1x1MHz"
+    gains = {}
+    for name in ("isotropic", "3gpp", "3gpp,180", f"{tmp_path}/even.msi,90,10,20"):
+        out = tmp_path / f"out{len(gains)}"
+        main([*link.split(), "--tx-antenna", name, "--out", str(out)])
+        with np.load(out / "csi_tx1.npz") as file:
+            gains[name] = 20 * np.log10(np.abs(file["response"][0, 0, 0, 0]))
+    isotropic, facing, away, given = gains.values()
+    assert facing - away == pytest.approx(30, abs=1e-3)
+    assert given < isotropic + 6 and given == pytest.approx(
+        isotropic + 6, abs=0.6
+    )  # turned by 20 degrees: -0.5 dB
+    assert "tx_antenna is '3gpp,left', expected an element" in fails(
+        *link.split(), "--tx-antenna", "3gpp,left"
+    )
+    assert "Known: patch, 3gpp" in fails(*link.split(), "--rx-antenna", "dish")
+    assert "absent.msi: no such file" in fails(*link.split(), "--rx-antenna", "absent.msi")
+    assert "which count with --csi" in fails(*link.split()[:-2], "--rx-antenna", "3gpp")

@@ -68,6 +68,7 @@ def make_seeds(folder: Path) -> list[str]:
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
+        antennas,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -428,6 +429,16 @@ def robots(folder: Path) -> None:
         "- {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}\n"
         "- {material: glass, thickness_m: 0.006}\n"
     )
+
+
+def antennas(folder: Path) -> None:
+    """Patterns of antennas: two cuts, and a grid."""
+    home = _into(folder, "antennas")
+    cuts = [f"{angle} {min(abs(angle - 180), 25)}" for angle in range(0, 360, 10)]
+    text = ["NAME a", "GAIN 8.15 dBi", "HORIZONTAL 36", *cuts, "VERTICAL 36", *cuts]
+    (home / "a.msi").write_text("\n".join(text))
+    grid = [f"{a},{e},{a / 100 - e / 10}" for a in range(0, 360, 30) for e in range(-90, 91, 30)]
+    (home / "a.csv").write_text("\n".join(["azimuth_deg,elevation_deg,gain_dbi", *grid]))
 
 
 def furnishings(folder: Path) -> None:

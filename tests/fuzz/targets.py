@@ -53,6 +53,8 @@ from slam.networks.files import load_mapper, load_pose
 from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from tests.fuzz.seeds import COLLECTED, SEARCHES, small_plan
 from tests.plans import two_rooms
+from wireless.antennas.elements import sphere
+from wireless.antennas.pattern_files import read_pattern
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import read_tx_positions
@@ -323,6 +325,11 @@ def _episode_with_config(folder: Path, file: Path) -> None:
         main(["episode", "flat", "--config", str(file), "--no-video", "--out", str(folder / "out")])
 
 
+def _antenna(folder: Path, file: Path) -> None:
+    """Whatever is read has a gain everywhere."""
+    assert np.isfinite(read_pattern(file).amplitude(sphere(8)[0])).all()
+
+
 def _trace_with_material(folder: Path, file: Path) -> None:
     with _only_reading("wireless.tracing.tracer.Tracer.trace"):
         ends = "--tx 6.5,8.5 --rx 5.6,9.9"
@@ -384,6 +391,7 @@ TARGETS: dict[str, Target] = {
     "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
     "layers of a wall": Target("robots", "wall.yaml", lambda folder, file: read_material(file), 0.5),
+    "antenna": Target("antennas", "*", _antenna, 2),
     "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),

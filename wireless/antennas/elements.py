@@ -4,7 +4,7 @@ An element looks along its own +x; y is to its left and z up. Its amplitude is t
 per direction, in any unit: arrays scale it to directivity. The directivity is the power density over its mean
 over the sphere, so that it integrates to 4 pi. All elements are vertically polarised.
 Left out: cross-polarisation, losses, the edge of the ground plane (nothing is sent behind the patch).
-Reference: C. A. Balanis, Antenna Theory, 4th ed., 14.2 (the patch as a cavity with two radiating slots);
+Reference: C. A. Balanis, Antenna Theory, 4th ed., 14.2 (the patch as a cavity with two radiating slots), 4.5 (dipole);
 3GPP TR 38.901 V17, table 7.3-1 (an element of a base station).
 """
 
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim_support.checks import Range, checked
+from wireless.antennas.pattern_files import SUFFIXES, read_pattern
 
 #: What to do about thick substrates.
 _THIN = "The cavity model is one of thin substrates."
@@ -89,23 +90,45 @@ class SectorElement:
         return 10 ** (-np.minimum(across + along, self.floor_db) / 20)
 
 
+@dataclass(frozen=True, kw_only=True)
+@checked
+class DipoleElement:
+    """Thin wire along z, fed in its middle, with a current of sinusoidal form."""
+
+    length_wl: Annotated[float, Range(0.001, 1.0, "wavelengths")] = 0.5
+    """Length of the wire, in wavelengths."""
+
+    def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+        """Size of the far field (Balanis 4-62)."""
+        z, half = direction[..., 2], np.pi * self.length_wl
+        across = np.sqrt(np.maximum(1 - z**2, 0))
+        # The difference of two cosines as a product, exact also for short wires.
+        field = 2 * np.sin(half * (1 + z) / 2) * np.sin(half * (1 - z) / 2)
+        return np.divide(field, across, out=np.zeros_like(field), where=across > 1e-9)
+
+
 #: Elements by name.
 ELEMENTS: dict[str, Element] = {
     "patch": PatchElement(),
     "3gpp": SectorElement(),
     "isotropic": IsotropicElement(),
+    "dipole": DipoleElement(),
 }
 
 
 def element_named(name: str) -> Element:
-    """An element by its name.
+    """An element by its name, or of a pattern file (`wireless.antennas.pattern_files`).
 
     Raises:
         ValueError: If there is none of this name.
+        FileError: If the file is missing or damaged.
     """
-    if name not in ELEMENTS:
-        raise ValueError(f"Unknown antenna element {name!r}. Known: {', '.join(ELEMENTS)}.")
-    return ELEMENTS[name]
+    if name in ELEMENTS:
+        return ELEMENTS[name]
+    if name.endswith(SUFFIXES):
+        return read_pattern(name)
+    files = " or ".join([", ".join(SUFFIXES[:-1]), SUFFIXES[-1]])
+    raise ValueError(f"Unknown antenna element {name!r}. Known: {', '.join(ELEMENTS)}, or a {files} file.")
 
 
 def unit_vector(

@@ -6,6 +6,7 @@ from scipy.integrate import dblquad
 
 from wireless.antennas.elements import (
     ELEMENTS,
+    DipoleElement,
     PatchElement,
     SectorElement,
     directivity,
@@ -63,9 +64,20 @@ def test_sector_element_meets_its_table():
     np.testing.assert_allclose(got, [0, -3, -3, -6, -30, -both], atol=1e-9)
 
 
+def test_dipoles_have_the_directivity_of_the_textbook():
+    """Balanis 4-91, table 4.1: 1.643 for half a wave, 1.5 for a short wire, 2.41 for a full wave; 0 along the wire."""
+    side = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    for length_wl, want in ((0.5, 1.6409), (0.001, 1.5), (1.0, 2.411)):
+        got = directivity(DipoleElement(length_wl=length_wl), side)
+        assert got[0] == pytest.approx(want, rel=1e-3) and got[1] == 0
+    at = unit_vector(np.array([0.3]), np.array([0.7]))
+    theta = np.pi / 2 - 0.7
+    assert DipoleElement().amplitude(at) == pytest.approx(np.cos(np.pi / 2 * np.cos(theta)) / np.sin(theta))
+
+
 def test_bad_elements_are_named():
     """The message says what is known, and what is out of range."""
-    with pytest.raises(ValueError, match=r"'dish'. Known: patch, 3gpp, isotropic"):
+    with pytest.raises(ValueError, match=r"'dish'. Known: patch, 3gpp, .*, or a .csv, .msi or .pln file"):
         element_named("dish")
     with pytest.raises(ValueError, match=r"thickness_wl is 0.2"):
         PatchElement(thickness_wl=0.2)

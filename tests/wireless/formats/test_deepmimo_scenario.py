@@ -10,7 +10,7 @@ import json
 import numpy as np
 import pytest
 
-from wireless import Interaction, Tracer, TracerConfig
+from wireless import Array, Channel, Interaction, MountedArray, Tracer, TracerConfig, element_named
 from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
 
 TX = np.array([[1.0, 1.4, 1.5], [4.0, 3.1, 1.2]])
@@ -157,3 +157,20 @@ def test_the_package_itself_reads_what_was_traced(scenarios, paths, mesh, monkey
         mesh.bounds
     )
     assert [material.name for material in loaded.materials] == ["metal", "drywall"]
+
+
+def test_the_package_itself_computes_the_same_channels(scenarios, paths, monkeypatch):
+    """`compute_channels` of a turned array of 4 x 2: our frequency response over sqrt(N); bound 1e-5 by its 32 bits."""
+    deepmimo = pytest.importorskip("deepmimo", reason="needs the deepmimo package, which is not installed")
+    monkeypatch.chdir(scenarios.parent)
+    parameters = deepmimo.ChannelParameters(
+        bs_antenna={"shape": [4, 2], "spacing": 0.5, "rotation": [0, 0, 30]},
+        ue_antenna={"shape": [1, 1]},
+        ofdm={"subcarriers": 64, "selected_subcarriers": np.arange(64), "bandwidth": 20e6},
+    )
+    theirs = deepmimo.load("box")[0].compute_channels(parameters)[:, 0]
+    z, y = np.indices((2, 4)).reshape(2, 8)
+    array = Array(element=element_named("isotropic"), position_wl=np.column_stack([0 * y, y / 2, z / 2]))
+    channel = Channel.from_paths(paths, tx=MountedArray(array=array, yaw_rad=np.radians(30)))
+    ours = channel.cfr(np.arange(64) * 20e6 / 64)[0, :, 0] / 8
+    np.testing.assert_allclose(theirs, ours, atol=1e-5 * np.abs(ours).max())
