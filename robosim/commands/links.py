@@ -114,13 +114,13 @@ def trace(
         )
         emit_result({"plan": floor_plan.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
-        console.print(f"Wrote channel_tx1.npz in {folder}")
+        console.print(f"Wrote channel_{_numbers(len(tx))}.npz in {folder}")
         return
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         if responses is not None:
             write_csi(folder, responses, len(tx), rx=rx, plots=plots)
-            console.print(f"Wrote csi_tx1.npz in {folder}")
+            console.print(f"Wrote csi_{_numbers(len(tx))}.npz in {folder}")
         _report_link(floor_plan, paths, folder)
         return
     with resume_hint(folder):
@@ -149,6 +149,11 @@ def trace(
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
+
+
+def _numbers(n_tx: int) -> str:
+    """The transmitters as in names of files."""
+    return "tx1" if n_tx == 1 else f"tx1 to tx{n_tx}"
 
 
 def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path) -> None:
