@@ -2,7 +2,7 @@
 
 Columns beacon, beacon_x_m, beacon_y_m, beacon_z_m, x_m, y_m and power_dbm are required, z_m and heading_rad are
 optional, and others are ignored. Positions are in the frame of the plan. An empty power or nan is a reading that was
-not received, and so is a row that is missing.
+not received, and so is a row that is missing. Powers of a beacon at the same place and heading are averaged.
 """
 
 import csv
@@ -73,23 +73,21 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
             raise ValueError(f"column {missing[0]!r} is missing")
         optional = [name for name in ("z_m", "heading_rad") if name in columns]
         beacons: dict[str, tuple[float, ...]] = {}
-        readings: dict[tuple[float, ...], dict[str, float]] = {}
+        readings: dict[tuple[float, ...], dict[str, list[float]]] = {}
         for row in rows:
             values = {name: _number(row[name], name, rows.line_num) for name in (*COLUMNS[1:], *optional)}
-            name = row["beacon"].strip()
+            name = (row["beacon"] or "").strip()
+            if not name:
+                raise ValueError(f"line {rows.line_num}: beacon is empty, expected a name or number")
             at = values["beacon_x_m"], values["beacon_y_m"], values["beacon_z_m"]
             if beacons.setdefault(name, at) != at:
                 raise ValueError(
                     f"line {rows.line_num}: beacon {name!r} is at {at}, and at {beacons[name]} before"
                 )
             place = values["x_m"], values["y_m"], values.get("z_m", height_m), values.get("heading_rad", 0.0)
-            if (
-                readings.setdefault(place, {}).setdefault(name, values["power_dbm"])
-                is not values["power_dbm"]
-            ):
-                raise ValueError(
-                    f"line {rows.line_num}: beacon {name!r} was read twice at one place and heading"
-                )
+            received = readings.setdefault(place, {}).setdefault(name, [])
+            if not np.isnan(values["power_dbm"]):
+                received.append(values["power_dbm"])
         if not readings:
             raise ValueError("there is no reading in it")
         places = np.array(list(readings))
@@ -98,7 +96,7 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
             beacons=np.array(list(beacons.values())),
             places=places[:, :3],
             heading_rad=places[:, 3] if "heading_rad" in columns else None,
-            power_dbm=np.array([[of.get(name, np.nan) for of in readings.values()] for name in beacons]),
+            power_dbm=np.array([[_mean(of.get(name)) for of in readings.values()] for name in beacons]),
         )
         for name, power in zip(measured.names, measured.power_dbm, strict=True):
             received = ~np.isnan(power)
@@ -109,6 +107,11 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
                         f"expected {_LEAST_READINGS} or more"
                     )
         return measured
+
+
+def _mean(powers: list[float] | None) -> float:
+    """Mean of the powers that were received; NaN if none was."""
+    return float(np.mean(powers)) if powers else np.nan
 
 
 def _number(text: str | None, column: str, line: int) -> float:
