@@ -19,6 +19,9 @@ from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robots import write_robot
 from robosim.support.checks import FREQUENCY_HZ, SEED, Range
 
+#: Minima of the fit to powers are reported up to this difference of logarithms of the posterior.
+_LIKELY = 2.0
+
 if TYPE_CHECKING:
     from robosim.published.measured_powers import MeasuredPowers
     from robosim.published.power_fit import PowerFitConfig
@@ -47,8 +50,8 @@ def calibrate_materials(
     then for each colour. Paths are paired by delay (1 ns) and both azimuths (5 degrees). Writes materials.json,
     measured.png and, if the plan has colours, the plan with the chosen materials.
 
-    Powers: Permittivity, conductivity and thickness of the walls without a colour, an offset of each beacon and
-    patterns of the antennas are fitted in every other square of 1 m of the floor and tested in the rest. Writes
+    Powers: Permittivity and conductivity of the walls without a colour, an offset of each beacon and patterns of the
+    antennas are fitted in every other square of 1 m of the floor and tested in the rest. Writes
     materials.json, wall.yaml (a material for plans and --material), measured.png and residuals.png.
 
     Example: robosim calibrate-materials hall.yaml paths.csv --turn-deg -1.6 --out out/hall
@@ -66,7 +69,7 @@ def calibrate_materials(
         height: Height of both ends of paths, and of places without z_m [m].
         range_db: Traced paths that are weaker than the strongest of their place by more than this are ignored [dB].
         ceiling: Height of the ceiling, for powers [m].
-        wall_thickness: Thickness of walls that the fit to powers starts from, to about 20 % [m].
+        wall_thickness: Thickness of walls, for powers [m].
         sensitivity_dbm: Lowest power that the receiver reports [dBm]; no limit if not given.
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
@@ -139,10 +142,11 @@ def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitCo
                 name: dict(zip(("value", "std"), pair, strict=True)) for name, pair in fit.parameters.items()
             },
             "log_covariance_of_wall": fit.log_covariance,
+            "minima": [dict(zip((*WALL_PARAMETERS, "less_likely"), one, strict=True)) for one in fit.minima],
             "rms_db": {name: dict(zip(halves, errors, strict=True)) for name, errors in fit.rms_db.items()},
         },
     )
-    layer = {name: fit.parameters[name][0] for name in WALL_PARAMETERS}
+    layer = {name: getattr(fit.wall.layers[0], name) for name in (*WALL_PARAMETERS, "thickness_m")}
     write_whole(folder / "wall.yaml", yaml.safe_dump({"name": fit.wall.name, "layers": [layer]}).encode())
     draw_powers(measured, fit, folder / "measured.png")
     draw_residuals(measured, fit, folder / "residuals.png")
@@ -154,6 +158,8 @@ def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitCo
     for name in WALL_PARAMETERS:
         value, std = fit.parameters[name]
         console.print(f"{name} {value:.3g}, standard deviation {std:.2g}")
+    if others := [f"{one[0]:.3g}" for one in fit.minima[1:] if one[2] < _LIKELY]:
+        console.print(f"Nearly as likely are relative permittivities of {', '.join(others)}.")
     console.print(f"Wrote materials.json, wall.yaml, measured.png and residuals.png in {folder}")
 
 

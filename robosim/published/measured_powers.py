@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from robosim_support.reading import reading
 
@@ -45,12 +45,6 @@ class MeasuredPowers:
     def held_out(self) -> Bool[np.ndarray, " n"]:
         """Places that are not for the fit: in every other square of a checkerboard of `BLOCK_M`."""
         return np.floor(self.places[:, :2] / BLOCK_M).sum(axis=1) % 2 == 1
-
-    @property
-    def block(self) -> Int[np.ndarray, " n"]:
-        """Number of the square of each place."""
-        corner = np.floor(self.places[:, :2] / BLOCK_M)
-        return np.unique(corner, axis=0, return_inverse=True)[1].ravel()
 
 
 def is_table_of_powers(path: Path) -> bool:

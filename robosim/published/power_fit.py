@@ -1,20 +1,22 @@
-"""Permittivity, conductivity and thickness of walls from received powers alone, fitted to half of the floor.
+"""Permittivity and conductivity of walls from received powers alone, fitted to half of the floor.
 
 The predicted power of a reading is the incoherent sum of the powers of its traced paths, as fading over a wavelength is
-not predictable; times the patterns of both antennas, plus the offset of the beacon, and at least the sensitivity:
-    P = max(S, O_b + 10 log10 sum_i p_i(walls) 10^((g(arrival_i - heading) + g_b(departure_i)) / 10)),
+not predictable, times the patterns of both antennas, plus the offset of the beacon:
+    P = O_b + 10 log10 sum_i p_i(walls) cos^2(elevation_i) 10^((g(arrival_i - heading) + g_b(departure_i)) / 10),
     g(a) = cos(elevation) sum_k c_k cos(k a) + s_k sin(k a).
-The receiver's pattern g, which contains the robot's body, needs headings. Readings not received do not count.
+The receiver is a short vertical dipole (cos^2), whose pattern g contains the robot's body and needs headings. Readings
+not received do not count. With a sensitivity S, weaker readings are reported as S: the prediction is the mean of
+max(P + n, S) over normal errors n.
 
 Least squares with normal priors: of the walls in the logarithm, of the patterns in decibels, of the offsets none.
-Errors of near readings are alike, so that `_ALIKE` readings count as one against the priors, and standard deviations
-come from the sums of errors over the readings of a beacon in each block (the sandwich formula with clusters).
-Layers have resonances, so several first permittivities are tried on some of the places. Paths are traced with the first
-walls, and again with the fitted ones; in between only their powers are computed again (`Tracer.reweigh`).
+Errors of near readings are alike, so that `_ALIKE` readings count as one, also in the standard deviations.
+A layer resonates: permittivities at which it is another number of half wavelengths thick explain powers equally well.
+So the thickness must be given, and the prior decides: several first permittivities are tried on some of the places. The
+standard deviations are those around the best minimum, and other minima are reported with it. Paths are traced with the
+first walls, and again with the fitted ones; in between only their powers are computed again (`Tracer.reweigh`).
 
 Left out: quantised readings (1 dB adds 0.08 dB2 to the variance); an excess loss by furniture, which did not reduce the
 error in the flat of `tests.benchmarks.warsaw_powers`.
-Reference of the sandwich formula: Liang and Zeger, Biometrika 73, 13, 1986.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,6 +27,7 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float
 from scipy.optimize import OptimizeResult, least_squares
+from scipy.stats import norm
 
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
@@ -34,18 +37,20 @@ from wireless.em.materials import Layer, Material
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
 
-#: Standard deviations of the priors: logarithms of permittivity, conductivity and thickness; first order of a pattern.
-_PRIOR, _PATTERN_DB = np.array([0.4, 1.0, 0.2]), 2.0
-#: Error of a reading [dB], and how many that are near each other count as one.
+#: Standard deviations of the priors: logarithms of permittivity and conductivity; first order of a pattern [dB].
+_PRIOR, _PATTERN_DB = (0.4, 1.0), 2.0
+#: Error of a reading [dB], and how many readings that are near each other count as one.
 _ERROR_DB, _ALIKE = 6.0, 9
-#: First permittivities over that of the prior, and places that they are compared on.
-_FIRST, _SOME = (0.6, 1.0, 1.6), 300
+#: First permittivities over that of the prior, half a resonance apart, and places that they are compared on.
+_FIRST, _SOME = np.geomspace(0.5, 2, 7), 200
 #: Share of the power of each link that its weakest paths may have together to be dropped.
 _DROPPED = 0.005
 #: Places and beacons within walls are moved by no more than this, and so far from walls [m].
 _MOVED_M, _OFF_M = 0.5, 0.01
 #: Names of the fitted parameters of walls.
-WALL_PARAMETERS = ("relative_permittivity", "conductivity_spm", "thickness_m")
+WALL_PARAMETERS = ("relative_permittivity", "conductivity_spm")
+#: Permittivities that differ by less than this share are of the same minimum.
+_SAME = 0.1
 #: Step of numerical derivatives by logarithms.
 _STEP = 0.02
 #: What is traced by default.
@@ -65,7 +70,7 @@ class PowerFitConfig:
     conductivity_spm: Annotated[float, Range(1e-4, 10, "S/m")] = 0.03
     """Conductivity of walls before the fit [S/m]."""
     thickness_m: Annotated[float, Range(1e-3, 2, "m")] = 0.1
-    """Thickness of walls before the fit [m]."""
+    """Thickness of walls [m]."""
     sensitivity_dbm: float = -np.inf
     """Lowest power of a reading [dBm]."""
     receiver_orders: Annotated[int, Range(0, 8)] = 2
@@ -82,10 +87,13 @@ class PowerFit:
     wall: Material
     """The fitted wall."""
     parameters: dict[str, tuple[float, float]]
-    """Value and standard deviation: relative_permittivity, conductivity_spm [S/m], thickness_m [m], then by beacon the
-    offset [dBm], then coefficients of patterns [dB]."""
-    log_covariance: Float[np.ndarray, "3 3"]
-    """Covariance of the logarithms of the three parameters of walls."""
+    """Value and standard deviation: relative_permittivity, conductivity_spm [S/m], then by beacon the offset [dBm],
+    then coefficients of patterns [dB]."""
+    log_covariance: Float[np.ndarray, "2 2"]
+    """Covariance of the logarithms of the two parameters of walls."""
+    minima: list[tuple[float, float, float]]
+    """Permittivity and conductivity [S/m] at each minimum on some of the places, and by how much its logarithm of the
+    posterior is less than that of the best one."""
     predicted_dbm: Float[np.ndarray, "b n"]
     """Prediction of each reading, also of those not received."""
     rms_db: dict[str, tuple[float, float, float, float]]
@@ -115,12 +123,12 @@ class _Model:
         config: PowerFitConfig,
     ) -> None:
         self._scene, self._some = scene, some.ravel()
-        self.measured_dbm, self._floor_dbm = measured.power_dbm[some], config.sensitivity_dbm
-        self.block = np.nonzero(some)[0] * len(measured.places) + measured.block[np.nonzero(some)[1]]
+        self.measured_dbm, self._sensitivity_dbm = measured.power_dbm[some], config.sensitivity_dbm
         self._paths = paths = scene.paths.select(self._some[scene.paths.link])
         base = scene.tracer.reweigh(paths, scene.building.materials)
         # Of a wall passed across its corner one face is not listed: the ratio is more exact than the power.
-        self._traced = np.divide(paths.power, base, out=np.zeros(len(paths)), where=base > 0)
+        power = paths.power * np.cos(paths.aoa_el) ** 2
+        self._traced = np.divide(power, base, out=np.zeros(len(paths)), where=base > 0)
         columns, deviations = [], []
         if measured.heading_rad is not None:
             columns += _harmonics(
@@ -133,7 +141,8 @@ class _Model:
             deviations += _deviations(config.beacon_orders)
         self._basis = np.array(columns).reshape(-1, len(paths))
         self._of_beacon = np.repeat(np.eye(len(measured.names)), some.shape[1], axis=0)[self._some]
-        prior = np.log([config.permittivity, config.conductivity_spm, config.thickness_m])
+        self._thickness_m = config.thickness_m
+        prior = np.log([config.permittivity, config.conductivity_spm])
         self.mean = np.concatenate([prior, np.zeros(len(measured.names) + len(columns))])
         """Parameters before the fit: logarithms of the wall, offsets of beacons, coefficients of patterns."""
         self.precision = 1 / np.concatenate([_PRIOR, np.full(len(measured.names), np.inf), deviations])
@@ -141,21 +150,21 @@ class _Model:
         self._last: tuple[bytes, Float[np.ndarray, " p"]] = b"", base
 
     def predict(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, " m"]:
-        """Powers of the readings for some parameters."""
-        sums = np.maximum(self._sum(self._powers(x)), 1e-300)
-        offset = self._of_beacon @ x[3 : 3 + self._of_beacon.shape[1]]
-        return np.maximum(10 * np.log10(sums) + offset, self._floor_dbm)
+        """Powers of the readings for some parameters, at least the sensitivity."""
+        power_dbm, least_dbm = self._predict(x), self._sensitivity_dbm
+        if least_dbm == -np.inf:
+            return power_dbm
+        above = (power_dbm - least_dbm) / _ERROR_DB
+        return least_dbm + _ERROR_DB * (above * norm.cdf(above) + norm.pdf(above))
 
     def derivatives(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, "m k"]:
         """Derivatives of `predict`."""
-        here, powers = self.predict(x), self._powers(x)
+        here, powers = self._predict(x), self._powers(x)
         sums = np.maximum(self._sum(powers), 1e-300)
         patterns = [self._sum(powers * wave) / sums for wave in self._basis]
-        steps = _STEP * np.eye(3, len(x))
-        walls = [(self.predict(x + step) - here) / _STEP for step in steps]
-        found = np.column_stack([*walls, self._of_beacon, *patterns])
-        found[here <= self._floor_dbm] = 0.0
-        return found
+        walls = [(self._predict(x + step) - here) / _STEP for step in _STEP * np.eye(2, len(x))]
+        above = (here - self._sensitivity_dbm) / _ERROR_DB
+        return np.column_stack([*walls, self._of_beacon, *patterns]) * norm.cdf(above)[:, None]
 
     def solve(self, x: Float[np.ndarray, " k"]) -> OptimizeResult:
         """Parameters with the least sum of squared errors and deviations from the priors, near some first ones."""
@@ -176,25 +185,24 @@ class _Model:
         """First parameters: those before the fit with another permittivity, and mean offsets."""
         x = self.mean + np.eye(len(self.mean))[0] * np.log(first_permittivity)
         error = self.measured_dbm - self.predict(x)
-        x[3 : 3 + self._of_beacon.shape[1]] = error @ self._of_beacon / self._of_beacon.sum(axis=0)
+        x[2 : 2 + self._of_beacon.shape[1]] = error @ self._of_beacon / self._of_beacon.sum(axis=0)
         return x
 
     def covariance(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k k"]:
         """Covariance of solved parameters."""
-        variance = _ERROR_DB**2 * _ALIKE
-        slopes, error = self.derivatives(x), self.measured_dbm - self.predict(x)
-        blocks = np.unique(self.block, return_inverse=True)[1]
-        scores = np.zeros((blocks.max() + 1, len(x)))
-        np.add.at(scores, blocks, slopes * error[:, None] / variance)
-        prior = np.diag(self.precision**2)
-        inverse = np.linalg.inv(slopes.T @ slopes / variance + prior)
-        return inverse @ (scores.T @ scores + prior) @ inverse
+        slopes = self.derivatives(x)
+        return np.linalg.inv(slopes.T @ slopes / (_ERROR_DB**2 * _ALIKE) + np.diag(self.precision**2))
+
+    def _predict(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, " m"]:
+        """Powers of the readings without the sensitivity."""
+        sums = np.maximum(self._sum(self._powers(x)), 1e-300)
+        return 10 * np.log10(sums) + self._of_beacon @ x[2 : 2 + self._of_beacon.shape[1]]
 
     def _powers(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:
         """Power of each path, patterns included; those of the walls that were asked for last are stored."""
-        key = x[:3].tobytes()
+        key = x[:2].tobytes()
         if self._last[0] != key:
-            wall = wall_of(x)
+            wall = wall_of(x, self._thickness_m)
             materials = tuple(
                 wall if one == self._scene.wall else one for one in self._scene.building.materials
             )
@@ -222,17 +230,16 @@ def fit_powers(
         ValueError: If a place or beacon is not on the free floor, or not between floor and ceiling.
     """
     fitted = ~np.isnan(measured.power_dbm) & ~measured.held_out
-    scene = _traced(
-        measured, plan, _wall(config.permittivity, config.conductivity_spm, config.thickness_m), config
-    )
+    prior = np.log([config.permittivity, config.conductivity_spm])
+    scene = _traced(measured, plan, wall_of(prior, config.thickness_m), config)
     on_done("paths traced")
     used = fitted.any(axis=0)
     few = _Model(scene, measured, fitted & (np.cumsum(used) % max(1, used.sum() // _SOME) == 0), config)
-    best = min((few.solve(few.start(first)) for first in _FIRST), key=lambda one: one.cost)
+    tried = sorted((few.solve(few.start(first)) for first in _FIRST), key=lambda one: one.cost)
     on_done("first walls chosen")
-    x = _Model(scene, measured, fitted, config).solve(best.x).x
+    x = _Model(scene, measured, fitted, config).solve(tried[0].x).x
     on_done("walls fitted")
-    scene = _traced(measured, plan, wall_of(x), config)
+    scene = _traced(measured, plan, wall_of(x, config.thickness_m), config)
     on_done("paths traced again")
     model = _Model(scene, measured, fitted, config)
     x = model.solve(x).x
@@ -240,32 +247,40 @@ def fit_powers(
     predicted = _Model(scene, measured, np.ones_like(fitted), config).predict(x).reshape(fitted.shape)
     covariance = model.covariance(x)
     deviation = np.sqrt(np.diag(covariance))
-    deviation[:3] *= np.exp(x[:3])
-    values = np.concatenate([np.exp(x[:3]), x[3:]])
+    deviation[:2] *= np.exp(x[:2])
+    values = np.concatenate([np.exp(x[:2]), x[2:]])
     return PowerFit(
-        wall=wall_of(x),
+        wall=wall_of(x, config.thickness_m),
         parameters=dict(
             zip(_names(measured, config), zip(values.tolist(), deviation.tolist(), strict=True), strict=True)
         ),
-        log_covariance=covariance[:3, :3],
+        log_covariance=covariance[:2, :2],
+        minima=_minima(tried),
         predicted_dbm=predicted,
         rms_db=_errors(measured, predicted),
         building=scene.building,
     )
 
 
-def wall_of(x: Float[np.ndarray, " k"]) -> Material:
-    """A wall; the first parameters are the logarithms of its permittivity, conductivity and thickness."""
-    return _wall(*np.exp(x[:3]).tolist())
-
-
-def _wall(permittivity: float, conductivity_spm: float, thickness_m: float) -> Material:
+def wall_of(x: Float[np.ndarray, " k"], thickness_m: float) -> Material:
+    """A wall; the first parameters are the logarithms of its permittivity and conductivity."""
+    permittivity, conductivity_spm = np.exp(x[:2]).tolist()
     layer = Layer(
         thickness_m=thickness_m,
         relative_permittivity=max(permittivity, 1.0),
         conductivity_spm=conductivity_spm,
     )
     return Material("fitted_wall", (layer,))
+
+
+def _minima(tried: list[OptimizeResult]) -> list[tuple[float, float, float]]:
+    """See `PowerFit.minima`; solutions are sorted by their cost."""
+    found: list[tuple[float, float, float]] = []
+    for one in tried:
+        permittivity, conductivity_spm = np.exp(one.x[:2]).tolist()
+        if all(abs(permittivity / other - 1) > _SAME for other, _, _ in found):
+            found.append((permittivity, conductivity_spm, float(one.cost - tried[0].cost)))
+    return found
 
 
 def _names(measured: MeasuredPowers, config: PowerFitConfig) -> list[str]:

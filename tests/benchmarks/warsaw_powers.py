@@ -25,7 +25,9 @@ from wireless.tracing.tracer import TracerConfig
 _TAG_M, _CELL_M, _MARGIN_M = 1.3, 0.05, 0.5
 _DIRECT = TracerConfig(max_reflections=0, diffraction=False, max_transmissions=2, max_paths=30)
 _TWO, _EDGES = replace(_DIRECT, max_reflections=2), replace(_DIRECT, max_reflections=2, diffraction=True)
-_NO_PATTERNS = PowerFitConfig(receiver_orders=0, beacon_orders=0)
+#: All that is traced and fitted; most inner walls are drawn 0.11 m thick.
+CONFIG = PowerFitConfig(thickness_m=0.11)
+_NO_PATTERNS = replace(CONFIG, receiver_orders=0, beacon_orders=0)
 #: What is traced and fitted, one addition after the other.
 ADDED = {
     "direct paths, walls passed": replace(_NO_PATTERNS, tracer=_DIRECT),
@@ -33,8 +35,8 @@ ADDED = {
     "and two": replace(_NO_PATTERNS, tracer=_TWO),
     "and edges": replace(_NO_PATTERNS, tracer=_EDGES),
     "and floor and ceiling": _NO_PATTERNS,
-    "and the receiver's pattern": PowerFitConfig(beacon_orders=0),
-    "and patterns of beacons": PowerFitConfig(),
+    "and the receiver's pattern": replace(CONFIG, beacon_orders=0),
+    "and patterns of beacons": CONFIG,
 }
 
 
@@ -51,10 +53,8 @@ def main(folder: Positional[Path], *, every: int = 3, options: OmitArgPrefixes[O
     for name, config in ADDED.items():
         _add(results, "additions", name, plan, measured, config)
     plan, measured = read_flat(folder)
-    _add(results, "all places", "first half fitted", plan, measured, PowerFitConfig(), by_beacon=True)
-    _add(
-        results, "all places", "second half fitted", *_moved(plan, measured), PowerFitConfig(), by_beacon=True
-    )
+    _add(results, "all places", "first half fitted", plan, measured, CONFIG, by_beacon=True)
+    _add(results, "all places", "second half fitted", *_moved(plan, measured), CONFIG, by_beacon=True)
     return options.finish("warsaw_powers", results)
 
 

@@ -405,7 +405,7 @@ def logs(folder: Path) -> None:
 
 
 def robots(folder: Path) -> None:
-    """A robot whose odometry is known, the table of runs that it is known from, and tables of measured paths and powers."""
+    """A robot whose odometry is known, its table of runs, and tables of measured paths and powers."""
     home, rng = _into(folder, "robots"), np.random.default_rng(7)
     rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in MOVES for _ in range(11)]
     text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
