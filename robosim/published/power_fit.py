@@ -318,7 +318,7 @@ def _on_floor(
     """Points moved out of walls, if they lie near free floor."""
     points = points.copy()
     free = building.free.buffer(-_OFF_M)
-    for i in np.flatnonzero(~shapely.contains_xy(free, *points[:, :2].T)):
+    for i in np.flatnonzero(~shapely.contains_xy(free, *points[:, :2].T)).tolist():
         near = shapely.get_coordinates(shapely.shortest_line(free, shapely.Point(points[i, :2])))[0]
         if np.hypot(*(near - points[i, :2])) > _MOVED_M:
             raise ValueError(
@@ -326,7 +326,7 @@ def _on_floor(
                 "the free floor, expected on it. Give plan and table in one frame."
             )
         points[i, :2] = near
-    for i in np.flatnonzero((points[:, 2] <= 0) | (points[:, 2] >= building.height_m)):
+    for i in np.flatnonzero((points[:, 2] <= 0) | (points[:, 2] >= building.height_m)).tolist():
         raise ValueError(
             f"{what} {names[i]} has z_m = {points[i, 2]:g}, expected between the floor at 0 and the ceiling at "
             f"{building.height_m:g} m. Check z_m and --ceiling."
