@@ -33,14 +33,14 @@ def calibrate_materials(
     plan: Positional[str],
     measured: Positional[Path],
     *,
-    frequency_ghz: Annotated[float, _FREQUENCY_GHZ] = 60.0,
+    frequency_ghz: Annotated[float | None, _FREQUENCY_GHZ] = None,
     material: str = "partition",
     turn_deg: Annotated[float, Range(-360, 360, "degrees")] = 0.0,
     height: float = 1.5,
     range_db: float = 40.0,
-    ceiling: float = 2.5,
+    ceiling: Annotated[float, Range(0.1, 100, "m")] = 2.5,
     wall_thickness: Annotated[float, Range(1e-3, 2, "m")] = 0.1,
-    sensitivity_dbm: float | None = None,
+    sensitivity_dbm: Annotated[float | None, Range(-200, 100, "dBm")] = None,
     reading: Reading = NO_OPTIONS,
     out: Path | None = None,
 ) -> None:
@@ -51,8 +51,8 @@ def calibrate_materials(
     measured.png and, if the plan has colours, the plan with the chosen materials.
 
     Powers: Permittivity and conductivity of the walls without a colour, an offset of each beacon and patterns of the
-    antennas are fitted in every other square of 1 m of the floor and tested in the rest. Writes
-    materials.json, wall.yaml (a material for plans and --material), measured.png and residuals.png.
+    antennas are fitted in every other square of 1 m of the floor and tested in the rest. Writes materials.json,
+    wall.yaml (a material for plans and --material), measured.png and residuals.png.
 
     Example: robosim calibrate-materials hall.yaml paths.csv --turn-deg -1.6 --out out/hall
 
@@ -63,7 +63,7 @@ def calibrate_materials(
             rx_heading_rad, range_m, aod_rad, aoa_rad, power_db. Or with a row for each reading of a power: beacon,
             beacon_x_m, beacon_y_m, beacon_z_m, x_m, y_m, power_dbm (empty if not received) and, if known, z_m,
             heading_rad.
-        frequency_ghz: Carrier frequency [GHz].
+        frequency_ghz: Carrier frequency [GHz]; if not given, 60 for paths and 2.44 for powers.
         material: First material of walls without a colour, for paths.
         turn_deg: Correction of the transmitter's heading in the table of paths [deg].
         height: Height of both ends of paths, and of places without z_m [m].
@@ -86,7 +86,9 @@ def calibrate_materials(
 
     with results_folder(out, "calibrate-materials") as folder:
         floor_plan = read(plan, reading)
-        if is_table_of_powers(measured):
+        has_powers = is_table_of_powers(measured)
+        frequency_ghz = frequency_ghz or (2.44 if has_powers else 60.0)
+        if has_powers:
             config = PowerFitConfig(
                 frequency_hz=frequency_ghz * 1e9,
                 ceiling_m=ceiling,

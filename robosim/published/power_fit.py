@@ -19,6 +19,7 @@ Left out: quantised readings (1 dB adds 0.08 dB2 to the variance); an excess los
 error in the flat of `tests.benchmarks.warsaw_powers`.
 """
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
@@ -36,6 +37,8 @@ from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from wireless.em.materials import Layer, Material
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
+
+logger = logging.getLogger(__name__)
 
 #: Standard deviations of the priors: logarithms of permittivity and conductivity; first order of a pattern [dB].
 _PRIOR, _PATTERN_DB = (0.4, 1.0), 2.0
@@ -95,7 +98,7 @@ class PowerFit:
     """Permittivity and conductivity [S/m] at each minimum on some of the places, and by how much its logarithm of the
     posterior is less than that of the best one."""
     predicted_dbm: Float[np.ndarray, "b n"]
-    """Prediction of each reading, also of those not received."""
+    """Prediction of each reading, also of those not received; NaN where no path arrives."""
     rms_db: dict[str, tuple[float, float, float, float]]
     """By beacon, and "mean": root mean square error in the fitted half of the floor and in the held-out one, then the
     same of a logarithmic law of distance, fitted to the same readings of the beacon [dB]."""
@@ -199,7 +202,7 @@ class _Model:
         return 10 * np.log10(sums) + self._of_beacon @ x[2 : 2 + self._of_beacon.shape[1]]
 
     def _powers(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, " p"]:
-        """Power of each path, patterns included; those of the walls that were asked for last are stored."""
+        """Power of each path, patterns included; those of the last walls are stored."""
         key = x[:2].tobytes()
         if self._last[0] != key:
             wall = wall_of(x, self._thickness_m)
@@ -232,7 +235,11 @@ def fit_powers(
     fitted = ~np.isnan(measured.power_dbm) & ~measured.held_out
     prior = np.log([config.permittivity, config.conductivity_spm])
     scene = _traced(measured, plan, wall_of(prior, config.thickness_m), config)
+    reached = scene.paths.count() > 0
+    if lost := int((fitted & ~reached).sum()):
+        logger.warning("%d readings at places that no path reaches do not count", lost)
     on_done("paths traced")
+    fitted &= reached
     used = fitted.any(axis=0)
     few = _Model(scene, measured, fitted & (np.cumsum(used) % max(1, used.sum() // _SOME) == 0), config)
     tried = sorted((few.solve(few.start(first)) for first in _FIRST), key=lambda one: one.cost)
@@ -240,11 +247,14 @@ def fit_powers(
     x = _Model(scene, measured, fitted, config).solve(tried[0].x).x
     on_done("walls fitted")
     scene = _traced(measured, plan, wall_of(x, config.thickness_m), config)
+    reached = scene.paths.count() > 0
+    fitted &= reached
     on_done("paths traced again")
     model = _Model(scene, measured, fitted, config)
     x = model.solve(x).x
     on_done("walls fitted again")
     predicted = _Model(scene, measured, np.ones_like(fitted), config).predict(x).reshape(fitted.shape)
+    predicted[~reached] = np.nan
     covariance = model.covariance(x)
     deviation = np.sqrt(np.diag(covariance))
     deviation[:2] *= np.exp(x[:2])
@@ -353,7 +363,7 @@ def _errors(
     """See `PowerFit.rms_db`."""
     found = {}
     for i, name in enumerate(measured.names):
-        power, received = measured.power_dbm[i], ~np.isnan(measured.power_dbm[i])
+        power, received = measured.power_dbm[i], ~np.isnan(measured.power_dbm[i] - predicted_dbm[i])
         log_m = np.log10(np.maximum(np.linalg.norm(measured.places - measured.beacons[i], axis=1), 0.1))
         halves = received & ~measured.held_out, received & measured.held_out
         law = np.polyval(np.polyfit(log_m[halves[0]], power[halves[0]], 1), log_m)
