@@ -90,7 +90,9 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
             beacons=np.array(list(beacons.values())),
             places=places[:, :3],
             heading_rad=places[:, 3] if "heading_rad" in columns else None,
-            power_dbm=np.array([[_mean(of.get(name)) for of in readings.values()] for name in beacons]),
+            power_dbm=np.array(
+                [[np.mean(of.get(name) or [np.nan]) for of in readings.values()] for name in beacons]
+            ),
         )
         for name, power in zip(measured.names, measured.power_dbm, strict=True):
             received = ~np.isnan(power)
@@ -101,11 +103,6 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
                         f"expected {_LEAST_READINGS} or more"
                     )
         return measured
-
-
-def _mean(powers: list[float] | None) -> float:
-    """Mean of the powers that were received; NaN if none was."""
-    return float(np.mean(powers)) if powers else np.nan
 
 
 def _number(text: str | None, column: str, line: int) -> float:

@@ -132,16 +132,18 @@ class _Model:
         # Of a wall passed across its corner one face is not listed: the ratio is more exact than the power.
         power = paths.power * np.cos(paths.aoa_el) ** 2
         self._traced = np.divide(power, base, out=np.zeros(len(paths)), where=base > 0)
-        columns, deviations = [], []
-        if measured.heading_rad is not None:
-            columns += _harmonics(
-                paths.aoa_az - measured.heading_rad[paths.rx], paths.aoa_el, config.receiver_orders
-            )
-            deviations += _deviations(config.receiver_orders)
-        waves = _harmonics(paths.aod_az, paths.aod_el, config.beacon_orders)
-        for i in range(len(measured.names)):
+        orders = config.receiver_orders, config.beacon_orders
+        columns, deviations, heading_rad = [], [], measured.heading_rad
+        self.names = [*WALL_PARAMETERS, *(f"beacon {name}: offset_dbm" for name in measured.names)]
+        if heading_rad is not None:
+            columns += _harmonics(paths.aoa_az - heading_rad[paths.rx], paths.aoa_el, orders[0])
+            self.names += [f"receiver: {part}" for part in _parts(orders[0])]
+            deviations += [_PATTERN_DB / (1 + i // 2) for i in range(len(columns))]
+        waves = _harmonics(paths.aod_az, paths.aod_el, orders[1])
+        for i, name in enumerate(measured.names):
             columns += [wave * (paths.tx == i) for wave in waves]
-            deviations += _deviations(config.beacon_orders)
+            self.names += [f"beacon {name}: {part}" for part in _parts(orders[1])]
+            deviations += [_PATTERN_DB / (1 + k // 2) for k in range(len(waves))]
         self._basis = np.array(columns).reshape(-1, len(paths))
         self._of_beacon = np.repeat(np.eye(len(measured.names)), some.shape[1], axis=0)[self._some]
         self._thickness_m = config.thickness_m
@@ -235,11 +237,16 @@ def fit_powers(
     fitted = ~np.isnan(measured.power_dbm) & ~measured.held_out
     prior = np.log([config.permittivity, config.conductivity_spm])
     scene = _traced(measured, plan, wall_of(prior, config.thickness_m), config)
-    reached = scene.paths.count() > 0
-    if lost := int((fitted & ~reached).sum()):
-        logger.warning("%d readings at places that no path reaches do not count", lost)
     on_done("paths traced")
-    fitted &= reached
+    if lost := int((fitted & (scene.paths.count() == 0)).sum()):
+        logger.warning("%d readings at places that no path reaches do not count", lost)
+    fitted &= scene.paths.count() > 0
+    for name, readings in zip(measured.names, fitted, strict=True):
+        if not readings.any():
+            raise ValueError(
+                f"beacon {name} reaches no place with a reading, expected paths to places. Pass more walls "
+                f"(max_transmissions is {config.tracer.max_transmissions}), or give a plan with doors."
+            )
     used = fitted.any(axis=0)
     few = _Model(scene, measured, fitted & (np.cumsum(used) % max(1, used.sum() // _SOME) == 0), config)
     tried = sorted((few.solve(few.start(first)) for first in _FIRST), key=lambda one: one.cost)
@@ -247,23 +254,20 @@ def fit_powers(
     x = _Model(scene, measured, fitted, config).solve(tried[0].x).x
     on_done("walls fitted")
     scene = _traced(measured, plan, wall_of(x, config.thickness_m), config)
-    reached = scene.paths.count() > 0
-    fitted &= reached
+    fitted &= scene.paths.count() > 0
     on_done("paths traced again")
     model = _Model(scene, measured, fitted, config)
     x = model.solve(x).x
     on_done("walls fitted again")
     predicted = _Model(scene, measured, np.ones_like(fitted), config).predict(x).reshape(fitted.shape)
-    predicted[~reached] = np.nan
+    predicted[scene.paths.count() == 0] = np.nan
     covariance = model.covariance(x)
     deviation = np.sqrt(np.diag(covariance))
     deviation[:2] *= np.exp(x[:2])
     values = np.concatenate([np.exp(x[:2]), x[2:]])
     return PowerFit(
         wall=wall_of(x, config.thickness_m),
-        parameters=dict(
-            zip(_names(measured, config), zip(values.tolist(), deviation.tolist(), strict=True), strict=True)
-        ),
+        parameters=dict(zip(model.names, zip(values.tolist(), deviation.tolist(), strict=True), strict=True)),
         log_covariance=covariance[:2, :2],
         minima=_minima(tried),
         predicted_dbm=predicted,
@@ -293,17 +297,6 @@ def _minima(tried: list[OptimizeResult]) -> list[tuple[float, float, float]]:
     return found
 
 
-def _names(measured: MeasuredPowers, config: PowerFitConfig) -> list[str]:
-    """Names of the parameters in their order."""
-    parts = [f"{wave}{k}" for k in range(1, 9) for wave in ("cos", "sin")]
-    names = [*WALL_PARAMETERS, *(f"beacon {name}: offset_dbm" for name in measured.names)]
-    if measured.heading_rad is not None:
-        names += [f"receiver: {part}_db" for part in parts[: 2 * config.receiver_orders]]
-    return names + [
-        f"beacon {name}: {part}_db" for name in measured.names for part in parts[: 2 * config.beacon_orders]
-    ]
-
-
 def _traced(measured: MeasuredPowers, plan: FloorPlan, wall: Material, config: PowerFitConfig) -> _Scene:
     """Trace from beacons to places, and drop the weakest paths of each link."""
     building = make_building(
@@ -319,7 +312,7 @@ def _traced(measured: MeasuredPowers, plan: FloorPlan, wall: Material, config: P
     remaining = np.append(np.cumsum(paths.power[::-1])[::-1], 0.0)
     first, last = (np.searchsorted(paths.link, paths.link, side) for side in ("left", "right"))
     weak = remaining[:-1] - remaining[last] <= _DROPPED * (remaining[first] - remaining[last])
-    return _Scene(wall, building, tracer, paths.select(~weak))
+    return _Scene(wall, building, tracer, paths.select(~weak | (paths.rank == 0)))
 
 
 def _on_floor(
@@ -352,9 +345,9 @@ def _harmonics(
     return [level * wave(k * azimuth_rad) for k in range(1, orders + 1) for wave in (np.cos, np.sin)]
 
 
-def _deviations(orders: int) -> list[float]:
-    """Standard deviations of these coefficients before the fit [dB]."""
-    return [_PATTERN_DB / k for k in range(1, orders + 1) for _ in range(2)]
+def _parts(orders: int) -> list[str]:
+    """Names of these coefficients."""
+    return [f"{wave}{k}_db" for k in range(1, orders + 1) for wave in ("cos", "sin")]
 
 
 def _errors(

@@ -112,6 +112,8 @@ def _add(
             results.add(f"{table}, {row}", f"beacon {name}", "fitted", errors[0], "dB", digits=2)
             results.add(f"{table}, {row}", f"beacon {name}", "held out", errors[1], "dB", digits=2)
     fitted, held_out, _, law = fit.rms_db["mean"]
+    reached = ~np.isnan(fit.predicted_dbm[~np.isnan(measured.power_dbm)])
+    results.add(table, row, "readings reached", 100 * float(reached.mean()), "%", digits=1)
     results.add(table, row, "fitted", fitted, "dB", digits=2)
     results.add(table, row, "held out", held_out, "dB", digits=2, bar=law)
     for name in WALL_PARAMETERS:
