@@ -21,7 +21,7 @@ error in the flat of `tests.benchmarks.warsaw_powers`.
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -80,7 +80,8 @@ class PowerFitConfig:
     """Orders of the receiver's pattern over the azimuth from its heading."""
     beacon_orders: Annotated[int, Range(0, 8)] = 2
     """Orders of the pattern of each beacon."""
-    tracer: TracerConfig = field(default_factory=lambda: _PATHS)
+    tracer: TracerConfig = _PATHS
+    """Which paths are traced."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
