@@ -66,7 +66,7 @@ class PowerFitConfig:
     """What is traced, and what is known of walls and antennas before the fit."""
 
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 2.44e9
-    ceiling_m: Annotated[float, Range(0.1, 100, "m")] = 2.65
+    ceiling_m: Annotated[float, Range(0.1, 100, "m")] = 2.5
     """Height of the ceiling [m]."""
     permittivity: Annotated[float, Range(1, 100)] = 5.0
     """Relative permittivity of walls before the fit."""

@@ -26,7 +26,7 @@ _TAG_M, _CELL_M, _MARGIN_M = 1.3, 0.05, 0.5
 _DIRECT = TracerConfig(max_reflections=0, diffraction=False, max_transmissions=2, max_paths=30)
 _TWO, _EDGES = replace(_DIRECT, max_reflections=2), replace(_DIRECT, max_reflections=2, diffraction=True)
 #: All that is traced and fitted; most inner walls are drawn 0.11 m thick.
-CONFIG = PowerFitConfig(thickness_m=0.11)
+CONFIG = PowerFitConfig(thickness_m=0.11, ceiling_m=2.65)
 _NO_PATTERNS = replace(CONFIG, receiver_orders=0, beacon_orders=0)
 #: What is traced and fitted, one addition after the other.
 ADDED = {

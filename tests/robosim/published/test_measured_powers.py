@@ -22,7 +22,7 @@ from tests.plans import two_rooms
 from wireless.em.materials import Layer, Material
 from wireless.tracing.tracer import Tracer
 
-CONFIG = PowerFitConfig(ceiling_m=2.5, beacon_orders=0, receiver_orders=1)
+CONFIG = PowerFitConfig(beacon_orders=0, receiver_orders=1)
 TRUTH = {"relative_permittivity": 6.0, "conductivity_spm": 0.06, "thickness_m": 0.1}
 BEACONS = np.array([[0.4, 0.5, 2.2], [2.6, 2.5, 2.0], [5.6, 0.5, 2.1], [3.6, 2.6, 1.9]])
 OFFSETS_DBM, NOISE_DB, SENSITIVITY_DBM = np.array([-10.0, -7.0, -12.0, -9.0]), 5.0, -72.0
