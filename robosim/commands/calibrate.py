@@ -4,52 +4,73 @@ import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import yaml
 from rich.table import Table
 from tyro.conf import Positional
 
 from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, Settings
 from robosim.commands.output import console, emit_result, emit_result_file
 from robosim.commands.shared_options import NO_OPTIONS, Reading, read, results_folder
+from robosim.plans.floorplan import FloorPlan
 from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robots import write_robot
 from robosim.support.checks import FREQUENCY_HZ, SEED, Range
+
+#: Minima of the fit to powers are reported up to this difference of logarithms of the posterior.
+_LIKELY = 2.0
+
+if TYPE_CHECKING:
+    from robosim.published.measured_powers import MeasuredPowers
+    from robosim.published.power_fit import PowerFitConfig
 
 _FREQUENCY_GHZ = Range(FREQUENCY_HZ.least / 1e9, FREQUENCY_HZ.most / 1e9, "GHz")
 
 
 def calibrate_materials(
     plan: Positional[str],
-    paths: Positional[Path],
+    measured: Positional[Path],
     *,
-    frequency_ghz: Annotated[float, _FREQUENCY_GHZ] = 60.0,
+    frequency_ghz: Annotated[float | None, _FREQUENCY_GHZ] = None,
     material: str = "partition",
     turn_deg: Annotated[float, Range(-360, 360, "degrees")] = 0.0,
     height: float = 1.5,
     range_db: float = 40.0,
+    ceiling: Annotated[float, Range(0.1, 100, "m")] = 2.5,
+    wall_thickness: Annotated[float, Range(1e-3, 2, "m")] = 0.1,
+    sensitivity_dbm: Annotated[float | None, Range(-200, 100, "dBm")] = None,
     reading: Reading = NO_OPTIONS,
     out: Path | None = None,
 ) -> None:
-    """Compare traced paths with measured ones, and choose the materials of walls by the strengths of paths.
+    """Fit the materials of walls to measured paths, or to received powers.
 
-    Materials are chosen on every other place and tested on the rest: for the walls without a colour in the plan, then
-    for each colour. Paths are paired by delay (1 ns) and both azimuths (5 degrees). Writes materials.json, measured.png
-    and, if the plan has colours, the plan with the chosen materials.
+    Paths: Materials are chosen on every other place and tested on the rest: for the walls without a colour in the plan,
+    then for each colour. Paths are paired by delay (1 ns) and both azimuths (5 degrees). Writes materials.json,
+    measured.png and, if the plan has colours, the plan with the chosen materials.
+
+    Powers: Permittivity and conductivity of the walls without a colour, an offset of each beacon and patterns of the
+    antennas are fitted in every other square of 1 m of the floor and tested in the rest. Writes materials.json,
+    wall.yaml (a material for plans and --material), measured.png and residuals.png.
 
     Example: robosim calibrate-materials hall.yaml paths.csv --turn-deg -1.6 --out out/hall
 
     Args:
         plan: Floor plan in the frame of the table. Walls of "vacuum" do not reflect: use them where the plan ends but
             the building continues.
-        paths: Table with a row for each path (.csv): place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m,
-            rx_heading_rad, range_m, aod_rad, aoa_rad, power_db.
-        frequency_ghz: Carrier frequency [GHz].
-        material: First material of walls without a colour.
-        turn_deg: Correction of the transmitter's heading in the table [deg].
-        height: Height of both ends [m].
+        measured: Table with a row for each path (.csv): place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m,
+            rx_heading_rad, range_m, aod_rad, aoa_rad, power_db. Or with a row for each reading of a power: beacon,
+            beacon_x_m, beacon_y_m, beacon_z_m, x_m, y_m, power_dbm (empty if not received) and, if known, z_m,
+            heading_rad.
+        frequency_ghz: Carrier frequency [GHz]; if not given, 60 for paths and 2.44 for powers.
+        material: First material of walls without a colour, for paths.
+        turn_deg: Correction of the transmitter's heading in the table of paths [deg].
+        height: Height of both ends of paths, and of places without z_m [m].
         range_db: Traced paths that are weaker than the strongest of their place by more than this are ignored [dB].
+        ceiling: Height of the ceiling, for powers [m].
+        wall_thickness: Thickness of walls, for powers [m].
+        sensitivity_dbm: Lowest power that the receiver reports [dBm]; no limit if not given.
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
     """
@@ -58,12 +79,29 @@ def calibrate_materials(
     from robosim.published.material_fit import ADDED, EDGES, Fit
     from robosim.published.measured_figure import draw_measured
     from robosim.published.measured_paths import MatchConfig, read_measured_paths
+    from robosim.published.measured_powers import is_table_of_powers, read_measured_powers
+    from robosim.published.power_fit import PowerFitConfig
     from robosim.support.files import write_json
     from robosim.support.progress import unit_progress
 
     with results_folder(out, "calibrate-materials") as folder:
         floor_plan = read(plan, reading)
-        hall = read_measured_paths(paths, math.radians(turn_deg))
+        has_powers = is_table_of_powers(measured)
+        frequency_ghz = frequency_ghz or (2.44 if has_powers else 60.0)
+        if has_powers:
+            config = PowerFitConfig(
+                frequency_hz=frequency_ghz * 1e9,
+                ceiling_m=ceiling,
+                thickness_m=wall_thickness,
+                sensitivity_dbm=-math.inf if sensitivity_dbm is None else sensitivity_dbm,
+            )
+            _fit_powers(floor_plan, read_measured_powers(measured, height), config, folder)
+            console.print(
+                f"Next: robosim trace {plan} --material {quote(str(folder / 'wall.yaml'))} "
+                f"--frequency-ghz {frequency_ghz:g}"
+            )
+            return
+        hall = read_measured_paths(measured, math.radians(turn_deg))
         fit = Fit(hall, frequency_ghz * 1e9, MatchConfig(height_m=height, range_db=range_db))
         with unit_progress(console, "materials tried", fit.n_trials(floor_plan)) as tried:
             found = fit.choose(floor_plan, material, tried)
@@ -87,6 +125,44 @@ def calibrate_materials(
     )
     console.print(f"Wrote materials.json and measured.png in {folder}")
     console.print(f"Next: robosim trace {plan} --material {found.wall} --frequency-ghz {frequency_ghz:g}")
+
+
+def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitConfig", folder: Path) -> None:
+    """Fit walls to received powers, and write and print the result."""
+    from robosim.published.power_figures import draw_powers, draw_residuals
+    from robosim.published.power_fit import STEPS, WALL_PARAMETERS, fit_powers
+    from robosim.support.files import write_json, write_whole
+    from robosim.support.progress import unit_progress
+
+    with unit_progress(console, "steps", STEPS) as done:
+        fit = fit_powers(measured, plan, config, done)
+    halves = ("fitted", "held_out", "distance_law_fitted", "distance_law_held_out")
+    write_json(
+        folder / "materials.json",
+        {
+            "parameters": {
+                name: dict(zip(("value", "std"), pair, strict=True)) for name, pair in fit.parameters.items()
+            },
+            "log_covariance_of_wall": fit.log_covariance,
+            "minima": [dict(zip((*WALL_PARAMETERS, "less_likely"), one, strict=True)) for one in fit.minima],
+            "rms_db": {name: dict(zip(halves, errors, strict=True)) for name, errors in fit.rms_db.items()},
+        },
+    )
+    layer = {name: getattr(fit.wall.layers[0], name) for name in (*WALL_PARAMETERS, "thickness_m")}
+    write_whole(folder / "wall.yaml", yaml.safe_dump({"name": fit.wall.name, "layers": [layer]}).encode())
+    draw_powers(measured, fit, folder / "measured.png")
+    draw_residuals(measured, fit, folder / "residuals.png")
+    emit_result_file(folder / "materials.json")
+    table = Table("error [dB]", "fitted", "held out", "law of distance, fitted", "held out ")
+    for name, errors in fit.rms_db.items():
+        table.add_row(name if name == "mean" else f"beacon {name}", *(f"{error:.1f}" for error in errors))
+    console.print(table)
+    for name in WALL_PARAMETERS:
+        value, std = fit.parameters[name]
+        console.print(f"{name} {value:.3g}, standard deviation {std:.2g}")
+    if others := [f"{one[0]:.3g}" for one in fit.minima[1:] if one[2] < _LIKELY]:
+        console.print(f"Nearly as likely are relative permittivities of {', '.join(others)}.")
+    console.print(f"Wrote materials.json, wall.yaml, measured.png and residuals.png in {folder}")
 
 
 def calibrate(

@@ -34,6 +34,7 @@ from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
 from robosim.published.measured_paths import COLUMNS as MEASURED
+from robosim.published.measured_powers import COLUMNS as POWERS
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs
@@ -405,7 +406,7 @@ def logs(folder: Path) -> None:
 
 
 def robots(folder: Path) -> None:
-    """A robot whose odometry is known, the table of runs that it is known from, and a table of measured paths."""
+    """A robot whose odometry is known, its table of runs, and tables of measured paths and powers."""
     home, rng = _into(folder, "robots"), np.random.default_rng(7)
     rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in MOVES for _ in range(11)]
     text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
@@ -422,6 +423,12 @@ def robots(folder: Path) -> None:
         "\n".join(
             [columns, *(",".join(map(str, row)) for row in rng.normal(0, 3, (9, len(MEASURED))).round(4))]
         )
+    )
+    readings = np.column_stack(
+        [np.tile([1.0, 0.5, 0.5, 2.0], (40, 1)), rng.uniform(0, 4, (40, 2)), -np.arange(40)]
+    )
+    (home / "powers.csv").write_text(
+        "\n".join([",".join(POWERS), *(",".join(map(str, row)) for row in readings.round(3))])
     )
     (home / "robot.yaml").write_text("radius_m: 0.25\nmass_kg: 4\n")
     (home / "wall.yaml").write_text(

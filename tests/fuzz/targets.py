@@ -33,6 +33,7 @@ from robosim.plans.formats.furnishing_file import furnishing_from_file, read_fur
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
 from robosim.published.measured_paths import read_measured_paths
+from robosim.published.measured_powers import read_measured_powers
 from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
@@ -395,6 +396,7 @@ TARGETS: dict[str, Target] = {
     "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
+    "measured powers": Target("robots", "powers.csv", lambda folder, file: read_measured_powers(file, 1.5), 0.5),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --config": Target("config", "result.json", _episode_with_config, 0.5, True),

@@ -67,6 +67,7 @@ class PlanScene:
         thin = self.setting.walls[:, 1].real > 0
         self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
         self._layers = one_storey(self.plan, extruded.low_m, extruded.high_m)
+        self.outline = self._layers.outline
         self._region = regions(plan)
         #: What was found last: links of the same transmitter and region follow each other.
         self._around: dict[bytes, Around] = {}

@@ -36,6 +36,7 @@ from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh
+from wireless.tracing.reweighed import reweigh
 from wireless.tracing.scattered import Scattering
 from wireless.tracing.scenes import PlanScene, SpaceScene
 from wireless.tracing.stack_scene import NoStackError, StackScene
@@ -212,6 +213,7 @@ class Tracer:
         materials = ("drywall",) if materials is None else materials
         check_mesh(mesh, self.config.snap_m)
         of_face = _checked_faces(face_material, len(mesh.faces), len(materials))
+        self._of_face = of_face
         self._face_wall = self._walls(materials)[of_face]
         self._face_half = self._halves(mesh)
         # A face that is a wall by itself is another wall than one of a pair.
@@ -321,6 +323,27 @@ class Tracer:
                 tables, tx - scene.origin, rx - scene.origin, self.config.max_paths
             )
         return self._paths(tx, rx, tables, scene.origin)
+
+    def reweigh(self, paths: Paths, materials: tuple[str | Material, ...]) -> Float[np.ndarray, " n"]:
+        """Power gain of paths that this tracer found, with other materials in the place of its own, in their order.
+
+        Raises:
+            ValueError: If a material is unknown at this frequency, or their number is another one.
+            SceneError: If the scene is no single floor plan, or scatters.
+        """
+        scene = self.scene
+        if not isinstance(scene, PlanScene) or self._scattering is not None:
+            raise SceneError(
+                "Paths are reweighed in floor plans without scattering only. Trace them again with a new Tracer."
+            )
+        if len(materials) <= self._of_face.max():
+            raise ValueError(
+                f"materials are {len(materials)}, expected {self._of_face.max() + 1}: one for each of the tracer's own."
+            )
+        faces = np.append(scene.extruded.wall_face, [scene.extruded.floor_face, scene.extruded.ceiling_face])
+        setting = scene.setting._replace(walls=self._walls(materials)[self._of_face[faces]])
+        point = paths.corners() - scene.origin
+        return reweigh(scene.outline, setting, paths.order, paths.interaction, paths.primitive, point)
 
     def _rough(
         self, scene: PlanScene, materials: tuple[str | Material, ...], of_face: Int[np.ndarray, " n"]

@@ -1,0 +1,123 @@
+"""Received powers of beacons, measured at places in a real building: a table with a row for each reading.
+
+Columns beacon, beacon_x_m, beacon_y_m, beacon_z_m, x_m, y_m and power_dbm are required, z_m and heading_rad are
+optional, and others are ignored. Positions are in the frame of the plan. An empty power or nan is a reading that was
+not received, and so is a row that is missing. Powers of a beacon at the same place and heading are averaged.
+"""
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from robosim_support.reading import reading
+
+#: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
+COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
+_REMEDY = f"Give a CSV file with columns {','.join(COLUMNS)} and, if known, z_m,heading_rad: a row for each reading."
+#: Positions and angles are no larger [m, rad]; powers are within these [dBm].
+_MOST, _POWERS_DBM = 1e5, (-200.0, 100.0)
+#: Side of the squares of floor that alternately belong to the fit and are held out [m].
+BLOCK_M = 1.0
+#: Fewest readings of a beacon in either half.
+_LEAST_READINGS = 10
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredPowers:
+    """Beacons, the places of a receiver, and what it received."""
+
+    names: tuple[str, ...]
+    """Names of the beacons."""
+    beacons: Float[np.ndarray, "b 3"]
+    """Their positions [m]."""
+    places: Float[np.ndarray, "n 3"]
+    """Positions of the receiver [m]."""
+    heading_rad: Float[np.ndarray, " n"] | None
+    """Its headings; None if unknown."""
+    power_dbm: Float[np.ndarray, "b n"]
+    """Powers; NaN where none was received."""
+
+    @property
+    def held_out(self) -> Bool[np.ndarray, " n"]:
+        """Places that are not for the fit: in every other square of a checkerboard of `BLOCK_M`."""
+        return np.floor(self.places[:, :2] / BLOCK_M).sum(axis=1) % 2 == 1
+
+
+def is_table_of_powers(path: Path) -> bool:
+    """Whether a file has the column that tables of powers have, and tables of paths lack."""
+    with reading(path, "a table of measurements") as file:
+        return "power_dbm" in file.readline(10_000).decode("utf-8-sig", "replace").strip().split(",")
+
+
+def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
+    """Read a table of received powers (.csv); places without z_m are at a height.
+
+    Raises:
+        FileError: If the file is damaged, a column is missing, a value is not understood, a beacon has several
+            positions, or too few readings are in either half of the floor.
+    """
+    with reading(path, "a table of received powers", _REMEDY) as file:
+        rows = csv.DictReader(io.StringIO(file.read().decode("utf-8-sig")))
+        columns = rows.fieldnames or ()
+        if missing := [name for name in COLUMNS if name not in columns]:
+            raise ValueError(f"column {missing[0]!r} is missing")
+        optional = [name for name in ("z_m", "heading_rad") if name in columns]
+        beacons: dict[str, tuple[float, ...]] = {}
+        readings: dict[tuple[float, ...], dict[str, list[float]]] = {}
+        for row in rows:
+            values = {name: _number(row[name], name, rows.line_num) for name in (*COLUMNS[1:], *optional)}
+            name = (row["beacon"] or "").strip()
+            if not name:
+                raise ValueError(f"line {rows.line_num}: beacon is empty, expected a name or number")
+            at = values["beacon_x_m"], values["beacon_y_m"], values["beacon_z_m"]
+            if beacons.setdefault(name, at) != at:
+                raise ValueError(
+                    f"line {rows.line_num}: beacon {name!r} is at {at}, and at {beacons[name]} before"
+                )
+            place = values["x_m"], values["y_m"], values.get("z_m", height_m), values.get("heading_rad", 0.0)
+            received = readings.setdefault(place, {}).setdefault(name, [])
+            if not np.isnan(values["power_dbm"]):
+                received.append(values["power_dbm"])
+        if not readings:
+            raise ValueError("there is no reading in it")
+        places = np.array(list(readings))
+        measured = MeasuredPowers(
+            names=tuple(beacons),
+            beacons=np.array(list(beacons.values())),
+            places=places[:, :3],
+            heading_rad=places[:, 3] if "heading_rad" in columns else None,
+            power_dbm=np.array(
+                [[np.mean(of.get(name) or [np.nan]) for of in readings.values()] for name in beacons]
+            ),
+        )
+        for name, power in zip(measured.names, measured.power_dbm, strict=True):
+            received = ~np.isnan(power)
+            for half, part in (("fitted", ~measured.held_out), ("held-out", measured.held_out)):
+                if (count := (received & part).sum()) < _LEAST_READINGS:
+                    raise ValueError(
+                        f"beacon {name!r} has {count} readings in the {half} squares of {BLOCK_M:g} m, "
+                        f"expected {_LEAST_READINGS} or more"
+                    )
+        return measured
+
+
+def _number(text: str | None, column: str, line: int) -> float:
+    """The value of a cell."""
+    text = (text or "").strip()
+    is_power = column == "power_dbm"
+    if is_power and text.lower() in ("", "nan"):
+        return np.nan
+    low, high = _POWERS_DBM if is_power else (-_MOST, _MOST)
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not low <= value <= high:
+        raise ValueError(
+            f"line {line}: {column} is {text[:40]!r}, expected a number from {low:g} to {high:g}"
+        )
+    return value
