@@ -7,7 +7,7 @@ chooses another; sometimes the place where somebody else is. Others push them as
     2 b = sqrt((|r| + |r - s|)^2 - |s|^2),  s = v_other Delta_t,
 
 with weight w = 1 within the field of view and c outside of it; the robot is another one. Bodies neither enter walls nor
-each other nor the robot: they step around, the right way first, as in traffic on the right. A person without
+each other nor the robot: they step around, to the right first. A person without
 progress for some seconds, as in a doorway from which another one comes, chooses another place.
 
 Left out: forces of walls, which close narrow doorways (routes keep clear of walls instead), and groups that walk
