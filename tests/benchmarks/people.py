@@ -81,9 +81,7 @@ def add(
     if both:
         value, low, high = np.exp(bootstrap(np.array(both)[:, None], None))
         results.add("steps", label, policy, value, digits=2, spread=(low, high), cases=len(both))
-        results.add(
-            "steps, median", label, policy, float(np.exp(np.median(both))), digits=2, cases=len(both)
-        )
+        results.add("steps, median", label, policy, float(np.exp(np.median(both))), digits=2, cases=len(both))
     for name in ("contacts_by_robot", "contacts_by_others"):
         count = sum(row.get(name, 0) for row in own.values())
         title = name.replace("_", " ") + " per km"
