@@ -7,8 +7,8 @@ chooses another; sometimes the place where somebody else is. Others push them as
     2 b = sqrt((|r| + |r - s|)^2 - |s|^2),  s = v_other Delta_t,
 
 with weight w = 1 within the field of view and c outside of it; the robot is another one. Bodies neither enter walls nor
-each other nor the robot: they step around, to the right first. A person without
-progress for some seconds, as in a doorway from which another one comes, chooses another place.
+each other nor the robot: they step around, to the right first. A person without progress for some seconds, as in a
+doorway from which another one comes, chooses another place.
 
 Left out: forces of walls, which close narrow doorways (routes keep clear of walls instead), and groups that walk
 together.
@@ -58,7 +58,7 @@ _TAU_S, _V0, _SIGMA_M, _AHEAD_S, _VIEW, _BEHIND, _FASTEST = (
 )
 #: People who stand move aside at this speed [m/s].
 _ASIDE_MPS = 0.6
-#: Directions of a step where the one ahead is taken, the right one first [rad], and the pace of those to the side.
+#: Directions of a step in the order in which they are tried [rad], and the least pace of those to the side.
 _ASIDE, _SHUFFLE = tuple(math.radians(angle) for angle in (0, -30, 30, -60, 60, -90, 90)), 0.3
 #: Directions among which that of the least travel is chosen, and how far ahead it is looked up [m].
 _DIRECTIONS, _LOOK_M = 24, 0.35

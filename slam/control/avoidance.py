@@ -1,8 +1,8 @@
 """Moving among people: waiting for those who cross the robot's path, and going around those who stand.
 
 A step is done only if the robot keeps its distance from the predicted places of all tracked things, or moves away from
-them; else it waits, and accepts less distance the longer it has waited. Things that stand are obstacles to planner and
-explorer.
+them; else it waits, and accepts less distance the longer it has waited. More distance is kept from things that have just
+come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
 Left out: passing people by a change of speed, since actions are discrete.
 """
@@ -33,14 +33,14 @@ class AvoidanceConfig:
     """Radius of a person [m]."""
     distance_m: Annotated[float, Range(0, 5, "m")] = 0.15
     """Distance that a step keeps between hull and person [m]."""
-    deviations: Annotated[float, Range(0, 5)] = 0.5
-    """Standard deviations of a velocity that is not known yet, by which the distance grows with time."""
-    step_s: Annotated[float, Range(0.01, 60, "s")] = 1.0
-    """Time of a step [s]."""
     squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
     """The same after some waits, for places where there is no more space [m]."""
     waits: Annotated[int, Range(1, 1000, "waits")] = 2
     """Waits in which the distance falls to `squeeze_m`."""
+    deviations: Annotated[float, Range(0, 5)] = 0.5
+    """Standard deviations of a velocity that is not known yet, by which the distance grows with time."""
+    step_s: Annotated[float, Range(0.01, 60, "s")] = 1.0
+    """Time of a step [s]."""
     stood_s: Annotated[float, Range(0, 1000, "s")] = 3.0
     """Things that have stood for longer are obstacles that paths lead around [s]."""
     unseen_s: Annotated[float, Range(0, 1000, "s")] = 2.0
