@@ -1,8 +1,8 @@
 """Moving among people: waiting for those who cross the robot's path, and going around those who stand.
 
 A step is done only if the robot keeps its distance from the predicted places of all tracked things, or moves away from
-them; else it waits, and accepts less distance the longer it has waited. More distance is kept from things that have just
-come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
+them; else it waits, and accepts less distance the longer it has waited. It keeps more distance from things that have
+just come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
 Left out: passing people by a change of speed, since actions are discrete.
 """
