@@ -48,8 +48,6 @@ class SearchConfig:
     def __post_init__(self) -> None:
         check_some("observe", self.observe, f"some of {', '.join(get_args(Sense))}")
         check_weights(self.rewards)
-        if self.uses_radio:  # reading a classifier takes seconds
-            check_classifier(self.link_states)
 
     @property
     def uses_radio(self) -> bool:
@@ -78,7 +76,9 @@ def simulator_for(config: SearchConfig) -> SimulatorConfig:
 
 
 def check_senses(config: SearchConfig, simulator: SimulatorConfig) -> None:
-    """Raise ValueError if the robot lacks a sensor that it observes by."""
+    """Raise ValueError if the robot lacks a sensor that it observes by, or not what the classifier needs."""
+    if config.uses_radio:  # reading a classifier takes seconds
+        check_classifier(config.link_states, simulator.radio.frequency_hz)
     for sense, carrier in (("rgb", "camera"), ("depth", "camera"), ("lidar", "lidar")):
         if sense in config.observe and getattr(simulator, carrier) == "none":
             raise ValueError(

@@ -14,6 +14,7 @@ separate paths are within 0.1 degrees in 90 % of all cases on most floors, those
 80 %. Outliers, in corridors over metres, are left to the triangulation of landmarks and a robust kernel.
 """
 
+import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,6 +31,11 @@ from slam.poses import wrap
 from slam.sensing.bearings import Bearing
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState
+
+logger = logging.getLogger(__name__)
+
+#: Classifiers count as trained for carriers within this logarithm of the ratio.
+_BAND = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +68,22 @@ def free_path_m(gain_db: float, frequency_hz: float) -> float:
     return speed_of_light / frequency_hz / (4 * math.pi) * 10 ** (-gain_db / 20)
 
 
-def check_classifier(classifier: Part) -> None:
-    """Raise ValueError if a classifier needs inputs that episodes do not measure."""
+def check_classifier(classifier: Part, frequency_hz: float) -> None:
+    """Raise ValueError if a classifier needs inputs that episodes do not measure; warn if its band is another one."""
     made = CLASSIFIER.make(classifier, field="link_states")
     if "peak" in getattr(made, "inputs", ()):
         raise ValueError(
             f"link_states is {part_name(classifier)!r}, a classifier that needs heights of peaks, which are not "
             "measured here. Take one without, such as generated."
+        )
+    trained_ghz = getattr(made, "card", {}).get("frequency_ghz")
+    if trained_ghz and abs(math.log(frequency_hz / 1e9 / trained_ghz)) > _BAND:
+        logger.warning(
+            "link_states is %r, trained at %g GHz, and the radio works at %g GHz: probabilities of link states are not "
+            "reliable. Train one on links of robosim dataset at this frequency, or take true.",
+            part_name(classifier),
+            trained_ghz,
+            frequency_hz / 1e9,
         )
 
 

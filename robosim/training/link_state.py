@@ -28,7 +28,7 @@ from robosim.training.policy_weights import Checkpoint, median_call_ms
 from robosim.training.training_plots import plot_epochs, plot_scores
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
-from wireless.linkstate.data import Links, read_links
+from wireless.linkstate.data import Links, carrier_hz, read_links
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.learning.networks import weights_of
 from wireless.linkstate.learning.training import Recipe, train
@@ -95,7 +95,7 @@ def train_link_state(
         WorkerLost: If a process was killed, after the other jobs have ended.
     """
     start = time.perf_counter()
-    links = links_of(training.data)
+    links, frequency_ghz = links_of(training.data), carrier_hz(training.data) / 1e9
     inputs = tuple(name for name in training.recipe.inputs if name in links.measured)
     training = replace(training, recipe=replace(training.recipe, inputs=inputs))
     parts = _parts(training, links)
@@ -134,6 +134,7 @@ def train_link_state(
         card: dict[str, Any] = {
             "command": command,
             **trained_on,
+            "frequency_ghz": frequency_ghz,
             "members": training.members,
             "parameters": final.parameters,
             "validation": validation,

@@ -7,9 +7,10 @@ peaks but no delays; a link without paths holds zeros there, which `make_tokens`
 
 import json
 import os
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
@@ -93,6 +94,22 @@ def is_data_set(data: Path) -> bool:
     return os.path.lexists(data / "manifest.json")
 
 
+def carrier_hz(data: Path) -> float:
+    """Carrier frequency of the links of a folder; FileError if its manifest is damaged."""
+    if not is_data_set(data):
+        return 28e9  # of all public measurements
+    with _manifest(data) as file:
+        frequency_hz = float(json.loads(file.read())["config"]["radio"]["frequency_hz"])
+        if not 0 < frequency_hz < np.inf:
+            raise ValueError(f"frequency_hz is {frequency_hz:g}, expected more than 0")
+        return frequency_hz
+
+
+def _manifest(data: Path) -> AbstractContextManager[BinaryIO]:
+    path, what = data / "manifest.json", "the manifest of a data set of links"
+    return reading(path, what, "Make it again.", most_bytes=_MOST_MANIFEST)
+
+
 def _public(data: Path) -> list[_Unit]:
     units = []
     for name, number in find_measurements(data):
@@ -103,10 +120,7 @@ def _public(data: Path) -> list[_Unit]:
 
 
 def _data_set(data: Path) -> list[_Unit]:
-    path = data / "manifest.json"
-    with reading(
-        path, "the manifest of a data set of links", "Make it again.", most_bytes=_MOST_MANIFEST
-    ) as file:
+    with _manifest(data) as file:
         files = [data / unit["file"] for unit in json.loads(file.read())["units"]]
         if not files:
             raise ValueError("it lists no links")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.parts import CLASSIFIER
+from robosim.radio.measurement import check_classifier
 from robosim.support.installation import shipped_weights
 
 
@@ -54,3 +55,12 @@ def test_a_name_that_is_not_there():
         ValueError, match=r"classifier is 'best'\. Known: .*true, a \.safetensors file, or module:Name"
     ):
         CLASSIFIER.make("best", field="classifier")
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "warns"), [(28e9, False), (24.2e9, False), (60e9, True), (2.4e9, True)]
+)
+def test_another_band_warns(frequency_hz, warns, caplog):
+    """All shipped classifiers are trained at 28 GHz."""
+    check_classifier("generated", frequency_hz)
+    assert ("trained at 28 GHz" in caplog.text) == warns
