@@ -93,7 +93,7 @@ def calibrate_materials(
                 frequency_hz=frequency_ghz * 1e9,
                 ceiling_m=ceiling,
                 thickness_m=wall_thickness,
-                sensitivity_dbm=-math.inf if sensitivity_dbm is None else sensitivity_dbm,
+                sensitivity_dbm=sensitivity_dbm,
             )
             _fit_powers(floor_plan, read_measured_powers(measured, height), config, folder)
             console.print(

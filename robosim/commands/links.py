@@ -25,7 +25,7 @@ from robosim.commands.shared_options import (
     resume_hint,
 )
 from robosim.parts import EstimatorPart, TerminalPart
-from robosim.support.checks import Range
+from robosim.support.checks import ADVANCED, Range
 from robosim.support.installation import install_first
 from wireless.support.counting import counted
 
@@ -42,10 +42,10 @@ def trace(
     grid: float | None = None,
     rx: Place = None,
     along: Path | None = None,
-    rate: Annotated[float, Range(1e-3, 1e6, "Hz")] = 100.0,
+    rate: Annotated[float, Range(1e-3, 1e6, "Hz"), ADVANCED] = 100.0,
     csi: str | None = None,
-    tx_antenna: str = "isotropic",
-    rx_antenna: str = "isotropic",
+    tx_antenna: Annotated[str, ADVANCED] = "isotropic",
+    rx_antenna: Annotated[str, ADVANCED] = "isotropic",
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,

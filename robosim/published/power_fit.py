@@ -74,8 +74,8 @@ class PowerFitConfig:
     """Conductivity of walls before the fit [S/m]."""
     thickness_m: Annotated[float, Range(1e-3, 2, "m")] = 0.1
     """Thickness of walls [m]."""
-    sensitivity_dbm: float = -np.inf
-    """Lowest power of a reading [dBm]."""
+    sensitivity_dbm: Annotated[float | None, Range(-200, 100, "dBm")] = None
+    """Lowest power of a reading [dBm]; None for no limit."""
     receiver_orders: Annotated[int, Range(0, 8)] = 2
     """Orders of the receiver's pattern over the azimuth from its heading."""
     beacon_orders: Annotated[int, Range(0, 8)] = 2
@@ -127,7 +127,11 @@ class _Model:
         config: PowerFitConfig,
     ) -> None:
         self._scene, self._some = scene, some.ravel()
-        self.measured_dbm, self._sensitivity_dbm = measured.power_dbm[some], config.sensitivity_dbm
+        least_dbm = config.sensitivity_dbm
+        self.measured_dbm, self._sensitivity_dbm = (
+            measured.power_dbm[some],
+            -np.inf if least_dbm is None else least_dbm,
+        )
         self._paths = paths = scene.paths.select(self._some[scene.paths.link])
         base = scene.tracer.reweigh(paths, scene.building.materials)
         # Of a wall passed across its corner one face is not listed: the ratio is more exact than the power.

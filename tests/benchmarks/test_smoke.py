@@ -122,7 +122,7 @@ def test_episode(pair, options):
     """Six decisions of the oracle in all settings; what is measured is not measured again."""
     first = episode.main((pair,), goal="oracle", targets=1, max_steps=6, options=options)
     steps = column(first, "searches", "relative steps")
-    assert len(steps) == 8 and steps["default"] == 1
+    assert len(steps) == 10 and steps["default"] == 1
     again = episode.main((pair,), goal="oracle", targets=1, max_steps=6, options=options)
     assert again.rows == first.rows
 
