@@ -95,7 +95,7 @@ def train_link_state(
         WorkerLost: If a process was killed, after the other jobs have ended.
     """
     start = time.perf_counter()
-    links, frequency_ghz = links_of(training.data), carrier_hz(training.data) / 1e9
+    links, frequency_hz = links_of(training.data), carrier_hz(training.data)
     inputs = tuple(name for name in training.recipe.inputs if name in links.measured)
     training = replace(training, recipe=replace(training.recipe, inputs=inputs))
     parts = _parts(training, links)
@@ -134,7 +134,7 @@ def train_link_state(
         card: dict[str, Any] = {
             "command": command,
             **trained_on,
-            "frequency_ghz": frequency_ghz,
+            "frequency_ghz": frequency_hz and frequency_hz / 1e9,
             "members": training.members,
             "parameters": final.parameters,
             "validation": validation,

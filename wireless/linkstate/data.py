@@ -94,15 +94,15 @@ def is_data_set(data: Path) -> bool:
     return os.path.lexists(data / "manifest.json")
 
 
-def carrier_hz(data: Path) -> float:
-    """Carrier frequency of the links of a folder; FileError if its manifest is damaged."""
+def carrier_hz(data: Path) -> float | None:
+    """Carrier frequency of the links of a folder; None if its manifest does not name it, FileError if it is damaged."""
     if not is_data_set(data):
         return 28e9  # of all public measurements
     with _manifest(data) as file:
-        frequency_hz = float(json.loads(file.read())["config"]["radio"]["frequency_hz"])
-        if not 0 < frequency_hz < np.inf:
-            raise ValueError(f"frequency_hz is {frequency_hz:g}, expected more than 0")
-        return frequency_hz
+        found = json.loads(file.read()).get("config", {}).get("radio", {}).get("frequency_hz")
+        if found is not None and not 0 < float(found) < np.inf:
+            raise ValueError(f"frequency_hz is {found}, expected more than 0")
+        return None if found is None else float(found)
 
 
 def _manifest(data: Path) -> AbstractContextManager[BinaryIO]:
