@@ -26,6 +26,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from robosim.camera.model import CameraConfig
 from robosim.parts import GOAL
 from robosim.policies.arrival import FollowArrival
 from robosim.policies.belief import TargetBelief
@@ -146,7 +147,7 @@ class PolicyContext:
     """Settings of `fused`."""
     control: ControlConfig = field(default_factory=ControlConfig)
     """The robot's hull and actions."""
-    hfov_deg: float = 90.0
+    hfov_deg: float = CameraConfig.hfov_deg
     """Horizontal field of view of the camera [deg]."""
     target: Float[np.ndarray, "2"] | None = None
     """True position of the target, for the oracle and `shortest` only."""

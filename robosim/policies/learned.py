@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32
 
+from robosim.camera.model import CameraConfig
 from robosim.policies.arrival import StuckDetector
 from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
@@ -67,7 +68,13 @@ class Learned:
 
     seeks_target, uses_radio = True, True
 
-    def __init__(self, network: SearchNetwork, fused: Fused, guard: Guard, hfov_deg: float = 90.0) -> None:
+    def __init__(
+        self,
+        network: SearchNetwork,
+        fused: Fused,
+        guard: Guard,
+        hfov_deg: float = CameraConfig.hfov_deg,
+    ) -> None:
         self._network, self._senses = network, SearchSenses()
         self._before = self._memory = empty_memory()
         self._rng = np.random.default_rng(_SEED)

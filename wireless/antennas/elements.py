@@ -165,6 +165,12 @@ def sphere(order: int = 64) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
     return direction.reshape(-1, 3), share
 
 
+def mean_power(element: Element, order: int = 64) -> float:
+    """Mean of the squared amplitude over the sphere; `order` is the fineness of `sphere`."""
+    node, share = sphere(order)
+    return float(share @ element.amplitude(node) ** 2)
+
+
 def directivity(
     element: Element, direction: Float[np.ndarray, "*batch 3"], order: int = 64
 ) -> Float[np.ndarray, "*batch"]:
@@ -175,5 +181,4 @@ def directivity(
         direction: Unit vectors in the element's frame.
         order: Fineness of the mean (`sphere`).
     """
-    node, share = sphere(order)
-    return element.amplitude(direction) ** 2 / (share @ element.amplitude(node) ** 2)
+    return element.amplitude(direction) ** 2 / mean_power(element, order)

@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float, Int
 from scipy.spatial.transform import Rotation
 
 from wireless.antennas.arrays import Array, uniform_array
-from wireless.antennas.elements import sphere, unit_vector
+from wireless.antennas.elements import mean_power, unit_vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,8 +83,7 @@ class MountedArray:
         plain = self.array.plain_signature(direction)
         if self.scaling == "given":
             return plain
-        node, share = sphere()
-        return plain / np.sqrt(share @ self.array.element.amplitude(node) ** 2)
+        return plain / np.sqrt(mean_power(self.array.element))
 
 
 def _tangents(
