@@ -29,6 +29,7 @@ COMMANDS = {
     "calibrate": "calibrate:calibrate",
     "calibrate-materials": "calibrate:calibrate_materials",
     "slam": "slam:slam",
+    "locate": "locate:locate",
     "doctor": "machine:doctor",
     "warm-up": "machine:warm_up",
     "train link-state": "train:link_state",

@@ -69,7 +69,9 @@ def slam(
             trajectories, rows = {"odometry": log.odometry()}, {}
             made = {}
             for name, loops in (("matching", False), ("graph", True)):
-                made[name] = map_log(log, how, loops=loops, watched=_watched(f"{log.name}, {name}", console))
+                made[name] = map_log(
+                    log, how, loops=loops, watched=watched_log(f"{log.name}, {name}", console)
+                )
                 trajectories[name] = made[name].poses
             log = made["graph"].log
             if log.reference is not None:
@@ -114,7 +116,7 @@ def _write_maps(
     draw_trajectories(folder / "trajectories.png", log, trajectories)
 
 
-def _watched(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
+def watched_log(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
     """A progress bar for numbers."""
 
     def watched(numbers: range, what: str) -> Iterator[int]:

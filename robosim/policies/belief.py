@@ -158,6 +158,21 @@ class TargetBelief:
             odds = _RECEIVED[0] - _RECEIVED[1] * straight_m - _RECEIVED[2] * (routes.length_m - straight_m)
             part = self._silent[routes.rows, routes.columns]
             np.minimum(part, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=part)
+        self._weigh(measurement, survey, surely, offset, distance)
+        # No cell is excluded permanently.
+        np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
+        return True
+
+    def _weigh(
+        self,
+        measurement: Measurement,
+        survey: MapSurvey,
+        surely: Bool[np.ndarray, "ny nx"],
+        offset: Float[np.ndarray, "ny nx 2"],
+        distance: Float[np.ndarray, "ny nx"],
+    ) -> None:
+        """Multiply the belief by the likelihood of a measurement."""
+        c = self.config
         prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
             measurement, survey, offset, distance, frequency_hz=c.frequency_hz, departures=c.departures,
@@ -176,9 +191,6 @@ class TargetBelief:
             self._log += np.float32(c.weight) * evidence
         else:
             self._log = evidence
-        # No cell is excluded permanently.
-        np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
-        return True
 
     def survey(self, estimate: MapEstimate) -> MapSurvey:
         """A map over the belief's cells, cached for the decision."""

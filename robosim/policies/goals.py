@@ -12,11 +12,12 @@ building and the pose. All policies are called once per decision, and all arrive
     los            follows it if the link state is line of sight
     los-or-first   follows it if the link state is line of sight or first order: the published system
     fused          goes where radio, camera and map together locate the target, or where they learn most about it
+    rss            the same from received power alone, without directions
     learned        a recurrent network chooses the actions from the sensors; falls back to `fused` when it is stuck
 
 A `.safetensors` file of `robosim train search` is a policy like the last.
 
-Reference: arXiv 2110.14789 for all but `shortest`, `fused` and `learned`.
+Reference: arXiv 2110.14789 for all but `shortest`, `rss`, `fused` and `learned`.
 """
 
 from collections.abc import Callable
@@ -33,6 +34,7 @@ from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused, FusedConfig
 from robosim.policies.reason import ARRIVAL, EXPLORE, KNOWN, SEEN, Reason
+from robosim.policies.received_power import PowerSearch
 from robosim.simulator import Observation
 from robosim.support.parts import Part
 from slam.actions import Action
@@ -56,6 +58,8 @@ class GoalPolicy(Protocol):
     seeks_target: bool = True
     #: Whether it needs the radio.
     uses_radio: bool = False
+    #: Whether it uses directions and link states; without, it receives the total power of each measurement.
+    uses_directions: bool = True
     #: Whether it needs the recogniser of the target.
     uses_camera: bool = False
     #: The belief over the target's position; None without one.
@@ -188,6 +192,11 @@ def _follower(*trusted: LinkState) -> Callable[[PolicyContext], Wireless]:
 snr = _follower(LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER)
 los = _follower(LinkState.LOS)
 los_or_first = _follower(LinkState.LOS, LinkState.FIRST_ORDER)
+
+
+def rss(context: PolicyContext) -> PowerSearch:
+    """The policy `rss`."""
+    return PowerSearch(context.explorer, context.fused)
 
 
 def fused(context: PolicyContext) -> Fused:

@@ -17,7 +17,7 @@ separate paths are within 0.1 degrees in 90 % of all cases on most floors, those
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -61,6 +61,25 @@ class Measurement:
     def state(self) -> LinkState:
         """The most probable link state."""
         return LinkState(int(np.argmax(self.probability)))
+
+    def power_only(self) -> "Measurement":
+        """The same as of one antenna: total SNR and gain, from an unknown direction (NaN), as if in outage."""
+        if not len(self.aoa_rad):
+            return self
+        unknown = np.full(1, np.nan)
+        return replace(
+            self,
+            aoa_rad=unknown,
+            aod_rad=unknown,
+            snr_db=_total_db(self.snr_db),
+            gain_db=_total_db(self.gain_db),
+            delay_s=np.zeros(1),
+            probability=np.eye(len(LinkState))[LinkState.OUTAGE],
+        )
+
+
+def _total_db(powers_db: Float[np.ndarray, " n"]) -> Float[np.ndarray, "1"]:
+    return np.atleast_1d(10 * np.log10(np.sum(10 ** (powers_db / 10))))
 
 
 def free_path_m(gain_db: float, frequency_hz: float) -> float:
