@@ -26,7 +26,7 @@ _EVERY, _CELLS = 3, 3
 #: Candidates are not looked for where the logarithm of the prior is so much less than the largest.
 _UNLIKELY = 3.0
 #: Standard deviation of the power at 1 m [dB].
-_POWER_DB = 10.0
+_POWER_DB = 6.0
 
 
 class PowerBelief(TargetBelief):

@@ -118,6 +118,8 @@ def log_evidence(
         config: What is known before.
     """
     c = config or PowerLawConfig()
+    if not len(readings.xy):
+        return np.zeros(len(candidates))
     apart_m = np.hypot(*(readings.xy[:, None] - readings.xy).transpose(2, 0, 1))
     variance = c.reading_db**2 / np.minimum(readings.count, c.averaged) + _ROUNDING
     covariance = c.shadowing_db**2 * np.exp(-apart_m / c.correlation_m) + np.diag(variance)
