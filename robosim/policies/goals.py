@@ -51,15 +51,14 @@ SEEKERS = tuple(name for name in GOAL.names if name != "explore")
 class GoalPolicy(Protocol):
     """Chooses a goal at each decision; a derived class inherits the defaults below.
 
-    An optional attribute `reason`, a `robosim.policies.reason.Reason`, gives the reason of the last goal.
+    An optional attribute `reason`, a `robosim.policies.reason.Reason`, gives the reason of the last goal. If
+    an optional attribute `uses_directions` is False, measurements have powers and ranges only.
     """
 
     #: Whether the policy searches for the target, so that an episode ends on arrival.
     seeks_target: bool = True
     #: Whether it needs the radio.
     uses_radio: bool = False
-    #: Whether it uses directions and link states; without, it receives the total power of each measurement.
-    uses_directions: bool = True
     #: Whether it needs the recogniser of the target.
     uses_camera: bool = False
     #: The belief over the target's position; None without one.
