@@ -17,6 +17,7 @@ from robosim.support.checks import check_arguments
 COMMANDS = {
     "episode": "episode:episode",
     "replay": "live:replay",
+    "export": "live:export",
     "view": "live:view",
     "live": "live:live",
     "evaluate": "evaluate:evaluate",

@@ -129,7 +129,7 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
         ImportError: If `rosbags` is not installed.
     """
     if not is_installed("rosbags"):
-        raise missing_extra("rosbags", f"{path}, a ROS bag,")
+        raise missing_extra("rosbags", f"{path}: a ROS bag")
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
