@@ -8,8 +8,6 @@ Then, with the place known, permittivity and conductivity of the walls, fitted o
 here; a table of a real robot's goes to `robosim locate` and `robosim calibrate-materials`.
 """
 
-from dataclasses import replace
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -21,23 +19,22 @@ from wireless import TracerConfig
 from wireless.positioning.received_power import PowerReadings
 
 plan, rng = read_plan("flat"), np.random.default_rng(4)
-fit = PowerFitConfig(tracer=TracerConfig(max_reflections=1, max_transmissions=2, diffraction=False))
-scene = RadioScene(plan, RadioConfig(frequency_hz=fit.frequency_hz, height_m=1.3, tracer=fit.tracer))
-beacon = np.array([[7.0, 7.0, 2.1]])
-places = receiver_grid(scene.building, 0.5, 1.3).position
+tracing = TracerConfig(max_reflections=1, max_transmissions=2, diffraction=False)
+fit = PowerFitConfig(tracer=tracing, beacon_orders=0)
+scene = RadioScene(plan, RadioConfig(frequency_hz=fit.frequency_hz, tracer=tracing))
+beacon, places = np.array([[7.0, 7.0, 2.1]]), receiver_grid(scene.building, 0.5, 1.3).position
 paths = scene.tracer.trace(beacon, places)
 traced = np.bincount(paths.link, paths.power * np.cos(paths.aoa_el) ** 2, len(places))
-with np.errstate(divide="ignore"):
-    power = 10 * np.log10(traced) - 5 + rng.normal(0, 4, len(places))
-power[~np.isfinite(power)] = np.nan
-received = np.isfinite(power)
-ones, unknown = np.ones(received.sum()), np.full(received.sum(), np.nan)
-readings = PowerReadings(xy=places[received, :2], heading_rad=unknown, power_dbm=power[received], count=ones)
+places, traced = places[traced > 0], traced[traced > 0]
+power = 10 * np.log10(traced) - 5 + rng.normal(0, 4, len(places))
+unknown, ones = np.full(len(power), np.nan), np.ones(len(power))
+readings = PowerReadings(xy=places[:, :2], heading_rad=unknown, power_dbm=power, count=ones)
 found = locate_beacon(readings, plan, 0.3)
 measured = MeasuredPowers(
     names=("1",), beacons=beacon, places=places, heading_rad=None, power_dbm=power[None]
 )
-fitted = fit_powers(measured, plan, replace(fit, beacon_orders=0))
+fitted = fit_powers(measured, plan, fit)
+value, deviation = fitted.parameters["relative_permittivity"]
 
 figure, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained", width_ratios=(1.2, 1))
 plan.plot(axes[0])
@@ -48,10 +45,7 @@ axes[0].legend()
 figure.colorbar(points, ax=axes[0], label="power [dBm]")
 axes[1].plot(fitted.predicted_dbm[0], power, ".")
 axes[1].axline((-60, -60), slope=1, color="black", lw=0.8)
-value = fitted.parameters["relative_permittivity"]
 axes[1].set(
-    xlabel="predicted [dBm]",
-    ylabel="received [dBm]",
-    title=f"permittivity {value[0]:.1f} ± {value[1]:.1f}",
+    xlabel="predicted [dBm]", ylabel="received [dBm]", title=f"permittivity {value:.1f} ± {deviation:.1f}"
 )
 plt.show()

@@ -292,18 +292,18 @@ def _depth_points(message: Any, intrinsics: Float[np.ndarray, "3 3"]) -> Float[n
 def _in_order(path: Path, scans: list[_Scan]) -> list[_Scan]:
     """Scans by rising times, without those of a time that is there already."""
     ordered = sorted(scans, key=lambda scan: scan.time_s)
-    kept = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
+    rising = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
     late = sum(b.time_s < a.time_s for a, b in pairwise(scans))
-    if late or len(kept) < len(scans):
+    if late or len(rising) < len(scans):
         logger.warning(
             "%s: %d scans come before an earlier one and are sorted, %d have the time of another and are left out",
             path,
             late,
-            len(scans) - len(kept),
+            len(scans) - len(rising),
         )
-    if len(kept) < 2:
-        raise ValueError(f"{len(kept)} scans in it, expected two at least")
-    return kept
+    if len(rising) < 2:
+        raise ValueError(f"{len(rising)} scans in it, expected two at least")
+    return rising
 
 
 def _log(
