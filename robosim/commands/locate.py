@@ -48,8 +48,8 @@ def locate(
         out: Output folder; by default a new one under runs/.
     """
     from robosim.commands.slam import watched_log
-    from robosim.drawing.beacon_picture import draw_beacons
     from robosim.logs.log_files import read_log
+    from robosim.published.beacon_figure import draw_beacons
     from robosim.published.beacon_places import SHARES, locate_beacon
     from robosim.published.power_route import map_route, read_power_route
     from robosim.support.files import write_json
