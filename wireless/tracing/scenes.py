@@ -5,6 +5,7 @@ Each has the place that its coordinates count from (`origin`), and `tables` of t
 
 import logging
 from collections.abc import Callable, Iterator
+from copy import copy
 from functools import cache
 from typing import Literal
 
@@ -113,6 +114,13 @@ class PlanScene:
         has_target = mask_of(around[1], len(self._region))
         seen = find_visibility(self._layers, triangle[: start[1]], point, has_target, limits)
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
+
+    def limited(self, **limits: int) -> "PlanScene":
+        """The same scene with some fields of its setting changed."""
+        scene = copy(self)
+        scene.setting = self.setting._replace(**limits)
+        scene._around, scene._passed, scene._sights = {}, {}, {}
+        return scene
 
     def _only_region(self, around: Int[np.ndarray, " s"]) -> int:
         """The region that some triangles lie in, if paths must not leave it; -1 otherwise."""

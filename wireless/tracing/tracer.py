@@ -34,6 +34,7 @@ from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
+from wireless.tracing.curved import CurvedWalls
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh
 from wireless.tracing.reweighed import reweigh
@@ -59,6 +60,11 @@ MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
 NO_SPACE = (
     "scattering is traced in floor plans only, from floor to ceiling. Leave it out (scattering=None), or trace a "
     "building whose walls and furniture reach the ceiling, between floor and ceiling."
+)
+#: Why curved walls cannot be had.
+NO_CURVES = (
+    "curved walls are traced in floor plans only, from floor to ceiling. Leave them out (curved_walls=False), or trace "
+    "a building whose walls reach the ceiling, between floor and ceiling."
 )
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
@@ -119,6 +125,9 @@ class TracerConfig:
     """Exponent of the scattered lobe of such walls; None for Lambert's law."""
     scattering_tile_m: Annotated[float, Range(0.05, 10, "m")] = 0.5
     """Largest side of the pieces that walls scatter by, each a path [m]."""
+    curved_walls: bool = False
+    """Whether four or more short walls that follow a circle, as those of round posts do, reflect as the circle does. In
+    floor plans (`wireless.tracing.curved`)."""
     max_paths: Annotated[int, Range(1, MOST_PATHS, "paths")] = 25
     """Most paths of a link: the strongest ones."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
@@ -223,6 +232,11 @@ class Tracer:
             if not isinstance(self.scene, PlanScene):
                 raise SceneError(NO_SPACE)
             self._scattering = self._rough(self.scene, materials, of_face)
+        self._curved: CurvedWalls | None = None
+        if self.config.curved_walls:
+            if not isinstance(self.scene, PlanScene):
+                raise SceneError(NO_CURVES)
+            self._curved = CurvedWalls(self.scene, self.config.snap_m)
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
@@ -315,9 +329,14 @@ class Tracer:
                 logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
                 if self._scattering is not None:
                     raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_SPACE}")
+                if self._curved is not None:
+                    raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_CURVES}")
                 scene = self._in_space()
                 break
         tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
+        if self._curved is not None:
+            keep = self.config.max_paths * (1 if self._scattering is None else 2)
+            tables = self._curved.added(tables, tx - scene.origin, rx - scene.origin, keep, workers)
         if self._scattering is not None:
             tables = self._scattering.added(
                 tables, tx - scene.origin, rx - scene.origin, self.config.max_paths
@@ -397,8 +416,8 @@ class Tracer:
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
-            # What reflections lose by scattering may change the order of the last ones.
-            keep=config.max_paths if config.scattering is None else 2 * config.max_paths,
+            # What reflections lose by scattering may change the order of the last ones, and flat walls of arcs drop out.
+            keep=config.max_paths * (1 if config.scattering is None and not config.curved_walls else 2),
             bisector=config.diffraction_law == "bisector",
         )
 
