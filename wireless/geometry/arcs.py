@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 #: How far walls may be from the circle: share of its radius, but no more than this [m], a cell of a raster.
-OFF, OFF_M = 0.15, 0.05
+OFF, OFF_M = 0.2, 0.05
 #: Least turn of an arc and most of a wall [rad], largest radius [m], and fewest and most walls.
 TURN_RAD, LARGEST_M, FEWEST, MOST = np.pi / 3, 20.0, 4, 64
 

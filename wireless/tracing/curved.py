@@ -79,8 +79,9 @@ class CurvedWalls:
             angle = arc.from_rad + arc.turn_rad * np.linspace(0, 1, 2 * n + 1)
             out = np.column_stack([np.cos(angle), np.sin(angle)])
             place = arc.centre + (arc.radius_m + arc.off_m + OFF_M) * out[1::2]
-            middle = walls[arc.walls].mean(axis=1)
-            wall = arc.walls[np.linalg.norm(place[:, None] - middle, axis=2).argmin(axis=1)]
+            middle, half = walls[arc.walls].mean(axis=1), np.diff(walls[arc.walls], axis=1)[:, 0] / 2
+            off = np.linalg.norm(place[:, None] - middle, axis=2) - np.linalg.norm(half, axis=1)
+            wall = arc.walls[off.argmin(axis=1)]
             ends = np.stack([out[:-1:2], out[2::2]], axis=1)
             parts.append((np.tile(arc.centre, (n, 1)), np.full(n, arc.radius_m), ends, wall))
             places.append(place)
@@ -96,7 +97,14 @@ class CurvedWalls:
         most = max(scene.setting.max_reflections - 1, 0)
         self._legs = scene.limited(max_reflections=most, edge_reflections=-1, side_reflections=-1)
 
-    def added(self, rows: Rows, tx: Points, rx: Points, keep: int, workers: int | None) -> Rows:
+    def added(
+        self,
+        rows: Rows,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        keep: int,
+        workers: int | None,
+    ) -> Rows:
         """The paths of each link with those over arcs, the strongest of both."""
         setting = self.scene.setting
         if not self.arcs or setting.max_reflections < 1:
@@ -310,8 +318,8 @@ def _join(
     unpaired: Setting,
     pieces: Pieces,
     legs: Legs,
-    tx: Points,
-    rx: Points,
+    tx: Float[np.ndarray, "n_tx 3"],
+    rx: Float[np.ndarray, "n_rx 3"],
     number: int,
 ) -> Table:
     """Paths over arcs from one of the transmitters to all receivers, in no order.
