@@ -159,7 +159,9 @@ def residuals_db(hall: MeasuredHall, matched: Matched) -> Float[np.ndarray, " n"
     return off
 
 
-def tracer_of(plan: FloorPlan, wall: str | Material, frequency_hz: float, config: TracerConfig = SPECULAR) -> Tracer:
+def tracer_of(
+    plan: FloorPlan, wall: str | Material, frequency_hz: float, config: TracerConfig = SPECULAR
+) -> Tracer:
     """Tracer of a plan whose walls without a colour are of a material."""
     building = make_building(plan, config=BuildingConfig(wall_material=wall, furniture_material=wall))
     return Tracer(building, frequency_hz=frequency_hz, config=config)

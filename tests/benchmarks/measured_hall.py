@@ -215,6 +215,8 @@ def _add_scattered(
     found = match(hall, paths, ANY)
     off = np.asarray(hall.power_db) - found.traced_db - offset_db(hall, found)
     _add_strength(
-        results, "scattering", row, off[found.explained & (paths.interaction[found.path, 0] == Interaction.SCATTERING)]
+        results,
+        "scattering",
+        row,
+        off[found.explained & (paths.interaction[found.path, 0] == Interaction.SCATTERING)],
     )
-

@@ -93,7 +93,10 @@ def _arcs(chain: Int[np.ndarray, " k"], point: Float[np.ndarray, "k1 2"]) -> lis
     found = []
     for i in range(len(chain)):
         last = min(len(chain), i + MOST)
-        left, given = np.cumsum(normal[i:last], axis=0)[FEWEST - 1 :], np.cumsum(right[i:last], axis=0)[FEWEST - 1 :]
+        left, given = (
+            np.cumsum(normal[i:last], axis=0)[FEWEST - 1 :],
+            np.cumsum(right[i:last], axis=0)[FEWEST - 1 :],
+        )
         bent = np.linalg.cond(left) < 1e12
         ends = np.flatnonzero(bent) + i + FEWEST
         if not len(ends):

@@ -114,7 +114,10 @@ class CurvedWalls:
         for i, tables in enumerate(rows):
             new = _join(self.scene.outline, setting, unpaired, self._pieces, legs, tx, rx, i)
             found.append(
-                [(merged(self._without_arcs(t), _part(new, first, len(t.found)), keep), first) for t, first in tables]
+                [
+                    (merged(self._without_arcs(t), _part(new, first, len(t.found)), keep), first)
+                    for t, first in tables
+                ]
             )
         return found
 
@@ -140,7 +143,9 @@ class CurvedWalls:
         row, j = np.nonzero(arc >= 0)
         centre = np.array([a.centre for a in self.arcs])[arc[row, j]]
         before, here, after = (table.point[row, j + k, :2] for k in range(3))
-        ray, out = (step / np.linalg.norm(step, axis=1, keepdims=True) for step in (here - before, after - here))
+        ray, out = (
+            step / np.linalg.norm(step, axis=1, keepdims=True) for step in (here - before, after - here)
+        )
         away = ((out - ray) * (here - centre)).sum(axis=1) > 0
         return _chosen(table, ~np.isin(np.arange(len(table.power)), row[away]))
 
@@ -191,7 +196,9 @@ def _images(
             image[j, 2] = 2 * z - image[j, 2]
             continue
         nx, ny = -outline.wall_along[wall, 1], outline.wall_along[wall, 0]
-        off = (image[j, 0] - outline.wall_point[wall, 0]) * nx + (image[j, 1] - outline.wall_point[wall, 1]) * ny
+        off = (image[j, 0] - outline.wall_point[wall, 0]) * nx + (
+            image[j, 1] - outline.wall_point[wall, 1]
+        ) * ny
         image[j, 0] -= 2 * off * nx
         image[j, 1] -= 2 * off * ny
 

@@ -194,19 +194,19 @@ class SpaceScene:
             ground, slabs = (at_heights(surfaces, z, snap_m) for z in (level_m[[0, -1]], level_m))
         surfaces = without_rims(surfaces, ground)
         mirrors = ~slabs | floor_ceiling
-        self._setting = setting(surfaces.facet_face)
-        passes = self._setting.walls[:, 1].real > 0
+        self.setting = setting(surfaces.facet_face)
+        passes = self.setting.walls[:, 1].real > 0
         self.space = make_space(surfaces, mirrors, passes)
         if not passes.any():
-            self._setting = self._setting._replace(max_through=0)
+            self.setting = self.setting._replace(max_through=0)
         self._sides = None
-        if self._setting.max_through == 1:
+        if self.setting.max_through == 1:
             sides = Sides(local)
             self._sides = sides if sides.closed[face_wall[:, 1].real > 0].all() else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
         self._by_rays = search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS)
         self._candidates = cache(
-            lambda through: Candidates(self.space, self._setting._replace(max_through=through), rays)
+            lambda through: Candidates(self.space, self.setting._replace(max_through=through), rays)
         )
 
     def tables(
@@ -233,7 +233,7 @@ class SpaceScene:
     def _passing(self, points: Points) -> Setting:
         """The setting for some points: paths that pass a closed surface once do not end on the side they began on."""
         leads_on = self._sides is None or not self._sides.alike(points)
-        return self._setting if leads_on else self._setting._replace(max_through=0)
+        return self.setting if leads_on else self.setting._replace(max_through=0)
 
 
 def limits_of(setting: Setting, most_visits: int, span_m: np.ndarray | None = None) -> Limits:
