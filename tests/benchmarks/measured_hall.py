@@ -39,7 +39,7 @@ TURN_DEG = -1.6
 ROWS, COLUMNS, WIDTH_M, CORNER_M = slice(2, 618), slice(2, 695), 18.0, (-7.0, -12.0)
 #: Lines of the frame [cells].
 FRAME = 3
-#: Centres of the circles, how far they reach, and the ends and half of the width of the wall that joins two of them [m].
+#: Centres of the circles and how far they reach; ends, and half of the width, of the wall that joins two of them [m].
 POSTS = np.array([(0.25, -4.29), (2.93, -4.39), (-5.46, -5.21), (-5.48, -6.86)])
 POST_M, LOW_WALL, HALF_M = 0.24, np.array([(-7.0, -5.43), (0.25, -4.29)]), 0.25
 #: From where to where the wall has a box in it, along x [m].

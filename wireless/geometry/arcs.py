@@ -2,8 +2,8 @@
 
 Walls that meet end to end form chains. A part of a chain is an arc if a circle fits it: ends and middles of its walls
 are near the circle, there are four walls at least, each turns by 60 degrees at most, and all together by 60 degrees at
-least. The circle is that of least squares of x^2 + y^2 - 2 c.(x, y) - d over the length of the walls (Kasa, IEEE Trans. Instrum. Meas. 25, 1976).
-Of parts that overlap, those that turn more go first.
+least. The circle is that of least squares of x^2 + y^2 - 2 c.(x, y) - d over the length of the walls (Kasa, IEEE Trans.
+Instrum. Meas. 25, 1976). Of parts that overlap, those that turn more go first.
 """
 
 from collections import defaultdict

@@ -25,7 +25,7 @@ from wireless.geometry.array_types import Point, Points
 from wireless.geometry.occlusion import Tree, is_hidden
 from wireless.tracing.blocks import Rows
 from wireless.tracing.scenes import PlanScene, SpaceScene
-from wireless.tracing.table import Setting, Table
+from wireless.tracing.table import Setting, Table, merged
 
 #: Draws the phases of tiles.
 SEED = 1
@@ -60,15 +60,17 @@ class Tiles:
         if self.corners == 4:
             share = np.stack(np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m), axis=-1)
         else:
-            i, j = np.meshgrid(np.arange(n), np.arange(n))
-            up, down = i + j < n, i + j < n - 1
-            share = (
-                np.concatenate(
-                    [np.column_stack([i[up], j[up]]) + 1 / 3, np.column_stack([i[down], j[down]]) + 2 / 3]
-                )
-                / n
-            )
+            begin, sign = _parts(n)
+            share = (begin + sign[:, None] / 3) / n
         return self.corner[some, None] + share.reshape(-1, 2) @ self.side[some]
+
+
+def _parts(n: int) -> tuple[Int[np.ndarray, "n2 2"], Int[np.ndarray, " n2"]]:
+    """Parts of a triangle with sides cut into n: corners, in parts of both sides, and the signs of their own sides."""
+    i, j = np.meshgrid(np.arange(n), np.arange(n))
+    up, down = i + j < n, i + j < n - 1
+    begin = np.concatenate([np.column_stack([i[up], j[up]]), np.column_stack([i[down], j[down]]) + 1])
+    return begin, np.where(np.arange(n * n) < up.sum(), 1, -1)
 
 
 class Scattering:
@@ -82,7 +84,7 @@ class Scattering:
         share: Float[np.ndarray, " n"],
         alpha: Int[np.ndarray, " n"],
     ):
-        """Walls scatter a share S, by a lobe of exponent alpha (-1 for Lambert's law); a point sees some of the tiles."""
+        """Walls scatter a share S by a lobe of exponent alpha (-1: Lambert's law); a point sees some of the tiles."""
         self.setting, self.tiles, self._seen, self.share, self.alpha = setting, tiles, seen, share, alpha
         self._middle = tiles.middle
         self._length_m = np.linalg.norm(tiles.side, axis=2)
@@ -164,29 +166,14 @@ class Scattering:
         keep: int,
     ) -> Table:
         """A table with scattered paths among the others, whose reflections are weaker."""
-        power, gain = self._weakened(table)
-        start = np.concatenate([[0], np.cumsum(table.found)])
-        most = table.kind.shape[1]
-        blocks, count = [], np.zeros(len(table.found), np.int64)
-        for i in range(len(table.found)):
-            end = rx[first + i]
-            old = slice(start[i], start[i + 1])
-            some = np.flatnonzero(seen[first + i])
-            new = self._paths(tx, end, some, most)
-            parts = [getattr(table, name)[old] for name in Table._fields[1:]]
-            parts[0], parts[1] = power[old], gain[old]
-            both = [np.concatenate([a, b]) for a, b in zip(parts, new, strict=True)]
-            order = np.argsort(-both[0], kind="stable")[:keep]
-            count[i] = len(order)
-            blocks.append([column[order] for column in both])
-        return Table(count, *(np.concatenate(columns) for columns in zip(*blocks, strict=True)))
-
-    def _weakened(self, table: Table) -> tuple[np.ndarray, np.ndarray]:
-        """Powers and gains of paths whose reflections lose what is scattered."""
         of_wall = np.ones(len(self.setting.walls))
         of_wall[: len(self.share)] = 1 - self.share**2
         lost = np.where(table.kind == REFLECTION, of_wall[table.primitive], 1.0).prod(axis=1)
-        return table.power * lost, table.gain * np.sqrt(lost)[:, None, None]
+        table = table._replace(power=table.power * lost, gain=table.gain * np.sqrt(lost)[:, None, None])
+        numbers = range(first, first + len(table.found))
+        new = [self._paths(tx, rx[i], np.flatnonzero(seen[i]), table.kind.shape[1]) for i in numbers]
+        found = np.array([len(columns[0]) for columns in new])
+        return merged(table, Table(found, *map(np.concatenate, zip(*new, strict=True))), keep)
 
     def _paths(self, tx: Point, rx: Point, some: Int[np.ndarray, " m"], most: int) -> list[np.ndarray]:
         """Columns of a table after the first: a path by each of some tiles."""
@@ -256,16 +243,13 @@ def scattering_in_space(
     longest = np.linalg.norm(np.roll(corner, 1, axis=1) - corner, axis=2).max(axis=1, initial=0)
     n = np.maximum(1, np.ceil(longest / tile_m - 1e-9)).astype(np.int64)
     begin, side, wall = [np.empty((0, 3))], [np.empty((0, 2, 3))], [facet[:0]]
-    for parts in np.unique(n).tolist():
-        some = np.flatnonzero(n == parts)
-        sides = (corner[some, 1:] - corner[some, :1]) / parts
-        i, j = np.meshgrid(np.arange(parts), np.arange(parts))
-        for which, sign, shift in ((i + j < parts, 1, 0), (i + j < parts - 1, -1, 1)):
-            steps = np.column_stack([i[which], j[which]]) + shift
-            begin.append((corner[some, :1] + steps @ sides).reshape(-1, 3))
-            side.append(np.repeat(sign * sides, len(steps), axis=0))
-            wall.append(np.repeat(facet[some], len(steps)))
-    corner, sides, facet = (np.concatenate([np.concatenate(parts)] * 2) for parts in (begin, side, wall))
+    for number in np.unique(n).tolist():
+        some, (steps, sign) = np.flatnonzero(n == number), _parts(number)
+        sides = (corner[some, 1:] - corner[some, :1]) / number
+        begin.append((corner[some, :1] + steps @ sides).reshape(-1, 3))
+        side.append((sign[:, None, None] * sides[:, None]).reshape(-1, 2, 3))
+        wall.append(np.repeat(facet[some], len(steps)))
+    corner, sides, facet = (np.concatenate(2 * parts) for parts in (begin, side, wall))
     normal = surfaces.facet_normal[facet]
     normal[len(normal) // 2 :] *= -1
     tiles = Tiles(corner=corner, side=sides, normal=normal, wall=facet, corners=3)

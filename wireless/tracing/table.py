@@ -299,3 +299,23 @@ def list_path(
     rank[place] = new
     best.parts[place] = parts
     return count
+
+
+def merged(table: Table, new: Table, keep: int) -> Table:
+    """The strongest paths of two tables of the same receivers."""
+    found = table.found + new.found
+    of = np.concatenate([np.repeat(np.arange(len(t.found)), t.found) for t in (table, new)])
+    columns = [
+        np.concatenate([a[: table.found.sum()], b[: new.found.sum()]])
+        for a, b in zip(table[1:], new[1:], strict=True)
+    ]
+    order = np.lexsort((-columns[0], of))
+    rank = np.arange(len(of)) - np.repeat(np.cumsum(found) - found, found)
+    order = order[rank < keep]
+    return Table(np.minimum(found, keep), *(column[order] for column in columns))
+
+
+def chosen(table: Table, some: Bool[np.ndarray, " q"]) -> Table:
+    """A table with some of its paths."""
+    of = np.repeat(np.arange(len(table.found)), table.found)
+    return Table(np.bincount(of[some], minlength=len(table.found)), *(column[some] for column in table[1:]))

@@ -415,7 +415,7 @@ class Tracer:
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
-            # What reflections lose by scattering may change the order of the last ones, and flat walls of arcs drop out.
+            # Reflections that lose by scattering may change the order of the last ones, and chords of arcs drop out.
             keep=config.max_paths * (1 if config.scattering is None and not config.curved_walls else 2),
             bisector=config.diffraction_law == "bisector",
         )

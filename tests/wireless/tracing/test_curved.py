@@ -63,7 +63,7 @@ def test_a_post_is_as_strong_as_a_cylinder(extruded, n):
 
 
 def test_from_far_away_the_echo_width_is_pi_a_cos(extruded):
-    """sigma = pi a cos(half the angle between both ends), which adds up to the width 2 a over all directions."""
+    """Sigma = pi a cos(half the angle between both ends), which adds up to the width 2 a over all directions."""
     degrees = np.arange(-168.75, 169, 22.5)
     paths = traced(extruded(post()), around(2000.0, [0.0], 1.0), around(500.0, degrees, 1.0))
     bounced = paths.select(paths.order == 1)
