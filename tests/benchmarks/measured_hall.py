@@ -28,7 +28,7 @@ from robosim_support.reading import reading
 from slam.poses import wrap
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
-from wireless.em.materials import Layer, Material
+from wireless.em.materials import Layer, Material, wall_row
 from wireless.paths import Interaction
 from wireless.tracing.tracer import TracerConfig
 
@@ -165,8 +165,9 @@ def _fit_walls(results: Results, hall: MeasuredHall, plan: FloorPlan) -> Materia
         return rms_db(off[fitted]), rms_db(off[~fitted])
 
     best = min(PERMITTIVITIES, key=lambda one: errors_db(half_space(one))[0])
-    for row, wall in {"marble": "marble", "fitted": half_space(best)}.items():
-        permittivity = 7.074 if wall == "marble" else float(best)
+    walls: dict[str, str | Material] = {"marble": "marble", "fitted": half_space(best)}
+    for row, wall in walls.items():
+        permittivity = wall_row("marble", FREQUENCY_HZ)[0].real if row == "marble" else float(best)
         results.add("walls", row, "relative permittivity", permittivity, digits=1)
         for name, error in zip(("at fitted places", "at the others"), errors_db(wall), strict=True):
             results.add("walls", row, f"error of reflections, RMS, {name}", error, "dB", digits=1)

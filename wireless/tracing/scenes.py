@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Iterator
 from copy import copy
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
@@ -115,7 +115,7 @@ class PlanScene:
         seen = find_visibility(self._layers, triangle[: start[1]], point, has_target, limits)
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
 
-    def limited(self, **limits: int) -> "PlanScene":
+    def limited(self, **limits: Any) -> "PlanScene":
         """The same scene with some fields of its setting changed."""
         scene = copy(self)
         scene.setting = self.setting._replace(**limits)
