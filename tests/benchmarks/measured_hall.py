@@ -14,8 +14,10 @@ import numpy as np
 from PIL import Image
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.building.building import BuildingConfig, make_building
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.published.material_fit import CURVED, EDGES, SPECULAR, residuals_db, rms_db, tracer_of
+from robosim.published.measured_figure import draw_measured
 from robosim.published.measured_paths import (
     MatchConfig,
     MeasuredHall,
@@ -82,6 +84,11 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     _add_explained(results, "and walls that fit", hall, plan, wall, CURVED)
     _add_explained(results, "and an edge with one", hall, plan, wall, bent)
     _add_strengths(results, hall, plan, wall, bent)
+    building = make_building(plan, config=BuildingConfig(wall_material=wall))
+    traced = trace_hall(hall, tracer_of(plan, wall, FREQUENCY_HZ, bent), ANY.height_m)
+    draw_measured(
+        hall, building, match(hall, traced, CLOSE), options.folder("measured_hall") / "measured.png"
+    )
     for row, coefficient in ROUGH.items():
         rough = replace(CURVED, scattering=coefficient, max_paths=_MOST_ROUGH)
         _add_scattered(results, row, hall, plan, wall, rough)
