@@ -5,7 +5,7 @@ aod_rad, aoa_rad, and power_db if it is known; further columns are passed over. 
 end, powers relative to each other.
 Data of that form: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), at 60 GHz.
 
-A measured path is explained by a traced one if delay and both azimuths agree, and strength if that is asked for. Each
+A measured path is explained by a traced one if delay and both azimuths agree and, if it is compared, strength. Each
 traced path explains one measured path at most; of all pairings the one that explains most is taken, the closest of
 these.
 """

@@ -106,8 +106,8 @@ def read_plan(folder: Path, low_wall: bool = True) -> FloorPlan:
     if not low_wall:
         along = np.diff(LOW_WALL, axis=0)[0] / np.linalg.norm(np.diff(LOW_WALL, axis=0))
         off = (xy - LOW_WALL[0]) @ [-along[1], along[0]]
-        beside = (xy[..., 0] < BOX_M[0]) | (xy[..., 0] > BOX_M[1])
-        dark &= ~((np.abs(off) < HALF_M) & (xy[..., 0] < LOW_WALL[1, 0]) & beside & ~post)
+        is_bare = (xy[..., 0] < BOX_M[0]) | (xy[..., 0] > BOX_M[1])
+        dark &= ~((np.abs(off) < HALF_M) & (xy[..., 0] < LOW_WALL[1, 0]) & is_bare & ~post)
     material = np.where(dark & post, 2, 0).astype(np.uint8)
     frame = np.ones(dark.shape, bool)
     frame[FRAME:-FRAME, FRAME:-FRAME] = False
@@ -163,7 +163,7 @@ def _add_explained(
 
 
 def _fit_walls(results: Results, hall: MeasuredHall, plan: FloorPlan) -> Material:
-    """The permittivity of walls whose reflections fit best at every other place, and its errors there and elsewhere."""
+    """The permittivity that fits best at every other place; its errors there and at the others are added."""
     fitted = np.unique(hall.table[:, 0], return_inverse=True)[1] % 2 == 0
 
     def errors_db(wall: str | Material) -> tuple[float, float]:

@@ -79,7 +79,7 @@ def _chains(
 
 
 def _arcs(chain: Int[np.ndarray, " k"], point: Float[np.ndarray, "k1 2"]) -> list[Arc]:
-    """The arc of greatest turn that begins at each wall of a chain."""
+    """The longest arc that begins at each wall of a chain."""
     point = point - (origin := point.mean(axis=0))
     middle = (point[1:] + point[:-1]) / 2
     length = np.linalg.norm(np.diff(point, axis=0), axis=1)
@@ -92,11 +92,7 @@ def _arcs(chain: Int[np.ndarray, " k"], point: Float[np.ndarray, "k1 2"]) -> lis
     right = np.einsum("qk,qki,qk->ki", weight, row, square)
     found = []
     for i in range(len(chain)):
-        last = min(len(chain), i + MOST)
-        left, given = (
-            np.cumsum(normal[i:last], axis=0)[FEWEST - 1 :],
-            np.cumsum(right[i:last], axis=0)[FEWEST - 1 :],
-        )
+        left, given = (np.cumsum(sums[i : i + MOST], axis=0)[FEWEST - 1 :] for sums in (normal, right))
         bent = np.linalg.cond(left) < 1e12
         ends = np.flatnonzero(bent) + i + FEWEST
         if not len(ends):

@@ -118,19 +118,17 @@ class CurvedWalls:
         workers: int | None,
     ) -> Rows:
         """The paths of each link with those over arcs, the strongest of both."""
-        setting = self.scene.setting
-        if not self.arcs or setting.max_reflections < 1:
-            return rows
-        legs, unpaired = self._traced(np.concatenate([tx, rx]), workers), setting._replace(max_through=0)
+        if not self.arcs or self.scene.setting.max_reflections < 1:
+            return [[(merged([table], keep), first) for table, first in tables] for tables in rows]
+        legs = self._traced(np.concatenate([tx, rx]), workers)
+        settings = self.scene.setting, self.scene.setting._replace(max_through=0)
         found: Rows = []
         for i, tables in enumerate(rows):
             found.append([])
             for table, first in tables:
                 some = rx[first : first + len(table.found)]
-                new = _join(
-                    self._planes, setting, unpaired, self._pieces, legs, (tx[i], i), some, len(tx) + first
-                )
-                found[-1].append((merged(self._without_arcs(table), new, keep), first))
+                new = _join(self._planes, settings, self._pieces, legs, (tx[i], i), some, len(tx) + first)
+                found[-1].append((merged([self._without_arcs(table), new], keep), first))
         return found
 
     def _traced(self, ends: Points, workers: int | None) -> Legs:
@@ -157,7 +155,8 @@ class CurvedWalls:
         centre = np.array([a.centre for a in self.arcs])[arc[row, j]]
         before, here, after = (table.point[row, j + k, :2] for k in range(3))
         ray, out = (
-            step / np.linalg.norm(step, axis=1, keepdims=True) for step in (here - before, after - here)
+            step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
+            for step in (here - before, after - here)
         )
         away = ((out - ray) * (here - centre)).sum(axis=1) > 0
         return chosen(table, ~np.isin(np.arange(len(table.power)), row[away]))
@@ -256,8 +255,7 @@ def _lay(
 @compiled
 def _join(
     planes: Float[np.ndarray, "n 4"],
-    setting: Setting,
-    unpaired: Setting,
+    settings: tuple[Setting, Setting],
     pieces: Pieces,
     legs: Legs,
     tx: tuple[Point, int],
@@ -266,8 +264,9 @@ def _join(
 ) -> Table:
     """Paths over arcs from a transmitter, given with its number among ends, to receivers of numbers from `first` on.
 
-    Legs list one face of each passed wall, so that none are left to be paired (`unpaired`).
+    Legs list one face of each passed wall, so that none are left to be paired: the second setting is without pairs.
     """
+    setting, unpaired = settings
     table, scratch, row = make_table(setting, len(rx), len(rx)), make_scratch(setting), 0
     images, n = np.empty((2, legs.kind.shape[1] + 1, 3)), (len(legs.start) - 1) // len(pieces.wall)
     for r in range(len(rx)):

@@ -173,7 +173,7 @@ class Scattering:
         numbers = range(first, first + len(table.found))
         new = [self._paths(tx, rx[i], np.flatnonzero(seen[i]), table.kind.shape[1]) for i in numbers]
         found = np.array([len(columns[0]) for columns in new])
-        return merged(table, Table(found, *map(np.concatenate, zip(*new, strict=True))), keep)
+        return merged([table, Table(found, *map(np.concatenate, zip(*new, strict=True)))], keep)
 
     def _paths(self, tx: Point, rx: Point, some: Int[np.ndarray, " m"], most: int) -> list[np.ndarray]:
         """Columns of a table after the first: a path by each of some tiles."""

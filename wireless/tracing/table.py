@@ -301,14 +301,12 @@ def list_path(
     return count
 
 
-def merged(table: Table, new: Table, keep: int) -> Table:
-    """The strongest paths of two tables of the same receivers."""
-    found = table.found + new.found
-    of = np.concatenate([np.repeat(np.arange(len(t.found)), t.found) for t in (table, new)])
-    columns = [
-        np.concatenate([a[: table.found.sum()], b[: new.found.sum()]])
-        for a, b in zip(table[1:], new[1:], strict=True)
-    ]
+def merged(tables: list[Table], keep: int) -> Table:
+    """The strongest paths of tables of the same receivers."""
+    found = np.sum([table.found for table in tables], axis=0)
+    of = np.concatenate([np.repeat(np.arange(len(table.found)), table.found) for table in tables])
+    used = [[column[: table.found.sum()] for column in table[1:]] for table in tables]
+    columns = [np.concatenate(parts) for parts in zip(*used, strict=True)]
     order = np.lexsort((-columns[0], of))
     rank = np.arange(len(of)) - np.repeat(np.cumsum(found) - found, found)
     order = order[rank < keep]

@@ -43,7 +43,7 @@ def test_a_post_that_a_wall_ends_at_is_one():
 
 def test_corners_are_no_arcs():
     """Squares, rectangles, a pentagon, a chamfered corner, and a long straight wall of many pieces."""
-    chamfer = (*np.array([(0, 0), (2, 0), (2.1, 0.1), (2.1, 2), (0, 2), (0, 0)], float), 9, 9)
+    chamfer = np.array([(9, 9), (11, 9), (11.1, 9.1), (11.1, 11), (9, 11), (9, 9)], float)
     straight = np.column_stack([np.linspace(0, 5, 40), np.full(40, -7.0)])
     shapes = [
         square(0.3),

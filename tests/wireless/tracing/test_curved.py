@@ -100,6 +100,8 @@ def test_curved_walls_replace_their_chords_only(extruded):
     square = extruded(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
     flat, curved = (traced(square, tx, rx, diffraction=True, curved_walls=is_on) for is_on in (False, True))
     np.testing.assert_array_equal(flat.gain, curved.gain)
+    few = traced(square, tx, rx, diffraction=True, max_paths=2)
+    np.testing.assert_array_equal(few.gain, flat.select(flat.rank < 2).gain)
     paths = traced(extruded(post(16)), tx, rx, diffraction=True)
     lit = paths.select(paths.rx == 0)
     assert [int(kind) for kind in lit.interaction[lit.order == 1, 0]] == [Interaction.REFLECTION]
