@@ -65,9 +65,9 @@ def test_strengths_are_compared_if_a_bound_is_given(plan, hall):
     stronger = replace(hall, power_db=hall.power_db + np.where(np.arange(len(hall.table)) % 7 == 3, 9.0, 0.0))
     paths = trace_hall(hall, tracer_of(plan, "glass", FREQUENCY_HZ, EDGES), 1.5)
     loose, close = (match(stronger, paths, MatchConfig(strength_db=bound)) for bound in (None, 6.0))
-    moved = np.arange(len(hall.table)) % 7 == 3
+    is_raised = np.arange(len(hall.table)) % 7 == 3
     assert loose.explained.mean() > 0.97
-    assert close.explained[~moved].mean() > 0.97 and close.explained[moved].mean() < 0.1
+    assert close.explained[~is_raised].mean() > 0.97 and close.explained[is_raised].mean() < 0.1
     assert (close.path[close.explained] >= 0).all() and close.by_chance < loose.by_chance
 
 
