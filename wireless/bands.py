@@ -18,50 +18,65 @@ Left out: sharing of antennas over time, regulations of countries, duty cycles.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, cast
 
-from wireless.sounding.sounder import SoundingConfig
+from robosim_support.checks import check_choice
+
+if TYPE_CHECKING:
+    from wireless.sounding.sounder import SoundingConfig
 
 BandName = Literal["ble", "wifi-2.4", "wifi-5", "wifi-6", "uwb-6.5", "28ghz", "60ghz", "140ghz"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Band:
-    """What differs between bands; fields have the names of a radio link's configuration."""
+    """What differs between bands."""
 
     frequency_hz: float
     """Carrier frequency."""
-    sounding: SoundingConfig
-    """Power, waveform and noise."""
+    tx_power_dbm: float
+    """Transmit power [dBm]."""
+    bandwidth_mhz: float
+    """Bandwidth [MHz]."""
+    n_samples: int
+    """Samples of the waveform, sent once in each beam."""
+    loss_db: float
+    """Noise figure and other losses [dB]."""
+    half_window: int
+    """Samples that are recorded before and after the strongest delay."""
     transmitter: str = "tag"
     """Name of the target's antennas, of `wireless.antennas.codebook.TERMINALS`."""
     receiver: str = "ring-8"
     """Name of the robot's antennas."""
 
+    @property
+    def sounding(self) -> "SoundingConfig":
+        """Power, waveform and noise."""
+        from wireless.sounding.sounder import SoundingConfig  # which compiles: the command line starts without it
 
-def _band(
-    ghz: float, mhz: float, dbm: float, loss_db: float, n_samples: int, half_window: int, *ends: str
-) -> Band:
-    sounding = SoundingConfig(
-        tx_power_dbm=dbm,
-        bandwidth_mhz=mhz,
-        loss_db=loss_db,
-        n_samples=n_samples,
-        half_window=half_window,
-    )
-    return Band(
-        frequency_hz=round(ghz * 1e9), sounding=sounding, **dict(zip(("transmitter", "receiver"), ends))
-    )
+        return SoundingConfig(
+            tx_power_dbm=self.tx_power_dbm,
+            bandwidth_mhz=self.bandwidth_mhz,
+            n_samples=self.n_samples,
+            loss_db=self.loss_db,
+            half_window=self.half_window,
+        )
 
 
 #: Bands by name.
 BANDS: dict[BandName, Band] = {
-    "ble": _band(2.44, 2.0, 4.0, 10.0, 16, 1),
-    "wifi-2.4": _band(2.437, 20.0, 20.0, 7.0, 256, 1),
-    "wifi-5": _band(5.21, 80.0, 20.0, 7.0, 1024, 2),
-    "wifi-6": _band(6.185, 160.0, 20.0, 7.0, 2048, 3),
-    "uwb-6.5": _band(6.4896, 499.2, -14.3, 10.0, 64 * 508, 6),
-    "28ghz": Band(frequency_hz=28e9, sounding=SoundingConfig(), transmitter="gnb", receiver="ue"),
-    "60ghz": _band(60.48, 1760.0, 10.0, 10.0, 1024, 20, "gnb", "ue"),
-    "140ghz": _band(142.0, 1000.0, 10.0, 10.0, 2048, 12, "gnb", "ue"),
+    "ble": Band(2.44e9, 4.0, 2.0, 16, 10.0, 1),
+    "wifi-2.4": Band(2.437e9, 20.0, 20.0, 256, 7.0, 1),
+    "wifi-5": Band(5.21e9, 20.0, 80.0, 1024, 7.0, 2),
+    "wifi-6": Band(6.185e9, 20.0, 160.0, 2048, 7.0, 3),
+    "uwb-6.5": Band(6.4896e9, -14.3, 499.2, 64 * 508, 10.0, 6),
+    "28ghz": Band(28e9, 23.0, 400.0, 2048, 6.0, 5, "gnb", "ue"),
+    "60ghz": Band(60.48e9, 10.0, 1760.0, 1024, 10.0, 20, "gnb", "ue"),
+    "140ghz": Band(142e9, 10.0, 1000.0, 2048, 10.0, 12, "gnb", "ue"),
 }
+
+
+def band_named(name: str) -> Band:
+    """A band by its name; ValueError if there is none."""
+    check_choice("band", name, BANDS)
+    return BANDS[cast(BandName, name)]

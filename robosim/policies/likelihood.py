@@ -60,7 +60,8 @@ class Likelihood:
         `departures` says whether directions of departure are known, `routes` whether arrivals are compared with routes.
         """
         self._m, self._survey, self._known = measurement, survey, survey.known
-        self._frame, self._departures, self._use_routes = survey.frame, departures, routes
+        self._frame, self._use_routes = survey.frame, routes
+        self._departures = departures and bool(np.isfinite(measurement.aod_rad).all())
         self._place = measurement.pose[:2]
         self._offset, self._distance = offset, distance.astype(np.float32)
         self._free_m = 0.0

@@ -29,7 +29,7 @@ from robosim.radio.link_state import Classifier, TrueStates
 from robosim.support.parts import Part, part_name
 from slam.poses import wrap
 from slam.sensing.bearings import Bearing
-from wireless.estimates import PathEstimates
+from wireless.estimates import PathEstimates, measured
 from wireless.paths import LinkState
 
 logger = logging.getLogger(__name__)
@@ -127,9 +127,8 @@ class Interpreter:
             return np.eye(len(LinkState))[radio.state]
         if radio.config.engine == "table":
             return radio.table_probability(self._classifier)
-        return self._classifier.predict(
-            turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
-        )[0]
+        resolved = measured(aod_rad=turned.aod_rad, delay_s=turned.delay_s)
+        return self._classifier.predict(turned.aoa_rad, turned.snr_db, **resolved)[0]
 
 
 #: Standard deviation of directions of a separate path and of one that is close to others. It does not depend on the
@@ -220,6 +219,7 @@ def _is_close(measured: Measurement, k: int, radio: RadioLinkConfig) -> bool:
     """Whether another strong path is so near in azimuth and delay that the receiver hardly separates them."""
     turn = wrap(measured.aoa_rad - measured.aoa_rad[k])
     gap = np.abs(measured.delay_s - measured.delay_s[k]) / radio.sounding.sample_s
-    near = (np.abs(turn) < _CLOSE_RAD) & (gap < _CLOSE_SAMPLES) & (measured.snr_db >= _LEAST_OTHER_DB)
+    # Delays that are not resolved are NaN.
+    near = (np.abs(turn) < _CLOSE_RAD) & ~(gap >= _CLOSE_SAMPLES) & (measured.snr_db >= _LEAST_OTHER_DB)
     near[k] = False
     return bool(near.any())

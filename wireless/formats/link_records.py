@@ -196,6 +196,9 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
 
         def estimated(name: str, missing: float) -> Float[np.ndarray, "n 5"]:
             found = stack([f"{name}_{k}" for k in _PLACES]).astype(float)
+            # Departures and delays that were not resolved are NaN, all of them.
+            if name in ("aod_az_rad", "delay_s") and np.isnan(found).all():
+                return found
             check_within(np.where(present, found, 0.0), name, -FAR, FAR)
             return np.where(present, found, missing)
 
