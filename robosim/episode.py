@@ -103,7 +103,7 @@ def check_weights(config: EpisodeConfig) -> None:
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     if _policy(config, navigator, np.zeros(2)).uses_radio:
-        check_classifier(config.link_states, config.simulator.radio.frequency_hz)
+        check_classifier(config.link_states, config.simulator.radio)
 
 
 def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarray, "2"]) -> GoalPolicy:

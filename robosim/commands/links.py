@@ -235,7 +235,6 @@ def dataset(
     from robosim.datasets.links import make_dataset
     from robosim.generator.generate import generate_plan
     from robosim.plans.files import find_plans
-    from wireless.sounding.sounder import SoundingConfig
 
     if not plans and not generated:
         raise ValueError("plans is empty and generated is 0: give floor plans, folders or --generated 50.")
@@ -250,7 +249,7 @@ def dataset(
         people=people,
         formats=tuple(sorted(set(format))),
         radio=radio.config(),
-        sounding=SoundingConfig(**vars(waveform)),
+        sounding=waveform.config(),
     )
     folder = output_folder(out, "dataset")
     with console.status("reading plans ..."):

@@ -26,6 +26,7 @@ from wireless.bands import band_named
 
 if TYPE_CHECKING:
     from robosim.radio.scene import RadioConfig
+    from wireless.sounding.sounder import SoundingConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +53,7 @@ class RadioOptions:
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     scattering: float | None = None
     """How much walls scatter, coefficient S from 0 to 1; nothing if not given."""
-    tolerance: float | None = None
+    tolerance: Annotated[float | None, ADVANCED] = None
     """Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except in
     published grids; 0 keeps every cell."""
     max_paths: Annotated[int, ADVANCED] = 25
@@ -108,6 +109,12 @@ class WaveformOptions:
     """Noise figure and other losses [dB]."""
     half_window: int = 5
     """Samples that are recorded before and after the strongest delay."""
+
+    def config(self) -> "SoundingConfig":
+        """The configuration of the sounding, at its default power."""
+        from wireless.sounding.sounder import SoundingConfig
+
+        return SoundingConfig(**vars(self))
 
 
 #: As in the reference.

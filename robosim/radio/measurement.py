@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.constants import speed_of_light
 
-from robosim.parts import CLASSIFIER
+from robosim.parts import CLASSIFIER, TERMINAL
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.link_state import Classifier, TrueStates
 from robosim.support.parts import Part, part_name
@@ -68,22 +68,33 @@ def free_path_m(gain_db: float, frequency_hz: float) -> float:
     return speed_of_light / frequency_hz / (4 * math.pi) * 10 ** (-gain_db / 20)
 
 
-def check_classifier(classifier: Part, frequency_hz: float) -> None:
-    """Raise ValueError if a classifier needs inputs that episodes do not measure; warn if its band is another one."""
+def check_classifier(classifier: Part, radio: RadioLinkConfig) -> None:
+    """Raise ValueError if a classifier needs inputs that a radio does not measure; warn if its band is another one."""
     made = CLASSIFIER.make(classifier, field="link_states")
-    if "peak" in getattr(made, "inputs", ()):
+    inputs, name = getattr(made, "inputs", ()), part_name(classifier)
+    if "peak" in inputs:
         raise ValueError(
-            f"link_states is {part_name(classifier)!r}, a classifier that needs heights of peaks, which are not "
+            f"link_states is {name!r}, a classifier that needs heights of peaks, which are not "
             "measured here. Take one without, such as generated."
         )
+    if "aod" in inputs and TERMINAL.make(radio.transmitter, field="transmitter").n_beams == 1:
+        raise ValueError(
+            f"link_states is {name!r}, a classifier that needs directions of departure, which a transmitter with a "
+            f"single beam ({part_name(radio.transmitter)}) does not show. Take one without, such as generated-no-aod."
+        )
+    if "delay" in inputs and not radio.sounding.resolves_delays:
+        raise ValueError(
+            f"link_states is {name!r}, a classifier that needs delays, which a bandwidth of "
+            f"{radio.sounding.bandwidth_mhz:g} MHz does not resolve. Take one without, such as generated-no-sync."
+        )
     trained_ghz = getattr(made, "card", {}).get("frequency_ghz")
-    if trained_ghz and abs(math.log(frequency_hz / 1e9 / trained_ghz)) > _BAND:
+    if trained_ghz and abs(math.log(radio.frequency_hz / 1e9 / trained_ghz)) > _BAND:
         logger.warning(
             "link_states is %r, trained at %g GHz, and the radio works at %g GHz: probabilities of link states are not "
-            "reliable. Train one on links of robosim dataset at this frequency, or take true.",
-            part_name(classifier),
+            "reliable. Take the one of --band, train one on links of robosim dataset at this frequency, or take true.",
+            name,
             trained_ghz,
-            frequency_hz / 1e9,
+            radio.frequency_hz / 1e9,
         )
 
 
