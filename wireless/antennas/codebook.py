@@ -103,12 +103,12 @@ def ring_8(element: str | Element = "dipole") -> Terminal:
 TERMINALS = {"gnb": gnb, "ue": ue, "tag": tag, "ring-8": ring_8}
 
 
-def terminal_named(name: str, element: str | Element = "patch") -> Terminal:
-    """A terminal by its name, as transmitter or receiver.
+def terminal_named(name: str, element: str | Element | None = None) -> Terminal:
+    """A terminal by its name, as transmitter or receiver, with its usual elements or others.
 
     Raises:
         ValueError: If there is none of this name.
     """
     if name not in TERMINALS:
         raise ValueError(f"Unknown terminal {name!r}. Known: {', '.join(TERMINALS)}.")
-    return TERMINALS[name](element)
+    return TERMINALS[name]() if element is None else TERMINALS[name](element)
