@@ -52,7 +52,8 @@ class Band:
     @property
     def sounding(self) -> "SoundingConfig":
         """Power, waveform and noise."""
-        from wireless.sounding.sounder import SoundingConfig  # which compiles: the command line starts without it
+        # Its modules take a while to load, and the command line starts without them.
+        from wireless.sounding.sounder import SoundingConfig
 
         return SoundingConfig(
             tx_power_dbm=self.tx_power_dbm,

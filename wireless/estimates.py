@@ -95,7 +95,9 @@ class PathEstimates:
         )
 
 
-def measured(**columns: Float[np.ndarray, "links paths"]) -> dict[str, Float[np.ndarray, "links paths"] | None]:
+def measured(
+    **columns: Float[np.ndarray, "links paths"],
+) -> dict[str, Float[np.ndarray, "links paths"] | None]:
     """Columns of estimates by name, with None for those that a measurement does not resolve (NaN)."""
     return {name: None if np.isnan(values).any() else values for name, values in columns.items()}
 

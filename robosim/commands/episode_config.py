@@ -1,7 +1,8 @@
 """Configuration of an episode on the command line: every field is an option.
 
-Options start from the defaults, or from the configuration of an earlier result (`--config`), from a radio
-band (`--band`), and from a robot (`--robot`). These are read before the others, so that `--help-all` shows the values that the others start from.
+Options start from the defaults, or from the configuration of an earlier result (`--config`), from a radio band
+(`--band`), and from a robot (`--robot`). These are read before the others, so that `--help-all` shows the values that
+the others start from.
 """
 
 import inspect

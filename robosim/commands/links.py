@@ -204,9 +204,9 @@ def dataset(
     """Make a data set of links: true paths, link states, and what a receiver with beams estimates of them.
 
     Transmitters are placed at random, receivers on a grid. Links are traced, sounded in closed form with the antennas
-    of the band, by default the reference's base station and robot, and estimated. Writes links/NAME_Tx_K.parquet, one row per link, and
-    manifest.json, which describes them. The same command resumes an interrupted run, to the same bytes with any number
-    of workers.
+    of the band, by default the reference's base station and robot, and estimated. Writes links/NAME_Tx_K.parquet, one
+    row per link, and manifest.json, which describes them. The same command resumes an interrupted run, to the same
+    bytes with any number of workers.
 
     Example: robosim dataset flat office --tx-per-plan 10 --grid 0.15 --out out/links
 

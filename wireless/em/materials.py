@@ -7,8 +7,9 @@ exp(+j omega t), so that losses make Im(eps) < 0. Outside of the measured range 
 The rows are Table 3 of Recommendation ITU-R P.2040-4 (09/2025), equal to P.2040-3 (08/2023) where that has
 them; the model is its equations (57) to (59). Where ranges of a material overlap, the first holds.
 ``"drywall"`` is layered drywall as used for 28 GHz navigation data sets (relative permittivity 2.94 and
-0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015), above 100 GHz those of plasterboard. That walls there are two boards with air
-between, as these data sets have them, is what ``"partition"`` says.
+0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015), and above 100 GHz, where that ends, the rows
+of plasterboard. That walls there are two boards with air between, as these data sets have them, is what
+``"partition"`` says.
 
 `WALLS` are made of layers, and so is a `Material` of your own, each of a material of the table or of a permittivity
 of its own; the rest are half-spaces, or layers as thick as `wireless.tracing.tracer.TracerConfig` says.

@@ -66,8 +66,7 @@ def test_a_lone_path_is_measured_all_around(name, kind):
 
 
 def test_a_ring_looks_to_all_sides():
-    """Waves from more than 45 degrees apart are told apart; of four antennas half a wavelength apart, not even
-    opposite ones."""
+    """Signatures more than 45 degrees apart differ; those of four antennas half a wavelength apart do not always."""
     ring = np.radians(np.arange(0, 360, 3))
 
     def likeness(n: int, spacing_wl: float) -> np.ndarray:
