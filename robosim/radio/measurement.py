@@ -11,7 +11,8 @@ as at grazing angles along a corridor.
 
 Standard deviations were measured with the shipped receiver in halls, corridors, rings and offices. Directions of
 separate paths are within 0.1 degrees in 90 % of all cases on most floors, those of close ones within 0.5 degrees in
-80 %. Outliers, in corridors over metres, are left to the triangulation of landmarks and a robust kernel.
+80 %. Outliers, in corridors over metres, are left to the triangulation of landmarks and a robust kernel. In lines of
+sight in generated homes, 80 % of the directions of BLE are within 13 degrees, and of UWB within 2.
 """
 
 import logging
@@ -31,6 +32,7 @@ from slam.poses import wrap
 from slam.sensing.bearings import Bearing
 from wireless.estimates import PathEstimates, measured
 from wireless.paths import LinkState
+from wireless.tracing.tracer import OPAQUE_HZ
 
 logger = logging.getLogger(__name__)
 
@@ -142,13 +144,14 @@ class Interpreter:
         return self._classifier.predict(turned.aoa_rad, turned.snr_db, **resolved)[0]
 
 
-#: Standard deviation of directions of a separate path and of one that is close to others. It does not depend on the
-#: link state: a path whose direction and strength fit its landmark is as exact in every state.
-_SIGMA_RAD = np.radians([0.1, 0.5])
+#: Standard deviation of directions of a separate path, of one that is close to others, and of any path below 10 GHz,
+#: where few antennas receive many paths through walls. It does not depend on the link state: a path whose direction and
+#: strength fit its landmark is as exact in every state.
+_SIGMA_RAD = np.radians([0.1, 0.5, 10.0])
 #: Part of it that measurements share over metres.
-_SHARED_RAD = np.radians([0.0, 1.0])
+_SHARED_RAD = np.radians([0.0, 1.0, 5.0])
 #: The same for the logarithm of ranges, and the part that ranges of one place share.
-_LOG_RANGE, _SHARED_LOG_RANGE = np.array([0.06, 0.3]), 0.03
+_LOG_RANGE, _SHARED_LOG_RANGE = np.array([0.06, 0.3, 0.5]), 0.03
 #: Standard deviation of the additional length of a path over that of the strongest [m].
 _BEYOND_M = 0.05
 #: Paths nearer to each other than this in azimuth [rad] and delay [samples] are close.
@@ -171,7 +174,7 @@ def bearings_of(
         is_received = len(one.aoa_rad) > 0 and one.snr_db[0] >= _LEAST_SNR_DB
         if is_received and np.isfinite([one.aoa_rad[0], one.gain_db[0]]).all():
             bearings.append(_strongest(name, one, radio, known.get(name)))
-            bearings += _others(name, one, radio)
+            bearings += _others(name, one, radio) if radio.frequency_hz >= OPAQUE_HZ else []
     return bearings
 
 
@@ -180,14 +183,14 @@ def _strongest(
 ) -> Bearing:
     # Probabilities of a user's classifier may round to a little over 1.
     direct = float(np.clip(np.nan_to_num(measured.probability[LinkState.LOS]), 0.0, 1.0))
-    close = int(_is_close(measured, 0, radio))
+    kind = 2 if radio.frequency_hz < OPAQUE_HZ else int(_is_close(measured, 0, radio))
     return Bearing(
         source=name,
         bearing_rad=wrap(float(measured.aoa_rad[0] - measured.pose[2])),
-        sigma_rad=float(_SIGMA_RAD[close]),
-        shared_rad=float(_SHARED_RAD[close]),
+        sigma_rad=float(_SIGMA_RAD[kind]),
+        shared_rad=float(_SHARED_RAD[kind]),
         range_m=_free_space_m(measured, radio),
-        sigma_log_range=float(_LOG_RANGE[close]),
+        sigma_log_range=float(_LOG_RANGE[kind]),
         shared_log_range=_SHARED_LOG_RANGE,
         direct=direct,
         apart_rad=_CLOSE_RAD,
@@ -230,7 +233,6 @@ def _is_close(measured: Measurement, k: int, radio: RadioLinkConfig) -> bool:
     """Whether another strong path is so near in azimuth and delay that the receiver hardly separates them."""
     turn = wrap(measured.aoa_rad - measured.aoa_rad[k])
     gap = np.abs(measured.delay_s - measured.delay_s[k]) / radio.sounding.sample_s
-    # Delays that are not resolved are NaN.
-    near = (np.abs(turn) < _CLOSE_RAD) & ~(gap >= _CLOSE_SAMPLES) & (measured.snr_db >= _LEAST_OTHER_DB)
+    near = (np.abs(turn) < _CLOSE_RAD) & (gap < _CLOSE_SAMPLES) & (measured.snr_db >= _LEAST_OTHER_DB)
     near[k] = False
     return bool(near.any())

@@ -33,7 +33,8 @@ def test_a_data_set_in_a_band(plan_file, tmp_path):
 def test_a_trace_in_a_band(given, frequency_hz, plan_file, tmp_path):
     options = f"--tx 1.0,1.0 --grid 0.8 --no-plots --workers 1 --out {tmp_path}"
     main(f"trace {plan_file} {options} {given} --band 60ghz".split())
-    assert json.loads((tmp_path / "settings.json").read_text())["frequency_hz"] == frequency_hz
+    settings = json.loads((tmp_path / "settings.json").read_text())["settings"]
+    assert settings["frequency_hz"] == frequency_hz
 
 
 def test_an_episode_in_a_band(plan_file, tmp_path):
