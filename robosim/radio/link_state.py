@@ -10,8 +10,8 @@ public            trained on the public measurements of mmwRobotNav, and on gene
 ble, wifi-2.4, wifi-5, wifi-6, uwb-6.5, 60ghz, 140ghz
                   like generated, for one radio band of `wireless.bands` each, from what the band resolves
 
-SNR and link states are defined differently in generated and public, so the classifier must fit the measurements: of links of
-generated homes, measured by the public receiver, `public` classifies 89.5 % correctly; of public links,
+SNR and link states are defined differently in generated and public, so the classifier must fit the measurements: of
+links of generated homes, measured by the public receiver, `public` classifies 89.5 % correctly; of public links,
 `generated-no-sync`, whose inputs alone are available there, classifies 59 % correctly.
 
 All but `generated-no-sync` can also use the measurements along the robot's trajectory (`wireless.linkstate.follower`):
