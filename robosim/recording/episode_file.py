@@ -319,7 +319,8 @@ def _check(episode: RecordedEpisode) -> None:
     arrivals = np.vstack([np.zeros((0, 5)), *columns["arrival"]])
     arrivals[:, [1, 4]] = np.nan_to_num(arrivals[:, [1, 4]], posinf=np.inf, neginf=-np.inf)
     if not (np.abs(arrivals) <= FAR).all():
-        raise ValueError("an arrival is not a number")
+        low, high = arrivals.min(), arrivals.max()
+        raise ValueError(f"arrival goes from {low:g} to {high:g}, expected at most {FAR:g}")
     for frames in (columns["map_frame"], columns["belief_frame"]):
         frames = frames[~np.isnan(frames).all(axis=1)]
         low, high = RESOLUTIONS_M

@@ -38,7 +38,7 @@ def test_an_episode_in_each_band(name, engine, caplog):
     with caplog.at_level(logging.WARNING, "robosim.radio"):
         check_weights(config)
         run_episode(building, reach(building, 0.1), task, config, lambda log, step: steps.append(step))
-    assert not [one for one in caplog.records if one.name.startswith("robosim")]
+    assert not [one for one in caplog.records if one.name.startswith("robosim.radio")]
     for step in steps:
         measured = step.estimated.require_measurement()
         assert len(measured.aoa_rad) and measured.probability.sum() == pytest.approx(1.0, abs=1e-6)
