@@ -252,6 +252,9 @@ def run_episode(
             return Estimates(map_)
         measurement = interpreter.interpret(sensed.paths, map_.pose)
         log.add_link(measurement, radio)
+        # A policy of a user need not say so.
+        if not getattr(policy, "uses_directions", True):
+            measurement = measurement.power_only()
         anchors = {}
         for name, link in simulator.anchors.items():
             anchors[name] = interpreter.interpret(sensed.anchors[name], map_.pose, link)

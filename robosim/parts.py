@@ -38,6 +38,7 @@ GOAL = Kind(
         "snr": "robosim.policies.goals:snr",
         "los": "robosim.policies.goals:los",
         "los-or-first": "robosim.policies.goals:los_or_first",
+        "rss": "robosim.policies.goals:rss",
         "fused": "robosim.policies.goals:fused",
         "learned": "robosim.policies.learned:learned",
     },

@@ -17,6 +17,7 @@ from robosim.support.checks import check_arguments
 COMMANDS = {
     "episode": "episode:episode",
     "replay": "live:replay",
+    "export": "live:export",
     "view": "live:view",
     "live": "live:live",
     "evaluate": "evaluate:evaluate",
@@ -29,6 +30,7 @@ COMMANDS = {
     "calibrate": "calibrate:calibrate",
     "calibrate-materials": "calibrate:calibrate_materials",
     "slam": "slam:slam",
+    "locate": "locate:locate",
     "doctor": "machine:doctor",
     "warm-up": "machine:warm_up",
     "train link-state": "train:link_state",

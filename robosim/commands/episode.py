@@ -15,8 +15,9 @@ from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, GoalO
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import NO_OPTIONS, XY, NamedPlace, Pose, Reading, output_folder, read
 from robosim.evaluation.ablations import configured
+from robosim.recording.bag_export import export_bag, require_rosbags
 from robosim.run import FILES, record_episode
-from robosim.support.checks import check_number
+from robosim.support.checks import ADVANCED, check_number
 from robosim.support.installation import install_first
 from robosim.support.interrupt import SIGNALLED, Interrupt
 from robosim.task.tasks import Anchor
@@ -37,6 +38,7 @@ def episode(
     reading: Reading = NO_OPTIONS,
     video: bool = True,
     rerun: bool = False,
+    mcap: Annotated[bool, ADVANCED] = False,
     out: Path | None = None,
 ) -> None:
     """Drive a robot through a building, and record the episode.
@@ -65,11 +67,14 @@ def episode(
         reading: How to read the plan.
         video: Whether to write episode.mp4.
         rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs the extra `viz`.
+        mcap: Whether to write the episode as a ROS 2 bag too, as `robosim export` does; needs the extra `bags`.
         out: Output folder; by default a new one under runs/.
     """
     config = replace(configured(settings, goal), seed=seed)
     if start is not None:
         check_number("yaw of --start", start[2], -360, 360, "degrees from +x")
+    if mcap:
+        require_rosbags()
     folder = output_folder(out, "episode")
     result = record_episode(
         read(plan, reading),
@@ -86,6 +91,8 @@ def episode(
         rerun=rerun,
         console=console,
     )
+    if mcap:
+        export_bag(folder)
     emit_result(result, folder)
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
     shortest = f" (shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f})"

@@ -1,4 +1,4 @@
-"""`robosim replay`, `robosim view` and `robosim live`."""
+"""`robosim replay`, `robosim export`, `robosim view` and `robosim live`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +37,26 @@ def replay(
         files = draw(episode, folder, frames)
     emit_result({"files": [file.name for file in files]}, folder)
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
+
+
+def export(episode: Positional[Path], *, out: Path | None = None) -> None:
+    """Write an episode as a ROS 2 bag in MCAP, with a layout for Foxglove; no ROS is needed.
+
+    The bag has transforms, odometry, scans of the lidar, colour and depth, map, path, goal, belief, link states and
+    angles of arrival, at simulated times. Needs the extra `bags`.
+
+    Example: robosim export out/a
+
+    Args:
+        episode: Folder of `robosim episode`.
+        out: Folder for the bag; by default that of the episode.
+    """
+    from robosim.recording.bag_export import LAYOUT, export_bag
+
+    with run_folder(output_folder(out or episode, "episode"), "episode") as folder:
+        bag = export_bag(episode, folder)
+    emit_result({"bag": bag}, folder)
+    console.print(f"Wrote {bag} and {LAYOUT}", soft_wrap=True)
 
 
 def view(episode: Positional[Path], *, web: bool = False) -> None:

@@ -13,12 +13,13 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
+from robosim.logs.bag import BagTopics
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked
 
-_DEFAULTS = LogConfig()
+_DEFAULTS, _TOPICS = LogConfig(), BagTopics()
 
 
 def slam(
@@ -28,6 +29,7 @@ def slam(
     reference: Path | None = None,
     beam_seconds: tuple[float, float] | None = None,
     how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
+    topics: Annotated[OmitArgPrefixes[BagTopics], arg(name="")] = _TOPICS,
     out: Path | None = None,
 ) -> None:
     """Make maps and trajectories from logs of real robots.
@@ -39,12 +41,14 @@ def slam(
     Example: robosim slam intel.log.gz --out out/intel
 
     Args:
-        logs: CARMEN logs with laser scans (.log, .clf, packed by gzip or not), or odometry as a TUM file with --scans.
+        logs: CARMEN logs with laser scans (.log, .clf, packed by gzip or not), ROS bags (.bag, .mcap, folders of ROS
+            2), or odometry as a TUM file with --scans.
         scans: Scans for a TUM file, one per line: time [s], first and last bearing [rad], and ranges [m].
         reference: Trajectory to compare with, as a TUM file, instead of that in the log.
         beam_seconds: Times of the first and the last beam after a scan's time [s], such as 0 0.1, for a lidar that
             turns. Scans are corrected for the motion of the robot between them.
         how: How the map is made.
+        topics: What is read of bags.
         out: Output folder; by default a new one under runs/.
     """
     from robosim.logs.log_files import read_log
@@ -56,7 +60,7 @@ def slam(
         raise ValueError("there is no log. Give one or more, such as robosim slam intel.log.gz.")
     if len(logs) > 1 and (scans or reference):
         raise ValueError("--scans and --reference belong to one log: give one log with them.")
-    read = [read_log(path, scans, reference, beam_seconds) for path in logs]
+    read = [read_log(path, scans, reference, beam_seconds, topics) for path in logs]
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
     table = Table(
@@ -69,7 +73,9 @@ def slam(
             trajectories, rows = {"odometry": log.odometry()}, {}
             made = {}
             for name, loops in (("matching", False), ("graph", True)):
-                made[name] = map_log(log, how, loops=loops, watched=_watched(f"{log.name}, {name}", console))
+                made[name] = map_log(
+                    log, how, loops=loops, watched=watched_log(f"{log.name}, {name}", console)
+                )
                 trajectories[name] = made[name].poses
             log = made["graph"].log
             if log.reference is not None:
@@ -114,7 +120,7 @@ def _write_maps(
     draw_trajectories(folder / "trajectories.png", log, trajectories)
 
 
-def _watched(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
+def watched_log(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
     """A progress bar for numbers."""
 
     def watched(numbers: range, what: str) -> Iterator[int]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robosim.logs.bag import BagTopics, is_bag, read_bag
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.carmen import read_carmen
 from robosim.logs.robot_log import RobotLog, check_bearings, with_beam_times
@@ -104,17 +105,14 @@ def _read_scans(
         return times, turn + np.linspace(first, last, ranges.shape[1]), ranges
 
 
-#: First bytes of recordings that are not supported, and their names.
-_RECORDINGS = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP": "an MCAP recording", b"SQLite format 3": "a ROS 2 bag"}
-
-
 def read_log(
     path: Path,
     scans: Path | None = None,
     reference: Path | None = None,
     beam_seconds: tuple[float, float] | None = None,
+    topics: BagTopics | None = None,
 ) -> RobotLog:
-    """Read a CARMEN log, packed by gzip or not, or odometry as a TUM file with scans.
+    """Read a CARMEN log, packed by gzip or not, odometry as a TUM file with scans, or a ROS bag.
 
     Each line of `scans` has time [s], first and last bearing [rad], and ranges [m]. A TUM file of reference poses
     replaces those of the log. `beam_seconds` are the times of the first and the last beam after that of the scan [s];
@@ -124,10 +122,16 @@ def read_log(
         FileError: If a file is damaged, or none of these.
         ValueError: If scans are missing or too many, or have no such beams.
     """
-    for file in (path, scans, reference):
-        if file is not None:
-            _check_kind(file)
-    if path.suffix in (".tum", ".txt"):
+    for file in (scans, reference):
+        if file is not None and is_bag(file):
+            raise FileError(f"{file}: is a bag, expected a table. Give the bag as the log.")
+    if is_bag(path):
+        if scans is not None:
+            raise FileError(f"{path}: is a bag, which has its own scans. Leave --scans away.")
+        log = read_bag(path, topics)
+        if log.track is not None:
+            _report(path, log.track)
+    elif path.suffix in (".tum", ".txt"):
         if scans is None:
             raise ValueError(f"{path} is a trajectory: give the scans that were made on it by --scans.")
         log = read_tum_log(path, scans)
@@ -138,15 +142,3 @@ def read_log(
     if beam_seconds is not None:
         log = with_beam_times(log, *beam_seconds)
     return log if reference is None else with_reference(log, reference)
-
-
-def _check_kind(path: Path) -> None:
-    """Reject recordings that are not supported, however large they are."""
-    with reading(path, "a robot's log", most_bytes=1 << 50) as file:
-        head = file.read(16)
-        for magic, kind in _RECORDINGS.items():
-            if head.startswith(magic):
-                raise FileError(
-                    f"is {kind}, which is not supported yet. Convert its odometry to a TUM trajectory (evo_traj can) "
-                    "and its scans to lines of time, first and last bearing, ranges (--scans); or all to a CARMEN log."
-                )

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.logs.robot_log import RobotLog
-from slam.poses import to_map, wrap
+from slam.poses import between, compose, to_map, wrap
 
 #: Distances between the two poses of a relation [m].
 NEAR_M, FAR_M = 1.0, 5.0
@@ -52,6 +52,11 @@ def align_trajectory(
     turn = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
     placed = to_map(np.array([*target, turn]), a)
     return np.column_stack([placed, poses[:, 2] + turn])
+
+
+def alignment(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+    """The same motion, as the pose of the frame of `poses` in that of the reference."""
+    return compose(align_trajectory(poses, reference)[0], between(poses[0], np.zeros(3)))
 
 
 def count_filled_cells(log: RobotLog, poses: Float[np.ndarray, "n 3"]) -> int:

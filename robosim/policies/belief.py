@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from scipy.special import expit
 
-from robosim.policies.likelihood import Likelihood, normalise
+from robosim.policies.likelihood import Likelihood, normalise, range_density
 from robosim.policies.route_directions import MapSurvey, cell_shares, filled_share
 from robosim.policies.sightlines import in_sight
 from robosim.radio.measurement import Measurement, free_path_m
@@ -109,6 +109,8 @@ class TargetBelief:
         self._prior = np.zeros((n, n), np.float32)
         #: Logarithm of the factor for a target in each cell that would have been received where nothing was.
         self._silent = np.zeros((n, n), np.float32)
+        #: Logarithm of the likelihood of all ranges.
+        self._ranges = np.zeros((n, n), np.float32)
         #: Centres of the cells (x, y) [m].
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
@@ -119,7 +121,7 @@ class TargetBelief:
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Probability of each cell; they add up to 1. Read-only."""
         if self._probability is None:
-            log = self._prior + self._log + self._located + self._silent
+            log = self._prior + self._log + self._located + self._silent + self._ranges
             p = np.exp(log - log.max())
             self._probability = p / p.sum()
             self._probability.flags.writeable = False
@@ -158,6 +160,25 @@ class TargetBelief:
             odds = _RECEIVED[0] - _RECEIVED[1] * straight_m - _RECEIVED[2] * (routes.length_m - straight_m)
             part = self._silent[routes.rows, routes.columns]
             np.minimum(part, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=part)
+        self._weigh(measurement, survey, surely, offset, distance)
+        if math.isfinite(measurement.range_m):
+            sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)
+            density = range_density(distance, measurement.range_m, sigma_m, measurement.probability)
+            self._ranges += (c.weight * np.log(density)).astype(np.float32)
+        # No cell is excluded permanently.
+        np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
+        return True
+
+    def _weigh(
+        self,
+        measurement: Measurement,
+        survey: MapSurvey,
+        surely: Bool[np.ndarray, "ny nx"],
+        offset: Float[np.ndarray, "ny nx 2"],
+        distance: Float[np.ndarray, "ny nx"],
+    ) -> None:
+        """Multiply the belief by the likelihood of a measurement."""
+        c = self.config
         prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
             measurement, survey, offset, distance, frequency_hz=c.frequency_hz, departures=c.departures,
@@ -176,9 +197,6 @@ class TargetBelief:
             self._log += np.float32(c.weight) * evidence
         else:
             self._log = evidence
-        # No cell is excluded permanently.
-        np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
-        return True
 
     def survey(self, estimate: MapEstimate) -> MapSurvey:
         """A map over the belief's cells, cached for the decision."""
@@ -226,9 +244,9 @@ class TargetBelief:
         left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
-        self._log, self._located, self._empty, self._prior, self._silent = (
+        self._log, self._located, self._empty, self._prior, self._silent, self._ranges = (
             np.pad(layer, sides, mode="edge")
-            for layer in (self._log, self._located, self._empty, self._prior, self._silent)
+            for layer in (self._log, self._located, self._empty, self._prior, self._silent, self._ranges)
         )
         self.centres = _centres(self.frame)
 

@@ -83,6 +83,7 @@ class Fused:
     """Goes to the peak of the belief, or where most of it can be seen."""
 
     seeks_target, uses_radio = True, True
+    make_belief = TargetBelief
 
     def __init__(self, explorer: Explorer, config: FusedConfig | None = None) -> None:
         self.config = config or FusedConfig()
@@ -110,7 +111,7 @@ class Fused:
         """Add what the robot senses to the belief; once per decision, by `goal` unless another policy decides."""
         estimate = estimated.map
         if self.belief is None:
-            self.belief = TargetBelief(estimated.pose[:2], self._belief_config)
+            self.belief = self.make_belief(estimated.pose[:2], self._belief_config)
         self.belief.add(estimated.require_measurement(), estimate)
         if sensed.target is not None:
             self._seen = to_map(estimate.pose, sensed.target)

@@ -12,11 +12,12 @@ building and the pose. All policies are called once per decision, and all arrive
     los            follows it if the link state is line of sight
     los-or-first   follows it if the link state is line of sight or first order: the published system
     fused          goes where radio, camera and map together locate the target, or where they learn most about it
+    rss            the same from received power alone, without directions
     learned        a recurrent network chooses the actions from the sensors; falls back to `fused` when it is stuck
 
 A `.safetensors` file of `robosim train search` is a policy like the last.
 
-Reference: arXiv 2110.14789 for all but `shortest`, `fused` and `learned`.
+Reference: arXiv 2110.14789 for all but `shortest`, `rss`, `fused` and `learned`.
 """
 
 from collections.abc import Callable
@@ -33,6 +34,7 @@ from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused, FusedConfig
 from robosim.policies.reason import ARRIVAL, EXPLORE, KNOWN, SEEN, Reason
+from robosim.policies.received_power import PowerSearch
 from robosim.simulator import Observation
 from robosim.support.parts import Part
 from slam.actions import Action
@@ -49,7 +51,8 @@ SEEKERS = tuple(name for name in GOAL.names if name != "explore")
 class GoalPolicy(Protocol):
     """Chooses a goal at each decision; a derived class inherits the defaults below.
 
-    An optional attribute `reason`, a `robosim.policies.reason.Reason`, gives the reason of the last goal.
+    An optional attribute `reason`, a `robosim.policies.reason.Reason`, gives the reason of the last goal. If
+    an optional attribute `uses_directions` is False, measurements have powers and ranges only.
     """
 
     #: Whether the policy searches for the target, so that an episode ends on arrival.
@@ -188,6 +191,11 @@ def _follower(*trusted: LinkState) -> Callable[[PolicyContext], Wireless]:
 snr = _follower(LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER)
 los = _follower(LinkState.LOS)
 los_or_first = _follower(LinkState.LOS, LinkState.FIRST_ORDER)
+
+
+def rss(context: PolicyContext) -> PowerSearch:
+    """The policy `rss`."""
+    return PowerSearch(context.explorer, context.fused)
 
 
 def fused(context: PolicyContext) -> Fused:

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
-from scipy.special import i0e
+from scipy.special import i0e, log_ndtr
 
 from robosim.policies.route_directions import MapSurvey, RouteDirections
 from robosim.policies.sightlines import bent_origins, in_sight
@@ -40,6 +40,34 @@ _DEPARTURE = {LinkState.FIRST_ORDER: ((0.95, 2.6),), LinkState.HIGHER_ORDER: ((0
 _FARTHER = {LinkState.FIRST_ORDER: 1.1, LinkState.HIGHER_ORDER: 1.2}
 #: Share of the density of first order by single corners and walls; the rest is by routes.
 _BY_BENDS = 0.5
+
+
+#: Mean length of the first path over the distance, by state, in homes at 28 GHz; less where waves pass walls [m].
+_EXCESS_M = {LinkState.FIRST_ORDER: 1.4, LinkState.HIGHER_ORDER: 3.6}
+#: Density of a range that carries no information, and its share [1/m].
+_UNIFORM, _WRONG = 1 / 50, 0.05
+
+
+def range_density(
+    distance_m: Float[np.ndarray, "*cells"],
+    range_m: float,
+    sigma_m: float,
+    probability: Float[np.ndarray, "4"],
+) -> Float[np.ndarray, "*cells"]:
+    """Density of a measured range given the distance [1/m], by the probabilities of link states.
+
+    The first path is as long as the distance in line of sight. In other states it is longer by an exponential
+    distribution, and with normal errors the density is that of their sum (Grushka, Analytical Chemistry 44, 1972).
+    """
+    beyond = (range_m - distance_m) / sigma_m
+    density = probability[LinkState.LOS] * np.exp(-0.5 * beyond**2) / (math.sqrt(math.tau) * sigma_m)
+    for state, excess_m in _EXCESS_M.items():
+        k = sigma_m / excess_m
+        density = density + probability[state] / excess_m * np.exp(
+            0.5 * k**2 - k * beyond + log_ndtr(beyond - k)
+        )
+    unknown = _WRONG + (1 - _WRONG) * probability[LinkState.OUTAGE]
+    return np.asarray(unknown * _UNIFORM + (1 - _WRONG) * density)
 
 
 class Likelihood:

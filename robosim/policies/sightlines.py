@@ -1,4 +1,4 @@
-"""Rays over a partly known map: cells in sight of a place, and origins of waves that interacted once.
+"""Rays over a partly known map: cells in sight of a place, origins of waves that interacted once, walls between places.
 
 Cells of the map are unknown, free or obstacles; beyond its edge all is unknown. Results are on a coarser grid. Loops
 are compiled at their first use.
@@ -74,6 +74,18 @@ def bent_origins(
     lattices = _lattice(known.frame), _lattice(onto)
     _bend(known.kind, *lattices, place[0], place[1], aoa_rad, leaving, share, friis_m, weight)
     return weight
+
+
+def count_walls(
+    obstacle: Bool[np.ndarray, "ny nx"], starts: Float[np.ndarray, "n 2"], ends: Float[np.ndarray, "m 2"]
+) -> UInt8[np.ndarray, "n m"]:
+    """Number of obstacles, however thick, on the straight lines from each start to each end, at most 255.
+
+    Points are continuous cell coordinates (column, row), and may lie outside the grid, where there are no obstacles.
+    """
+    number = np.zeros((len(starts), len(ends)), np.uint8)
+    _count(np.ascontiguousarray(obstacle), np.asarray(starts, float), np.asarray(ends, float), number)
+    return number
 
 
 def _lattice(frame: GridFrame) -> tuple[float, float, float]:
@@ -169,3 +181,20 @@ def _bend(
                 if not (0 <= iv < nv and 0 <= iu < nu):
                     break
                 weight[iv, iu] += w
+
+
+@compiled
+def _count(obstacle: np.ndarray, starts: np.ndarray, ends: np.ndarray, number: np.ndarray) -> None:
+    ny, nx = obstacle.shape
+    for i in range(len(starts)):
+        for j in range(len(ends)):
+            dx, dy = ends[j, 0] - starts[i, 0], ends[j, 1] - starts[i, 1]
+            steps = max(math.ceil(math.hypot(dx, dy)), 1)
+            inside = False
+            for k in range(steps + 1):
+                ix = math.floor(starts[i, 0] + k / steps * dx)
+                iy = math.floor(starts[i, 1] + k / steps * dy)
+                here = 0 <= iy < ny and 0 <= ix < nx and obstacle[iy, ix]
+                if here and not inside and number[i, j] < 255:
+                    number[i, j] += 1
+                inside = here

@@ -18,8 +18,8 @@ from robosim_support.reading import reading
 #: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
 _REMEDY = f"Give a CSV file with columns {','.join(COLUMNS)} and, if known, z_m,heading_rad: a row for each reading."
-#: Positions and angles are no larger [m, rad]; powers are within these [dBm].
-_MOST, _POWERS_DBM = 1e5, (-200.0, 100.0)
+#: Positions and angles are no larger [m, rad], nor times [s]; powers are within these [dBm].
+_MOST, _MOST_S, _POWERS_DBM = 1e5, 1e12, (-200.0, 100.0)
 #: Side of the squares of floor that alternately belong to the fit and are held out [m].
 BLOCK_M = 1.0
 #: Fewest readings of a beacon in either half.
@@ -69,7 +69,7 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
         beacons: dict[str, tuple[float, ...]] = {}
         readings: dict[tuple[float, ...], dict[str, list[float]]] = {}
         for row in rows:
-            values = {name: _number(row[name], name, rows.line_num) for name in (*COLUMNS[1:], *optional)}
+            values = {name: number_of(row[name], name, rows.line_num) for name in (*COLUMNS[1:], *optional)}
             name = (row["beacon"] or "").strip()
             if not name:
                 raise ValueError(f"line {rows.line_num}: beacon is empty, expected a name or number")
@@ -105,13 +105,14 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
         return measured
 
 
-def _number(text: str | None, column: str, line: int) -> float:
-    """The value of a cell."""
+def number_of(text: str | None, column: str, line: int) -> float:
+    """The value of a cell of a table; ValueError if it is none. Only powers may be empty, which is NaN."""
     text = (text or "").strip()
     is_power = column == "power_dbm"
     if is_power and text.lower() in ("", "nan"):
         return np.nan
-    low, high = _POWERS_DBM if is_power else (-_MOST, _MOST)
+    most = _MOST_S if column == "time_s" else _MOST
+    low, high = _POWERS_DBM if is_power else (-most, most)
     try:
         value = float(text)
     except ValueError:

@@ -27,13 +27,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float
+from scipy.constants import speed_of_light
 
 from robosim.building.building import Building
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.radio.link_state import Classifier
 from robosim.radio.table import STEP_M, RadioTable
 from robosim.radio.table_reader import read_paths, states_of
-from robosim.support.checks import FREQUENCY_HZ, Range, checked
+from robosim.support.checks import ADVANCED, FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
 from wireless.bands import band_named
 from wireless.estimates import PathEstimates
@@ -47,6 +48,8 @@ from wireless.tracing.tracer import Tracer, TracerConfig
 
 RadioEngine = Literal["live", "cached", "table"]
 BlockageModel = Literal["knife-edges", "model-b", "none"]
+#: A first path is missed if it is weaker than the strongest by more than this [dB].
+_FIRST_DB = 20.0
 #: Tables that are cached in memory: 5 MB each in a flat, 40 MB in an office.
 _CACHED = 16
 
@@ -75,6 +78,9 @@ class RadioLinkConfig:
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths there are."""
+    range_sigma_m: Annotated[float | None, Range(1e-3, 100, "m"), ADVANCED] = None
+    """Standard deviation of ranges by round-trip time (Wi-Fi, ultra-wideband), of the first path that is received [m];
+    None without ranging."""
     blockage: BlockageModel = "knife-edges"
     """How people weaken paths: by Fresnel integrals with phases, by model B of 3GPP TR 38.901, or not at all."""
     echoes: bool = False
@@ -90,6 +96,12 @@ class RadioLinkConfig:
             receiver=band.receiver,
             sounding=band.sounding,
         )
+
+
+def first_path_m(paths: Paths) -> float:
+    """Length of the first path of one link that ranging finds [m]."""
+    found = paths.power >= paths.power.max() * 10 ** (-_FIRST_DB / 10)
+    return float(speed_of_light * paths.delay_s[found].min())
 
 
 @cache
@@ -123,6 +135,8 @@ class RadioLink:
         """True paths of the last measurement, weakened by people."""
         self.blockage: Blockage | None = None
         """What people do to each of them; None without people."""
+        self.range_m = math.nan
+        """Measured range [m]; NaN without ranging or reception."""
         self._unblocked: Paths | None = None
         self._at = np.full(2, np.nan)
 
@@ -154,9 +168,15 @@ class RadioLink:
             if self.config.blockage != "none":
                 self.paths, self.blockage = block(self.paths, bodies, self.config.blockage)
         if self.config.engine == "table":
-            return read_paths(self.paths, float(pose[2]), self.sounder, rng)
-        rays = Rays.from_paths(self.paths, rx_heading_rad=float(pose[2]))
-        return self._estimator.estimate(self.sounder.measure(rays, rng, workers=1))
+            estimates = read_paths(self.paths, float(pose[2]), self.sounder, rng)
+        else:
+            rays = Rays.from_paths(self.paths, rx_heading_rad=float(pose[2]))
+            estimates = self._estimator.estimate(self.sounder.measure(rays, rng, workers=1))
+        if self.config.range_sigma_m is not None:
+            self.range_m = math.nan
+            if estimates.count[0]:
+                self.range_m = first_path_m(self.paths) + float(rng.normal(0, self.config.range_sigma_m))
+        return estimates
 
     @property
     def state(self) -> LinkState:

@@ -18,7 +18,7 @@ sight in generated homes, 80 % of the directions of BLE are within 13 degrees, a
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -36,6 +36,8 @@ from wireless.tracing.tracer import OPAQUE_HZ
 
 logger = logging.getLogger(__name__)
 
+#: Probabilities of the state of a received link that is not classified: by its place among states, none is trusted.
+_UNKNOWN_STATE = np.array([0.0, 0.3, 0.3, 0.4])
 #: Classifiers count as trained for carriers within this logarithm of the ratio.
 _BAND = 0.2
 
@@ -58,11 +60,34 @@ class Measurement:
     """Delay after the strongest path."""
     probability: Float[np.ndarray, "4"]
     """Of each `LinkState`."""
+    range_m: float = math.nan
+    """Range by round-trip time of the first path [m]; NaN if not measured."""
+    range_sigma_m: float = math.nan
+    """Its standard deviation [m]."""
 
     @property
     def state(self) -> LinkState:
         """The most probable link state."""
         return LinkState(int(np.argmax(self.probability)))
+
+    def power_only(self) -> "Measurement":
+        """The same as of one antenna: total SNR and gain, from an unknown direction (NaN) and in an unknown state."""
+        if not len(self.aoa_rad):
+            return self
+        unknown = np.full(1, np.nan)
+        return replace(
+            self,
+            aoa_rad=unknown,
+            aod_rad=unknown,
+            snr_db=_total_db(self.snr_db),
+            gain_db=_total_db(self.gain_db),
+            delay_s=np.zeros(1),
+            probability=_UNKNOWN_STATE,
+        )
+
+
+def _total_db(powers_db: Float[np.ndarray, " n"]) -> Float[np.ndarray, "1"]:
+    return np.atleast_1d(10 * np.log10(np.sum(10 ** (powers_db / 10))))
 
 
 def free_path_m(gain_db: float, frequency_hz: float) -> float:
@@ -127,6 +152,8 @@ class Interpreter:
             gain_db=self._radio.sounder.gain_db(paths)[0, :n],
             delay_s=turned.delay_s[0, :n],
             probability=self._probability(turned, radio or self._radio),
+            range_m=(radio or self._radio).range_m,
+            range_sigma_m=self._radio.config.range_sigma_m or math.nan,
         )
 
     def probability(self, paths: PathEstimates) -> Float[np.ndarray, "4"]:
@@ -184,14 +211,17 @@ def _strongest(
     # Probabilities of a user's classifier may round to a little over 1.
     direct = float(np.clip(np.nan_to_num(measured.probability[LinkState.LOS]), 0.0, 1.0))
     kind = 2 if radio.frequency_hz < OPAQUE_HZ else int(_is_close(measured, 0, radio))
+    length_m, is_ranged = _strongest_m(measured, radio), math.isfinite(measured.range_m)
     return Bearing(
         source=name,
         bearing_rad=wrap(float(measured.aoa_rad[0] - measured.pose[2])),
         sigma_rad=float(_SIGMA_RAD[kind]),
         shared_rad=float(_SHARED_RAD[kind]),
-        range_m=_free_space_m(measured, radio),
-        sigma_log_range=float(_LOG_RANGE[kind]),
-        shared_log_range=_SHARED_LOG_RANGE,
+        range_m=length_m,
+        sigma_log_range=max(measured.range_sigma_m / length_m, 1e-3)
+        if is_ranged
+        else float(_LOG_RANGE[kind]),
+        shared_log_range=0.0 if is_ranged else _SHARED_LOG_RANGE,
         direct=direct,
         apart_rad=_CLOSE_RAD,
         apart_m=_CLOSE_SAMPLES * speed_of_light * radio.sounding.sample_s,
@@ -212,7 +242,7 @@ def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Be
             source=name,
             bearing_rad=wrap(float(measured.aoa_rad[k] - measured.pose[2])),
             sigma_rad=float(_SIGMA_RAD[0]),
-            range_m=max(_free_space_m(measured, radio) + beyond_m, _NEAREST_M),
+            range_m=max(_strongest_m(measured, radio) + beyond_m, _NEAREST_M),
             sigma_log_range=1.0,
             direct=0.0,
             beyond_m=beyond_m,
@@ -222,11 +252,12 @@ def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Be
     return found
 
 
-def _free_space_m(measured: Measurement, radio: RadioLinkConfig) -> float:
-    """Length of the strongest path, if only free space attenuates it [m]."""
-    return float(
-        np.clip(free_path_m(float(measured.gain_db[0]), radio.frequency_hz), _NEAREST_M, _FARTHEST_M)
-    )
+def _strongest_m(measured: Measurement, radio: RadioLinkConfig) -> float:
+    """Length of the strongest path [m]: by the range of the first one, or as if only free space attenuates it."""
+    length_m = free_path_m(float(measured.gain_db[0]), radio.frequency_hz)
+    if math.isfinite(measured.range_m):
+        length_m = measured.range_m - speed_of_light * float(np.nan_to_num(measured.delay_s).min())
+    return float(np.clip(length_m, _NEAREST_M, _FARTHEST_M))
 
 
 def _is_close(measured: Measurement, k: int, radio: RadioLinkConfig) -> bool:

@@ -315,9 +315,9 @@ def _check(episode: RecordedEpisode) -> None:
         some = columns.get(name, []) if name in RAGGED else [columns[name]]
         if any(np.abs(part[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for part in some):
             raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
-    # Directions of departure and delays are NaN where the radio does not resolve them.
+    # Directions and delays are NaN where the radio does not resolve them, or the policy does not use them.
     arrivals = np.vstack([np.zeros((0, 5)), *columns["arrival"]])
-    arrivals[:, [1, 4]] = np.nan_to_num(arrivals[:, [1, 4]], posinf=np.inf, neginf=-np.inf)
+    arrivals[:, [0, 1, 4]] = np.nan_to_num(arrivals[:, [0, 1, 4]], posinf=np.inf, neginf=-np.inf)
     if not (np.abs(arrivals) <= FAR).all():
         low, high = arrivals.min(), arrivals.max()
         raise ValueError(f"arrival goes from {low:g} to {high:g}, expected at most {FAR:g}")

@@ -20,6 +20,7 @@ from robosim.step import Decision, Step, Truth
 from robosim.support.arrays_in import opened_image
 from slam.actions import Action
 from slam.grid import GridFrame
+from slam.sensing.laser import LaserScan
 from wireless.paths import LinkState
 
 #: Columns of fixed length, with the shape of an entry.
@@ -33,13 +34,15 @@ TEXTS = ("goal_kind", "because")
 #: Columns of entries of any length, with the shape of an empty one.
 RAGGED: dict[str, tuple[int, ...]] = {
     "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,), "bodies": (0, 4),
+    "laser": (0, 2), "laser_limits": (0, 2),
 }  # fmt: skip
 #: Those of them that a file lacks where they are empty in all steps.
-OPTIONAL = ("bodies",)
+OPTIONAL = ("bodies", "laser", "laser_limits")
 #: Link state without a radio.
 NO_RADIO = -1
 NO_FRAME: Float[np.ndarray, "5"] = np.full(5, np.nan)
 NO_BODIES: Float[np.ndarray, "0 4"] = np.zeros((0, 4))
+NO_SCAN: Float[np.ndarray, "0 2"] = np.zeros((0, 2))
 NO_BYTES: UInt8[np.ndarray, "0"] = np.zeros(0, np.uint8)
 _MOST_PIXELS = 4096**2
 
@@ -56,11 +59,12 @@ def encode_step(step: Step, previous: Layer | None = None) -> dict[str, Any]:
         "depth": _png(depth_in_mm(sensed.depth)),
         "belief": NO_BYTES if belief is None else _png(belief.values),
         "belief_frame": NO_FRAME if belief is None else _numbers_of(belief.frame),
+        **_laser_columns(sensed.laser),
     }
 
 
 def encode_without_pictures(step: Step) -> dict[str, Any]:
-    """The columns of a step without camera, map and belief, and with the strongest estimated path only."""
+    """The columns of a step without camera, lidar, map and belief, and with the strongest estimated path only."""
     measured, decided, true = step.estimated.measurement, step.decided, step.true
     return {
         "pose": np.array(true.pose),
@@ -83,6 +87,8 @@ def encode_without_pictures(step: Step) -> dict[str, Any]:
         else np.array(measured.probability, float),
         "arrival": _arrivals(step)[:1],
         "bodies": true.bodies,
+        "laser": NO_SCAN,
+        "laser_limits": NO_SCAN,
         "rgb": NO_BYTES,
         "depth": NO_BYTES,
         "belief": NO_BYTES,
@@ -98,6 +104,29 @@ def _arrivals(step: Step) -> Float[np.ndarray, "n 5"]:
     return np.column_stack([m.aoa_rad, m.aod_rad, m.snr_db, m.gain_db, m.delay_s]).astype(float)
 
 
+def _laser_columns(laser: LaserScan | None) -> dict[str, Any]:
+    """Bearings [rad] and ranges [m], 0 for none, and the largest range and the height [m]."""
+    if laser is None:
+        return {"laser": NO_SCAN, "laser_limits": NO_SCAN}
+    ranges = np.where(laser.hit, laser.range_m, 0.0)
+    limits = np.array([[laser.max_range_m, laser.height_m]])
+    return {"laser": np.column_stack([laser.bearing_rad, ranges]), "laser_limits": limits}
+
+
+def _decode_laser(row: Row) -> LaserScan | None:
+    """The scan of a row; None without one."""
+    scan, limits = row.get("laser", NO_SCAN), row.get("laser_limits", NO_SCAN)
+    if len(scan) < 2 or len(limits) != 1:
+        return None
+    bearing, ranges = scan.T
+    return LaserScan(
+        bearing_rad=bearing,
+        range_m=np.where(ranges > 0, ranges, np.inf),
+        max_range_m=float(limits[0, 0]),
+        height_m=float(limits[0, 1]),
+    )
+
+
 def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Step:
     """The step of a row, with its map and belief by `decode_map` and `decode_belief`.
 
@@ -111,7 +140,9 @@ def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Ste
         measurement = Measurement(pose, aoa, aod, snr, gain, delay, row["state_probability"])
     return Step(
         number=number,
-        sensed=Observation(rgb, depth_mm / np.float32(1000), np.array(row["odometry"])),
+        sensed=Observation(
+            rgb, depth_mm / np.float32(1000), np.array(row["odometry"]), laser=_decode_laser(row)
+        ),
         estimated=Estimates(map_of_layer(map_, pose), measurement),
         decided=Decision(
             goal=np.array(row["goal"]),

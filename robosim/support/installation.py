@@ -13,7 +13,14 @@ from urllib.parse import unquote, urlsplit
 #: Name under which pip knows this program.
 DISTRIBUTION = "robosim-wireless"
 #: Extras by the module that each brings.
-EXTRAS = {"torch": "train", "viser": "live", "minari": "minari", "distributed": "cluster", "rerun": "viz"}
+EXTRAS = {
+    "torch": "train",
+    "viser": "live",
+    "minari": "minari",
+    "distributed": "cluster",
+    "rerun": "viz",
+    "rosbags": "bags",
+}
 _ROOT = Path(__file__).resolve().parents[2]
 
 

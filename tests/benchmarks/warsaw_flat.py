@@ -23,7 +23,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.log_mapping import LogConfig, LogOdometryConfig, Mapped, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
-from robosim.logs.trajectory_scores import align_trajectory, count_filled_cells, ends_of_beams
+from robosim.logs.trajectory_scores import alignment, count_filled_cells, ends_of_beams
 from robosim_support.reading import read_bytes, reading
 from slam.poses import between, compose, to_map
 from tests.benchmarks.harness import DEFAULT, Options
@@ -139,8 +139,7 @@ def read_reference(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarr
 def _place(mapped: Mapped, reference: Float[np.ndarray, "n 3"], floor: shapely.Polygon) -> np.ndarray:
     """Pose of the map in the frame of the plan: near the reference, and fitted to the edges of the floor."""
     known = np.isfinite(reference[:, 0])
-    first = align_trajectory(mapped.poses[known], reference[known])[0]
-    start = compose(first, between(mapped.poses[known][0], np.zeros(3)))
+    start = alignment(mapped.poses[known], reference[known])
     ends = ends_of_beams(mapped.log, mapped.poses)
     ends = ends[:: len(ends) // _ALIGNED + 1]
 

@@ -1,0 +1,161 @@
+"""Received powers along a route, for finding their transmitters: a table with a row for each reading.
+
+Columns beacon and power_dbm are required, and x_m and y_m or, with a log of the robot, time_s. Optional are heading_rad
+and, for comparison, beacon_x_m and beacon_y_m. Readings of a beacon are in the order of time, or have time_s. An empty
+power is a reading that was not received, and does not count.
+"""
+
+import csv
+import io
+import logging
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.logs.beam_times import OdometryTrack
+from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
+from robosim.logs.robot_log import RobotLog
+from robosim.logs.trajectory_scores import alignment
+from robosim.plans.floorplan import FloorPlan
+from robosim.published.measured_powers import number_of
+from robosim_support.reading import reading
+from slam.poses import compose
+from wireless.positioning.received_power import PowerReadings
+
+logger = logging.getLogger(__name__)
+
+_REMEDY = (
+    "Give a CSV file with columns beacon,x_m,y_m,power_dbm (or time_s instead of x_m,y_m, with --map-from) and, if "
+    "known, heading_rad: a row for each reading."
+)
+#: Fewest readings of a beacon.
+_LEAST_READINGS = 10
+_OPTIONAL = ("time_s", "x_m", "y_m", "heading_rad", "beacon_x_m", "beacon_y_m")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PowerRoute:
+    """Readings of beacons in the order of time; values of columns that are missing are NaN."""
+
+    beacon: tuple[str, ...]
+    """Name of the beacon of each reading."""
+    time_s: Float[np.ndarray, " n"]
+    """Times."""
+    poses: Float[np.ndarray, "n 3"]
+    """x [m], y [m], heading [rad] of the receiver."""
+    power_dbm: Float[np.ndarray, " n"]
+    """Powers."""
+    true_xy: dict[str, Float[np.ndarray, "2"]]
+    """True places of beacons [m], of those that are known."""
+
+    @property
+    def names(self) -> list[str]:
+        """All beacons, in the order in which they are first received."""
+        return list(dict.fromkeys(self.beacon))
+
+    def readings(self, name: str, share: float = 1.0) -> PowerReadings:
+        """Readings of a beacon in the first part of the route."""
+        used = np.flatnonzero(np.array(self.beacon) == name)
+        used = used[: round(share * len(used))]
+        return PowerReadings(
+            xy=self.poses[used, :2],
+            heading_rad=self.poses[used, 2],
+            power_dbm=self.power_dbm[used],
+            count=np.ones(len(used)),
+        )
+
+
+def read_power_route(path: Path, *, needs_time: bool) -> PowerRoute:
+    """Read powers along a route (.csv); times are required, or positions.
+
+    Raises:
+        FileError: If the file is damaged, a column is missing, a value is not understood, a beacon has several places,
+            or too few readings.
+    """
+    with reading(path, "powers along a route", _REMEDY) as file:
+        rows = csv.DictReader(io.StringIO(file.read().decode("utf-8-sig")))
+        columns = rows.fieldnames or ()
+        needed = ("beacon", "power_dbm", *(("time_s",) if needs_time else ("x_m", "y_m")))
+        if missing := [name for name in needed if name not in columns]:
+            raise ValueError(f"column {missing[0]!r} is missing")
+        beacons: list[str] = []
+        values: list[list[float]] = []
+        true_xy: dict[str, np.ndarray] = {}
+        for row in rows:
+            number = {
+                name: number_of(row[name], name, rows.line_num) if name in columns else np.nan
+                for name in (*_OPTIONAL, "power_dbm")
+            }
+            name = (row["beacon"] or "").strip()
+            if not name:
+                raise ValueError(f"line {rows.line_num}: beacon is empty, expected a name or number")
+            at = np.array([number["beacon_x_m"], number["beacon_y_m"]])
+            if np.isfinite(at).all() and (true_xy.setdefault(name, at) != at).any():
+                raise ValueError(f"line {rows.line_num}: beacon {name!r} has more than one place")
+            if np.isfinite(number["power_dbm"]):
+                beacons.append(name)
+                values.append([number[key] for key in ("time_s", "x_m", "y_m", "heading_rad", "power_dbm")])
+        for name in dict.fromkeys(beacons):
+            if (count := beacons.count(name)) < _LEAST_READINGS:
+                raise ValueError(f"beacon {name!r} has {count} readings, expected {_LEAST_READINGS} or more")
+        if not beacons:
+            raise ValueError("there is no reading in it")
+        table = np.array(values)
+        order = np.argsort(table[:, 0], kind="stable")
+        table, beacons = table[order], [beacons[i] for i in order]
+        return PowerRoute(
+            beacon=tuple(beacons),
+            time_s=table[:, 0],
+            poses=table[:, 1:4],
+            power_dbm=table[:, 4],
+            true_xy=true_xy,
+        )
+
+
+def map_route(
+    log: RobotLog,
+    powers: PowerRoute,
+    watched: Callable[[range, str], Iterable[int]] = lambda numbers, _: numbers,
+    config: LogConfig | None = None,
+) -> tuple[FloorPlan, PowerRoute]:
+    """Map a robot's log, and bring map and readings into one frame.
+
+    Readings with positions place the map in their frame. Without positions they get the laser's by the map, and without
+    headings its headings. Readings outside of the log's times do not count.
+
+    Raises:
+        ValueError: If the log has no times, or none of the readings is made within it.
+    """
+    if log.is_counted:
+        raise ValueError(
+            f"{log.file or log.name}: its times do not rise, expected times like those of the readings."
+        )
+    within = np.flatnonzero((powers.time_s >= log.times[0]) & (powers.time_s <= log.times[-1]))
+    if not len(within):
+        raise ValueError(
+            f"{log.file or log.name}: its times are {log.times[0]:.1f} s to {log.times[-1]:.1f} s, and those of the "
+            f"readings {powers.time_s[0]:.1f} s to {powers.time_s[-1]:.1f} s. Give both by one clock."
+        )
+    if lost := len(powers.time_s) - len(within):
+        logger.warning("%d readings outside of the log's times do not count", lost)
+    config = config or LogConfig()
+    poses = map_log(log, config, watched=watched).poses
+    used = replace(
+        powers,
+        beacon=tuple(powers.beacon[i] for i in within),
+        time_s=powers.time_s[within],
+        poses=powers.poses[within],
+        power_dbm=powers.power_dbm[within],
+    )
+    at = OdometryTrack(times=log.times, poses=poses).at(used.time_s)
+    if np.isfinite(used.poses[:, :2]).all():
+        frame = alignment(at, used.poses)
+        poses = np.array([compose(frame, pose) for pose in poses])
+        at[:, 2] += frame[2]
+        at[:, :2] = used.poses[:, :2]
+    known = np.isfinite(used.poses[:, 2])
+    at[known, 2] = used.poses[known, 2]
+    return make_log_plan(log, poses, config.resolution_m, config.range_m), replace(used, poses=at)

@@ -1,0 +1,332 @@
+"""A recorded episode as a ROS 2 bag in MCAP, for rosbags, Foxglove, Rerun and ROS tools.
+
+    /tf, /tf_static           map to odom (correction by the mapper), odom to base_link, sensors on the base (REP 105);
+                              map to base_link_true
+    /odom, /scan              integrated odometry; the lidar, if the robot has one
+    /camera/...               image, depth [mm] and camera_info
+    /map, /plan, /goal        the robot's map, path and goal
+    /belief                   levels of the logarithm of the probability, 0 to 100
+    /link_state, /arrivals    estimated link state; an arrow for each estimated path
+    /true_pose                ground truth
+
+Times are simulated times, from 0. A layout for Foxglove lies next to the bag.
+"""
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Iterator
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.camera.model import CameraConfig
+from robosim.layers import FREE, GUESS, TOP_LEVEL, UNKNOWN, Layer
+from robosim.recording.episode_file import RecordedEpisode, read_episode
+from robosim.step import Step
+from robosim.support.colours import STATE_COLOURS
+from robosim.support.files import partial_path, write_whole
+from robosim.support.installation import is_installed, missing_extra
+from robosim.support.text_in import check_object, parse_json
+from robosim.support.tum import read_tum
+from robosim_support.reading import reading
+from slam.poses import between, compose
+from slam.sensing.laser import LaserScan
+
+#: Name of the bag, a folder with an MCAP file, and of the layout.
+BAG, LAYOUT = "episode_bag", "foxglove.json"
+#: Length of an arrow of a path [m], and its thickness.
+_ARROW_M, _SHAFT_M = 0.6, 0.03
+#: A camera's axes (x right, y down, z ahead) in those of the base, as a quaternion x, y, z, w.
+_OPTICAL = (-0.5, 0.5, -0.5, 0.5)
+
+
+def export_bag(folder: Path, out: Path | None = None) -> Path:
+    """Write the bag of the episode in a folder; returns the bag's folder.
+
+    Raises:
+        FileError: If the episode is damaged.
+        ImportError: If `rosbags` is not installed.
+    """
+    require_rosbags()
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    episode = read_episode(folder)
+    times, _ = read_tum(folder / "trajectory.tum")
+    bag = (out or folder) / BAG
+    partial = partial_path(bag)
+    shutil.rmtree(partial, ignore_errors=True)
+    messages = _Messages()
+    with Writer(partial, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+        for topic, time_s, message in messages.of(episode, times, _camera(folder)):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)
+            writer.write(connections[topic], round(1e9 * time_s), messages.store.serialize_cdr(message, kind))
+    # The file in the folder has the folder's name, which metadata.yaml repeats.
+    metadata = partial / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace(partial.name, BAG))
+    (partial / f"{partial.name}.mcap").rename(partial / f"{BAG}.mcap")
+    shutil.rmtree(bag, ignore_errors=True)
+    os.replace(partial, bag)
+    write_whole(bag.parent / LAYOUT, json.dumps(_layout(), indent=1).encode())
+    return bag
+
+
+def require_rosbags() -> None:
+    """Raise ImportError if `rosbags`, of the extra `bags`, is not installed."""
+    if not is_installed("rosbags"):
+        raise missing_extra("rosbags", "A ROS bag")
+
+
+def _camera(folder: Path) -> CameraConfig:
+    """The camera of an episode."""
+    with reading(folder / "result.json", "the result of an episode", "Run the episode again.") as file:
+        config = check_object(parse_json(file.read())["config"], ("simulator",))
+        return CameraConfig(**check_object(config["simulator"], ("image",))["image"])
+
+
+class _Messages:
+    """Messages of ROS 2 of an episode."""
+
+    def __init__(self) -> None:
+        from rosbags.typesys import Stores, get_typestore
+
+        self.store = get_typestore(Stores.ROS2_HUMBLE)
+
+    def of(
+        self, episode: RecordedEpisode, times: Float[np.ndarray, " m"], camera: CameraConfig
+    ) -> Iterator[tuple[str, float, Any]]:
+        """Topics, times [s] and messages."""
+        odometry = list(accumulate(episode.columns["odometry"][1:], compose, initial=np.zeros(3)))
+        place = self._pose((0.0, 0.0, camera.height_m), _OPTICAL)
+        yield "/tf_static", 0.0, self._tf(0.0, "base_link", "camera", place)
+        map_: Layer | None = None
+        for step, odom, time_s in zip(episode.steps(), odometry, times, strict=False):
+            laser, estimate = step.sensed.laser, step.estimated.pose
+            if step.number == 0 and laser is not None:
+                raised = self._pose((0.0, 0.0, laser.height_m))
+                yield "/tf_static", 0.0, self._tf(0.0, "base_link", "laser", raised)
+            correction = compose(estimate, between(odom, np.zeros(3)))
+            for parent, child, pose in (
+                ("map", "odom", correction),
+                ("odom", "base_link", odom),
+                ("map", "base_link_true", step.true.pose),
+            ):
+                yield "/tf", time_s, self._tf(time_s, parent, child, self._planar(pose))
+            yield "/odom", time_s, self._odometry(time_s, odom)
+            yield "/true_pose", time_s, self._stamped(time_s, step.true.pose)
+            if laser is not None:
+                yield "/scan", time_s, self._scan(time_s, laser)
+            if step.sensed.rgb.size:
+                yield from self._pictures(time_s, step, camera)
+            if step.map_layer is not map_:
+                map_ = step.map_layer
+                yield "/map", time_s, self._map(time_s, map_)
+            yield "/goal", time_s, self._stamped(time_s, np.array([*step.decided.goal, 0.0]))
+            yield "/plan", time_s, self._path(time_s, step.decided.path)
+            if step.belief_layer is not None:
+                shares = np.rint(100 / TOP_LEVEL * step.belief_layer.values).astype(np.int8)
+                yield "/belief", time_s, self._grid(time_s, step.belief_layer, shares)
+            if (measured := step.estimated.measurement) is not None:
+                yield (
+                    "/link_state",
+                    time_s,
+                    self._make("std_msgs/msg/String", data=measured.state.name.lower()),
+                )
+                yield "/arrivals", time_s, self._arrivals(time_s, step)
+
+    def _make(self, kind: str, **values: Any) -> Any:
+        return self.store.types[kind](__msgtype__=kind, **values)
+
+    def _header(self, time_s: float, frame: str) -> Any:
+        nanoseconds = round(1e9 * time_s)
+        stamp = self._make(
+            "builtin_interfaces/msg/Time", sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9
+        )
+        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+    def _pose(
+        self, xyz: tuple[float, float, float], quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+    ) -> Any:
+        position = self._make("geometry_msgs/msg/Point", **dict(zip("xyz", map(float, xyz), strict=True)))
+        turn = self._make(
+            "geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, quaternion), strict=True))
+        )
+        return self._make("geometry_msgs/msg/Pose", position=position, orientation=turn)
+
+    def _planar(self, pose: Float[np.ndarray, "3"]) -> Any:
+        x, y, yaw = pose.tolist()
+        return self._pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+    def _stamped(self, time_s: float, pose: Float[np.ndarray, "3"]) -> Any:
+        header = self._header(time_s, "map")
+        return self._make("geometry_msgs/msg/PoseStamped", header=header, pose=self._planar(pose))
+
+    def _tf(self, time_s: float, parent: str, child: str, pose: Any) -> Any:
+        at = pose.position
+        vector = self._make("geometry_msgs/msg/Vector3", x=at.x, y=at.y, z=at.z)
+        one = self._make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self._header(time_s, parent),
+            child_frame_id=child,
+            transform=self._make(
+                "geometry_msgs/msg/Transform", translation=vector, rotation=pose.orientation
+            ),
+        )
+        return self._make("tf2_msgs/msg/TFMessage", transforms=[one])
+
+    def _odometry(self, time_s: float, pose: Float[np.ndarray, "3"]) -> Any:
+        zero = self._make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+        twist = self._make("geometry_msgs/msg/Twist", linear=zero, angular=zero)
+        unknown = np.zeros(36)
+        return self._make(
+            "nav_msgs/msg/Odometry",
+            header=self._header(time_s, "odom"),
+            child_frame_id="base_link",
+            pose=self._make(
+                "geometry_msgs/msg/PoseWithCovariance", pose=self._planar(pose), covariance=unknown
+            ),
+            twist=self._make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+        )
+
+    def _scan(self, time_s: float, laser: LaserScan) -> Any:
+        return self._make(
+            "sensor_msgs/msg/LaserScan",
+            header=self._header(time_s, "laser"),
+            angle_min=float(laser.bearing_rad[0]),
+            angle_max=float(laser.bearing_rad[-1]),
+            angle_increment=laser.step_rad,
+            time_increment=0.0,
+            scan_time=0.0,
+            range_min=0.0,
+            range_max=laser.max_range_m,
+            ranges=laser.range_m.astype(np.float32),
+            intensities=np.zeros(0, np.float32),
+        )
+
+    def _pictures(self, time_s: float, step: Step, camera: CameraConfig) -> Iterator[tuple[str, float, Any]]:
+        header = self._header(time_s, "camera")
+        depth_mm = np.rint(1000 * step.sensed.depth).astype("<u2")
+        for name, encoding, pixels in (("image", "rgb8", step.sensed.rgb), ("depth", "16UC1", depth_mm)):
+            rows = np.ascontiguousarray(pixels).reshape(len(pixels), -1).view(np.uint8)
+            image = self._make(
+                "sensor_msgs/msg/Image",
+                header=header,
+                height=pixels.shape[0],
+                width=pixels.shape[1],
+                encoding=encoding,
+                is_bigendian=0,
+                step=rows.shape[1],
+                data=rows.ravel(),
+            )
+            yield f"/camera/{name}", time_s, image
+        # Pixel centres are at whole numbers in ROS, at halves here.
+        k = camera.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+        info = self._make(
+            "sensor_msgs/msg/CameraInfo",
+            header=header,
+            height=camera.height,
+            width=camera.width,
+            distortion_model="plumb_bob",
+            d=np.zeros(5),
+            k=k.ravel(),
+            r=np.eye(3).ravel(),
+            p=np.column_stack([k, np.zeros(3)]).ravel(),
+            binning_x=0,
+            binning_y=0,
+            roi=self._make(
+                "sensor_msgs/msg/RegionOfInterest",
+                x_offset=0,
+                y_offset=0,
+                height=0,
+                width=0,
+                do_rectify=False,
+            ),
+        )
+        yield "/camera/camera_info", time_s, info
+
+    def _map(self, time_s: float, layer: Layer) -> Any:
+        cells = np.full(layer.values.shape, 100, np.int8)
+        cells[layer.values == FREE] = 0
+        cells[(layer.values == UNKNOWN) | (layer.values >= GUESS)] = -1
+        return self._grid(time_s, layer, cells)
+
+    def _grid(self, time_s: float, layer: Layer, cells: np.ndarray) -> Any:
+        header = self._header(time_s, "map")
+        x, y = layer.frame.origin_xy
+        info = self._make(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=header.stamp,
+            resolution=layer.frame.resolution_m,
+            width=layer.frame.shape[1],
+            height=layer.frame.shape[0],
+            origin=self._pose((x, y, 0.0)),
+        )
+        return self._make("nav_msgs/msg/OccupancyGrid", header=header, info=info, data=cells.ravel())
+
+    def _path(self, time_s: float, path: Float[np.ndarray, "n 2"]) -> Any:
+        poses = [self._stamped(time_s, np.array([*point, 0.0])) for point in path]
+        return self._make("nav_msgs/msg/Path", header=self._header(time_s, "map"), poses=poses)
+
+    def _arrivals(self, time_s: float, step: Step) -> Any:
+        """Arrows from where each path arrives, the strongest first."""
+        measured = step.estimated.measurement
+        assert measured is not None
+        red, green, blue = (value / 255 for value in STATE_COLOURS[measured.state])
+        zero = self._make("builtin_interfaces/msg/Duration", sec=0, nanosec=0)
+        clear = {"type": 0, "action": 3, "id": 0, "pose": self._pose((0.0, 0.0, 0.0))}
+        arrows = [clear]
+        for number, azimuth in enumerate(measured.aoa_rad[np.isfinite(measured.aoa_rad)].tolist(), 1):
+            x, y, _ = measured.pose.tolist()
+            turn = (0.0, 0.0, math.sin(azimuth / 2), math.cos(azimuth / 2))
+            arrows.append({"type": 0, "action": 0, "id": number, "pose": self._pose((x, y, 1.0), turn)})
+        markers = [
+            self._make(
+                "visualization_msgs/msg/Marker",
+                header=self._header(time_s, "map"),
+                ns="arrivals",
+                scale=self._make("geometry_msgs/msg/Vector3", x=_ARROW_M, y=_SHAFT_M, z=_SHAFT_M),
+                color=self._make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
+                lifetime=zero,
+                frame_locked=False,
+                points=[],
+                colors=[],
+                texture_resource="",
+                texture=self._make(
+                    "sensor_msgs/msg/CompressedImage",
+                    header=self._header(time_s, ""),
+                    format="",
+                    data=np.zeros(0, np.uint8),
+                ),
+                uv_coordinates=[],
+                text="",
+                mesh_resource="",
+                mesh_file=self._make(
+                    "visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)
+                ),
+                mesh_use_embedded_materials=False,
+                **arrow,
+            )
+            for arrow in arrows
+        ]
+        return self._make("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def _layout() -> dict[str, Any]:
+    """The world next to camera and link state, for Foxglove."""
+    topics = ("/map", "/scan", "/plan", "/goal", "/arrivals", "/true_pose")
+    world = {"followTf": "map", "topics": {topic: {"visible": True} for topic in topics}}
+    panels = {
+        "3D!world": world,
+        "Image!camera": {"imageMode": {"imageTopic": "/camera/image"}},
+        "RawMessages!link": {"topicPath": "/link_state.data"},
+    }
+    column = {"first": "Image!camera", "second": "RawMessages!link", "direction": "column"}
+    layout = {"first": "3D!world", "second": column, "direction": "row", "splitPercentage": 70}
+    return {"configById": panels, "globalVariables": {}, "layout": layout, "userNodes": {}}

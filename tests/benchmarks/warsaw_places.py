@@ -1,0 +1,168 @@
+"""Places of beacons in a real flat from powers that a robot received, and the robot's place from powers of the beacons.
+
+Beacons are located with the plan, with maps of the robot's own scans, and without either. The published data cover the
+flat in four runs. Two of them have raw scans, each of a part of the flat: a beacon in a room that the robot does not
+enter remains uncertain.
+
+The robot's place is the mean over candidates on the floor, weighted by their probability given the powers of all
+beacons. Fingerprints are predicted at the candidates by walls and antennas that are fitted to the other half of the
+floor (`tests.benchmarks.warsaw_powers`), or they are the readings in that half.
+Data: Kolakowski, Sensors 21, 6270, 2021 (CC BY 4.0).
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.plans.floorplan import FloorPlan
+from robosim.published.beacon_places import SHARES, locate_beacon
+from robosim.published.measured_powers import MeasuredPowers
+from robosim.published.power_fit import fit_powers
+from robosim.published.power_route import PowerRoute, map_route
+from robosim_support.reading import reading
+from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.results import Results
+from tests.benchmarks.warsaw_flat import CONFIG, RUNS, read_run
+from tests.benchmarks.warsaw_powers import CONFIG as CONFIG_OF_WALLS
+from tests.benchmarks.warsaw_powers import read_flat
+
+#: Candidates of the receiver's place are so many cells apart. Error of a reading, and what one not received counts as.
+_EVERY_CELLS, _ERROR_DB, _NOT_RECEIVED_DBM = 5, 5.0, -95.0
+#: Runs begin after pauses of more than this [s].
+_PAUSE_S = 60.0
+#: Squared errors over the covariance that a normal distribution in the plane exceeds in one of ten cases.
+_TENTH = 2 * np.log(10)
+
+
+def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
+    """Errors of beacon places in a real flat after a part of the route, and how often the 90 % ellipse holds them.
+
+    Args:
+        folder: The data set: anchors.csv, layout.csv, calibration_df.csv and the raw runs calib3 and calib4.
+        options: Of every benchmark.
+    """
+    results = Results()
+    plan, measured = read_flat(folder)
+    route = _route(folder, measured)
+    for share in SHARES:
+        row = f"all runs, {100 * share:.0f} %"
+        _add(results, row, "with the plan", [route], [plan], share)
+        _add(results, row, "without a map", [route], [None], share)
+    parts = [_within(route, route.time_s[begin], route.time_s[end]) for begin, end in _runs(route)]
+    _add(results, "each of four runs", "with the plan", parts, [plan] * len(parts), 1.0)
+    _add(results, "each of four runs", "without a map", parts, [None] * len(parts), 1.0)
+    logs = [read_run(folder, run) for run in RUNS]
+    mapped = [map_route(log, route, config=CONFIG) for log in logs]
+    own = [one for _, one in mapped]
+    for name, plans in (
+        ("with the plan", [plan] * 2),
+        ("with the robot's own map", [one for one, _ in mapped]),
+        ("without a map", [None] * 2),
+    ):
+        _add(results, "each of two runs with scans", name, own, plans, 1.0)
+    for row, errors in _receiver_errors(folder).items():
+        results.add("receiver", row, "median", float(np.median(errors)), "m", digits=2, cases=len(errors))
+        results.add("receiver", row, "90 %", float(np.percentile(errors, 90)), "m", digits=2)
+    return options.finish("warsaw_places", results)
+
+
+def _receiver_errors(folder: Path) -> dict[str, Float[np.ndarray, " n"]]:
+    """Errors of the receiver's place [m] in the held-out half of the floor, by what the fingerprints come from."""
+    plan, measured = read_flat(folder)
+    free = plan.centres(plan.free)
+    floor = free[(np.round(free / plan.resolution_m).astype(int) % _EVERY_CELLS == 0).all(axis=1)]
+    points = np.column_stack([floor, np.full(len(floor), measured.places[0, 2])])
+    power = np.concatenate([measured.power_dbm, np.full((len(measured.names), len(points)), np.nan)], axis=1)
+    assert measured.heading_rad is not None
+    with_floor = MeasuredPowers(
+        names=measured.names,
+        beacons=measured.beacons,
+        places=np.concatenate([measured.places, points]),
+        heading_rad=np.concatenate([measured.heading_rad, np.zeros(len(points))]),
+        power_dbm=power,
+    )
+    config = replace(CONFIG_OF_WALLS, receiver_orders=0)
+    predicted = fit_powers(with_floor, plan, config).predicted_dbm[:, len(measured.places) :]
+    fitted = ~measured.held_out
+    of = measured.power_dbm[:, ~fitted].T, measured.places[~fitted, :2]
+    return {
+        f"readings at {fitted.sum()} places": _errors(
+            *of, measured.power_dbm[:, fitted], measured.places[fitted, :2]
+        ),
+        "traced": _errors(*of, predicted, floor),
+    }
+
+
+def _errors(
+    power_dbm: Float[np.ndarray, "n b"],
+    truth: Float[np.ndarray, "n 2"],
+    prints_dbm: Float[np.ndarray, "b m"],
+    places: Float[np.ndarray, "m 2"],
+) -> Float[np.ndarray, " n"]:
+    """Distances of the mean of the places whose fingerprints are likely from the true ones [m]."""
+    power, prints = (
+        np.where(np.isnan(values), _NOT_RECEIVED_DBM, values) for values in (power_dbm, prints_dbm.T)
+    )
+    square = ((power[:, None] - prints) ** 2).sum(axis=2) / _ERROR_DB**2
+    weight = np.exp(-0.5 * (square - square.min(axis=1, keepdims=True)))
+    return np.asarray(np.hypot(*(weight @ places / weight.sum(axis=1, keepdims=True) - truth).T))
+
+
+def _route(folder: Path, measured: MeasuredPowers) -> PowerRoute:
+    """All readings in the order of time, as `robosim locate` reads them."""
+    with reading(folder / "calibration_df.csv", "powers at places") as file:
+        times = np.genfromtxt(file, delimiter=",", skip_header=1, usecols=[1]) / 1e9
+    place, beacon = np.nonzero(np.isfinite(measured.power_dbm.T))
+    assert measured.heading_rad is not None
+    return PowerRoute(
+        beacon=tuple(measured.names[i] for i in beacon),
+        time_s=times[place],
+        poses=np.column_stack([measured.places[place, :2], measured.heading_rad[place]]),
+        power_dbm=measured.power_dbm[beacon, place],
+        true_xy={name: at[:2] for name, at in zip(measured.names, measured.beacons, strict=True)},
+    )
+
+
+def _runs(route: PowerRoute) -> list[tuple[int, int]]:
+    """First and last reading of each run."""
+    pauses = np.flatnonzero(np.diff(route.time_s) > _PAUSE_S)
+    begins, ends = [0, *(pauses + 1)], [*pauses, len(route.time_s) - 1]
+    return [(int(a), int(b)) for a, b in zip(begins, ends, strict=True) if b - a > _PAUSE_S]
+
+
+def _within(route: PowerRoute, begin_s: float, end_s: float) -> PowerRoute:
+    """The readings between two times."""
+    used = (route.time_s >= begin_s) & (route.time_s <= end_s)
+    return PowerRoute(
+        beacon=tuple(np.array(route.beacon)[used]),
+        time_s=route.time_s[used],
+        poses=route.poses[used],
+        power_dbm=route.power_dbm[used],
+        true_xy=route.true_xy,
+    )
+
+
+def _add(
+    results: Results,
+    row: str,
+    name: str,
+    routes: Iterable[PowerRoute],
+    plans: Iterable[FloorPlan | None],
+    share: float,
+) -> None:
+    """Median error over all beacons of all routes, and how often the ellipse of 90 % holds the true place."""
+    errors, held = [], []
+    for route, plan in zip(routes, plans, strict=True):
+        # A map of the robot's own ends where it has not been.
+        beyond_m = 0.3 if plan is not None and plan.name == "flat" else 3.0
+        for beacon in route.names:
+            found = locate_beacon(route.readings(beacon, share), plan, beyond_m)
+            off: Float[np.ndarray, 2] = found.xy - route.true_xy[beacon]
+            errors.append(float(np.hypot(*off)))
+            held.append(off @ np.linalg.solve(found.covariance, off) <= _TENTH)
+    results.add("beacons", row, f"{name}: median", float(np.median(errors)), "m", digits=2, cases=len(errors))
+    results.add("beacons", row, f"{name}: in the ellipse", 100 * float(np.mean(held)), "%", digits=0)

@@ -1,0 +1,311 @@
+"""Logs in bags of ROS 1 and 2: the made hall's scans and poses come back, whatever the format and the sensor."""
+
+import json
+import logging
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from robosim.cli import main
+from robosim.logs.bag import BagTopics, is_bag, read_bag
+from robosim.logs.log_files import read_log
+from robosim_support.reading import FileError
+from slam.poses import between, compose, to_map
+
+pytest.importorskip("rosbags")
+from tests.robosim.logs.made_bags import (
+    FORMATS,
+    MOUNT,
+    MOUNT_Z,
+    header,
+    laser_scan,
+    message,
+    odometry,
+    placed,
+    transform,
+    write_bag,
+)
+
+TIMES = 100 + 0.5 * np.arange(40)
+BEARING = np.radians(np.arange(-180, 180, 1.0))
+
+
+def base_poses():
+    """A round through a hall of 6 m x 4 m, in its frame."""
+    turn = 2 * np.pi * (TIMES - TIMES[0]) / 20
+    return np.column_stack([3 + 1.5 * np.cos(turn), 2 + 1.2 * np.sin(turn), turn + np.pi / 2])
+
+
+def hall_ranges(pose, bearing):
+    """Distances to the walls and to a pillar."""
+    x, y, yaw = pose
+    dx, dy = np.cos(yaw + bearing), np.sin(yaw + bearing)
+    with np.errstate(divide="ignore"):
+        far = np.minimum(
+            np.where(dx > 0, (6 - x) / dx, -x / dx), np.where(dy > 0, (4 - y) / dy, y / np.abs(dy))
+        )
+    along, aside = (3 - x) * dx + (2 - y) * dy, np.abs((3 - x) * dy - (2 - y) * dx)
+    near = along - np.sqrt(np.maximum(0.3**2 - aside**2, 0))
+    return np.where((aside < 0.3) & (along > 0), near, far)
+
+
+POSES = base_poses()
+LASER = np.array([compose(pose, MOUNT) for pose in POSES])
+RANGES = np.array([hall_ranges(pose, BEARING) for pose in LASER])
+STEPS = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(LASER))])
+
+
+def recording(is_ros1=False, *, scans=True, has_odometry=True):
+    """Topics, times of arrival and messages: fixed transform, odometry twice as often as scans, scans."""
+    mount = transform(0.0, "base_link", "laser", placed(MOUNT, MOUNT_Z, is_ros1=is_ros1), is_ros1)
+    rows = [("/tf_static", TIMES[0], mount)]
+    for k, time_s in enumerate(TIMES):
+        if has_odometry:
+            rows.append(("/odom", time_s, odometry(time_s, POSES[k], is_ros1=is_ros1)))
+        if scans:
+            rows.append(("/scan", time_s + 0.01, laser_scan(time_s, BEARING, RANGES[k], is_ros1=is_ros1)))
+    return rows
+
+
+def assert_hall(log, atol=1e-5):
+    assert log.times == pytest.approx(TIMES, abs=1e-6)
+    assert log.range_m == pytest.approx(RANGES, abs=atol)
+    assert log.displacement == pytest.approx(STEPS, abs=atol)
+    assert log.known.all()
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_bag_of_each_format_holds_the_scans_and_the_motion_of_the_laser(kind, tmp_path):
+    path = write_bag(tmp_path / "run", kind, recording(kind == "ros1"))
+    assert is_bag(path)
+    log = read_log(path)
+    assert log.name == "run"
+    assert log.bearing_rad == pytest.approx(BEARING, abs=1e-6)
+    assert_hall(log)
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "mcap"])
+def test_a_file_of_a_ros2_bag_is_a_bag_too(kind, tmp_path):
+    path = write_bag(tmp_path / "run", kind, recording())
+    file = next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
+    assert is_bag(file)
+    assert_hall(read_log(file))
+
+
+def test_transforms_that_change_are_odometry(tmp_path):
+    rows = [row for row in recording() if row[0] != "/odom"]
+    rows += [
+        ("/tf", t, transform(t, "odom", "base_link", placed(pose)))
+        for t, pose in zip(TIMES, POSES, strict=True)
+    ]
+    assert_hall(read_bag(write_bag(tmp_path / "run", "mcap", rows)))
+
+
+def test_a_laser_that_hangs_upside_down_is_mirrored(tmp_path):
+    pose = np.array([MOUNT[0], MOUNT[1], 0.0])
+    rows = [
+        ("/tf_static", 0.0, transform(0.0, "base_link", "laser", placed(pose, MOUNT_Z, inverted=True))),
+        *(("/odom", t, odometry(t, one)) for t, one in zip(TIMES, POSES, strict=True)),
+    ]
+    for t, one in zip(TIMES, POSES, strict=True):
+        seen = hall_ranges(compose(one, pose), -BEARING)
+        rows.append(("/scan", t, laser_scan(t, BEARING, seen)))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    direct = np.array([hall_ranges(compose(one, pose), log.beams()[k]) for k, one in enumerate(POSES)])
+    assert log.range_m == pytest.approx(direct, abs=1e-5)
+    assert (np.diff(log.beams(), axis=1) > 0).all()
+
+
+def test_reversed_scans_turn_round_with_their_times(tmp_path):
+    rows = [row for row in recording(scans=False)]
+    for t, ranges in zip(TIMES, RANGES, strict=True):
+        rows.append(("/scan", t, laser_scan(t, BEARING[::-1], ranges[::-1], step_s=1e-3)))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert_hall(log)
+    assert log.beam_s is not None
+    assert log.beam_s[0] == pytest.approx(0.359)
+    assert log.beam_s[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_ranges_are_missing_or_hit_nothing_as_the_standard_says(tmp_path):
+    rows, ranges = recording(scans=False), RANGES.copy()
+    ranges[:, :4] = np.nan, np.inf, 0.02, 31.0
+    for t, one in zip(TIMES, ranges, strict=True):
+        rows.append(("/scan", t, laser_scan(t, BEARING, one)))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert np.isnan(log.range_m[:, [0, 2]]).all()
+    assert (log.range_m[:, [1, 3]] == np.inf).all()
+
+
+def test_of_several_echoes_the_first_counts(tmp_path):
+    rows = recording(scans=False)
+    for t, ranges in zip(TIMES, RANGES, strict=True):
+        plain = laser_scan(t, BEARING, ranges)
+        echoes = [
+            message("sensor_msgs/msg/LaserEcho", echoes=np.array([r, r + 1] if k else [], np.float32))
+            for k, r in enumerate(ranges)
+        ]
+        values = {name: getattr(plain, name) for name in plain.__dataclass_fields__ if name != "__msgtype__"}
+        many = message(
+            "sensor_msgs/msg/MultiEchoLaserScan", **{**values, "ranges": echoes, "intensities": []}
+        )
+        rows.append(("/echoes", t, many))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert np.isnan(log.range_m[:, 0]).all()
+    assert log.range_m[:, 1:] == pytest.approx(RANGES[:, 1:], abs=1e-5)
+
+
+def cloud(time_s, points):
+    """A PointCloud2 with padding, and a field before x."""
+
+    def field(name, offset):
+        return message("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=7, count=1)
+
+    data = np.zeros((len(points), 6), np.float32)
+    data[:, 1:4] = points
+    return message(
+        "sensor_msgs/msg/PointCloud2",
+        header=header(time_s, "laser", False),
+        height=1,
+        width=len(points),
+        fields=[field("intensity", 0), field("x", 4), field("y", 8), field("z", 12)],
+        is_bigendian=False,
+        point_step=24,
+        row_step=24 * len(points),
+        data=data.view(np.uint8).ravel(),
+        is_dense=True,
+    )
+
+
+def test_point_clouds_become_scans_of_a_slice(tmp_path):
+    rows, bearing = recording(scans=False), np.radians(np.arange(-180, 180, 0.25))
+    for k, t in enumerate(TIMES):
+        seen = hall_ranges(LASER[k], bearing)
+        points = np.column_stack([seen * np.cos(bearing), seen * np.sin(bearing), np.full(len(seen), 0.05)])
+        floor = np.column_stack([0.3 * np.cos(bearing), 0.3 * np.sin(bearing), np.full(len(seen), -MOUNT_Z)])
+        rows.append(("/points", t, cloud(t, np.concatenate([points, floor, [[np.nan] * 3]]))))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert log.displacement[:, 2] == pytest.approx(STEPS[:, 2], abs=1e-5)
+    # The slice has the axes of the base, and its origin at the sensor.
+    expected = np.array(
+        [hall_ranges([*LASER[k][:2], pose[2]], log.beams()[k]) for k, pose in enumerate(POSES)]
+    )
+    assert np.nanpercentile(np.abs(log.range_m - expected), 90) < 0.03
+
+
+def test_depth_images_become_scans_of_a_slice(tmp_path):
+    rows = [row for row in recording(scans=False) if row[0] != "/tf_static"]
+    # A camera that looks ahead, 0.4 m above the base: roll -90, yaw -90 degrees.
+    optical = message("geometry_msgs/msg/Quaternion", x=-0.5, y=0.5, z=-0.5, w=0.5)
+    vector = message("geometry_msgs/msg/Vector3", x=0.1, y=0.0, z=0.4)
+    rows.append(("/tf_static", 0.0, transform(0.0, "base_link", "camera", (vector, optical))))
+    width, height, focal = 64, 48, 55.0
+    column = np.arctan2((width - 1) / 2 - np.arange(width), focal)
+    for k, t in enumerate(TIMES):
+        seen = hall_ranges(compose(POSES[k], np.array([0.1, 0.0, 0.0])), column) * np.cos(column)
+        depth = np.tile(np.round(1000 * seen).astype(np.uint16), (height, 1))
+        rows.append(
+            (
+                "/depth",
+                t,
+                message(
+                    "sensor_msgs/msg/Image",
+                    header=header(t, "camera", False),
+                    height=height,
+                    width=width,
+                    encoding="16UC1",
+                    is_bigendian=0,
+                    step=2 * width,
+                    data=depth.view(np.uint8).ravel(),
+                ),
+            )
+        )
+    info = message(
+        "sensor_msgs/msg/CameraInfo",
+        header=header(TIMES[0], "camera", False),
+        height=height,
+        width=width,
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=np.array([focal, 0, (width - 1) / 2, 0, focal, (height - 1) / 2, 0, 0, 1.0]),
+        r=np.eye(3).ravel(),
+        p=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+        roi=message(
+            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+        ),
+    )
+    rows.append(("/camera_info", TIMES[0], info))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    seen = np.isfinite(log.range_m)
+    assert 60 < seen[0].sum() <= 120
+    expected = np.array(
+        [hall_ranges(compose(pose, np.array([0.1, 0, 0])), log.beams()[k]) for k, pose in enumerate(POSES)]
+    )
+    assert np.percentile(np.abs(log.range_m - expected)[seen], 90) < 0.05
+
+
+def test_scans_out_of_order_and_twice_are_sorted_and_reported(tmp_path, caplog):
+    rows = recording()
+    scans = [row for row in rows if row[0] == "/scan"]
+    mixed = [*(row for row in rows if row[0] != "/scan"), *scans[1::-1], *scans[2:], scans[7]]
+    mixed = [(topic, 200 + 0.01 * k, one) for k, (topic, _, one) in enumerate(mixed)]
+    with caplog.at_level(logging.WARNING):
+        assert_hall(read_bag(write_bag(tmp_path / "run", "mcap", mixed)))
+    assert "2 scans come before an earlier one" in caplog.text
+    assert "1 have the time of another" in caplog.text
+
+
+def test_several_topics_are_listed_and_chosen(tmp_path):
+    rows = recording()
+    rows.append(("/rear", TIMES[0], laser_scan(TIMES[0], BEARING, RANGES[0])))
+    path = write_bag(tmp_path / "run", "mcap", rows)
+    with pytest.raises(FileError, match=r"2 topics of scans: /rear, /scan\. Choose one by --scan-topic"):
+        read_bag(path)
+    assert_hall(read_bag(path, BagTopics(scan_topic="/scan")))
+    with pytest.raises(FileError, match="'/front' is no topic of scans"):
+        read_bag(path, BagTopics(scan_topic="/front"))
+
+
+def test_bags_without_scans_name_their_topics(tmp_path):
+    path = write_bag(tmp_path / "run", "mcap", recording(scans=False))
+    with pytest.raises(FileError, match="its topics are /odom"):
+        read_bag(path)
+
+
+def test_without_odometry_scans_alone_give_the_motion(tmp_path, caplog):
+    path = write_bag(tmp_path / "run", "mcap", recording(has_odometry=False))
+    with caplog.at_level(logging.WARNING):
+        log = read_bag(path)
+    assert not log.known[1:].any()
+    assert "scans alone" in caplog.text
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_cut_bags_are_rejected(kind, tmp_path):
+    path = write_bag(tmp_path / "run", kind, recording(kind == "ros1"))
+    file = path if path.is_file() else next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 3])
+    with pytest.raises(FileError, match=str(path)):
+        read_log(path)
+
+
+def test_a_tipped_laser_is_rejected(tmp_path):
+    tipped = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.5, z=0.0, w=0.866)
+    vector = message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.3)
+    rows = [row for row in recording() if row[0] != "/tf_static"]
+    rows.append(("/tf_static", 0.0, transform(0.0, "base_link", "laser", (vector, tipped))))
+    with pytest.raises(FileError, match="tipped by 60 degrees"):
+        read_bag(write_bag(tmp_path / "run", "mcap", rows))
+
+
+def test_the_command_maps_a_bag(tmp_path):
+    path = write_bag(tmp_path / "run", "mcap", recording())
+    main(["slam", str(path), "--out", str(tmp_path / "out")])
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["scans"] == len(TIMES)
+    poses = np.loadtxt(tmp_path / "out" / "trajectory.tum")[:, 1:3]
+    assert to_map(LASER[0], poses) == pytest.approx(LASER[:, :2], abs=0.03)

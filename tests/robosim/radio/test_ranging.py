@@ -1,0 +1,100 @@
+"""Ranges by round-trip time: what is measured, and what the belief makes of it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.constants import speed_of_light
+from scipy.stats import exponnorm, norm
+
+from robosim.building.building import make_building
+from robosim.policies.belief import BeliefConfig
+from robosim.policies.likelihood import range_density
+from robosim.policies.received_power import PowerBelief
+from robosim.radio.link import RadioLink, RadioLinkConfig, first_path_m
+from robosim.radio.measurement import Interpreter, bearings_of
+from tests.plans import two_rooms
+from tests.robosim.policies.test_belief import estimate
+from wireless.paths import LinkState
+
+HERE, TARGET = np.array([1.0, 1.0, 0.4]), np.array([5.0, 2.2])
+
+
+@pytest.fixture(scope="module")
+def building():
+    return make_building(two_rooms(0.8))
+
+
+def measured(building, sigma_m, seed=1, pose=HERE):
+    config = RadioLinkConfig(range_sigma_m=sigma_m)
+    link = RadioLink(building, config)
+    link.place(TARGET)
+    paths = link.measure(pose, np.random.default_rng(seed))
+    return link, paths
+
+
+def test_a_range_is_the_length_of_the_first_path_with_noise(building):
+    link, _ = measured(building, 0.001)
+    assert link.paths is not None
+    assert link.range_m == pytest.approx(speed_of_light * link.paths.delay_s.min(), abs=0.005)
+    errors = [measured(building, 0.5, seed)[0].range_m - first_path_m(link.paths) for seed in range(40)]
+    assert 0.3 < np.std(errors) < 0.7
+
+
+def test_a_first_path_that_is_much_weaker_is_missed(building):
+    link, _ = measured(building, 0.1)
+    paths = link.paths
+    assert paths is not None
+    first = int(paths.delay_s.argmin())
+    faint = replace(paths, power=np.where(np.arange(len(paths)) == first, 1e-24, paths.power))
+    assert first_path_m(faint) > first_path_m(paths)
+
+
+def test_without_ranging_nothing_changes(building):
+    link, without = measured(building, None)
+    assert math.isnan(link.range_m)
+    _, with_range = measured(building, 0.2)
+    assert np.array_equal(without.aoa_rad, with_range.aoa_rad)
+    assert np.array_equal(without.snr_db, with_range.snr_db)
+
+
+@pytest.mark.parametrize(
+    ("state", "law"),
+    [
+        (LinkState.LOS, norm(4.0, 0.3)),
+        (LinkState.FIRST_ORDER, exponnorm(1.4 / 0.3, 4.0, 0.3)),
+        (LinkState.HIGHER_ORDER, exponnorm(3.6 / 0.3, 4.0, 0.3)),
+    ],
+)
+def test_the_density_of_a_range_is_normal_and_exponential(state, law):
+    for range_m in (2.0, 3.5, 4.0, 4.4, 6.0, 20.0):
+        found = range_density(np.array([4.0]), range_m, 0.3, np.eye(4)[state])
+        assert found == pytest.approx([0.05 / 50 + 0.95 * law.pdf(range_m)], rel=1e-6)
+
+
+def test_in_outage_a_range_carries_no_information():
+    density = range_density(np.array([0.1, 3.0, 40.0]), 3.0, 0.2, np.eye(4)[LinkState.OUTAGE])
+    assert density == pytest.approx(np.full(3, 1 / 50))
+
+
+def test_the_belief_lies_on_a_ring_around_the_robot(building):
+    link, paths = measured(building, 0.1)
+    one = Interpreter(link, "true").interpret(paths, HERE).power_only()
+    beliefs = []
+    for range_m in (3.0, math.nan):
+        belief = PowerBelief(HERE[:2], BeliefConfig(look_m=0.0, weight=1.0))
+        belief.add(replace(one, probability=np.eye(4)[LinkState.LOS], range_m=range_m), estimate())
+        beliefs.append(belief)
+    distance = np.hypot(*(beliefs[0].centres - HERE[:2]).transpose(2, 0, 1))
+    ranged, without = (belief.probability()[np.abs(distance - 3.0) < 0.4].sum() for belief in beliefs)
+    assert ranged > 0.8 > 0.5 > without
+
+
+def test_the_mapper_gets_the_length_of_the_strongest_path(building):
+    link, paths = measured(building, 0.05)
+    assert link.paths is not None
+    one = Interpreter(link, "true").interpret(paths, HERE)
+    bearing = bearings_of({"target": one}, link.config, {})[0]
+    assert bearing.range_m == pytest.approx(speed_of_light * link.paths.delay_s[0], abs=0.3)
+    assert bearing.sigma_log_range == pytest.approx(0.05 / bearing.range_m)

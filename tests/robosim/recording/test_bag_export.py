@@ -1,0 +1,141 @@
+"""Episodes as ROS 2 bags in MCAP: opened by rosbags and mcap, and mapped again by `robosim slam`."""
+
+import json
+from dataclasses import replace
+from itertools import accumulate, pairwise
+
+import numpy as np
+import pytest
+
+from robosim.cli import main
+from robosim.episode import EpisodeConfig
+from robosim.logs.bag import BagTopics, read_bag
+from robosim.logs.log_mapping import map_log
+from robosim.logs.robot_log import RobotLog
+from robosim.recording.bag_export import BAG, LAYOUT, export_bag
+from robosim.recording.episode_file import read_episode
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from slam.poses import between, compose, wrap
+from tests.plans import two_rooms
+
+pytest.importorskip("rosbags")
+TOPICS = {
+    "/arrivals", "/belief", "/camera/camera_info", "/camera/depth", "/camera/image", "/goal", "/link_state", "/map",
+    "/odom", "/plan", "/scan", "/tf", "/tf_static", "/true_pose",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """An episode of `fused` with a lidar, and its bag."""
+    place = tmp_path_factory.mktemp("episode")
+    simulator = SimulatorConfig(physics="kinematic", camera="plan", lidar="rplidar-a1")
+    config = EpisodeConfig(
+        goal="fused", simulator=simulator, mapper="classical", link_states="true", seed=2, max_steps=25
+    )
+    start, target = np.array([1.0, 1.0, 0.0]), np.array([5.5, 2.4])
+    record_episode(two_rooms(0.8), config, place, start=start, target=target, video=False)
+    export_bag(place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def messages(folder):
+    """Messages of the bag by topic."""
+    from rosbags.highlevel import AnyReader
+
+    found = {}
+    with AnyReader([folder / BAG]) as reader:
+        for connection, time_ns, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append((1e-9 * time_ns, message))
+    return found
+
+
+def yaw_of(quaternion):
+    return 2 * np.arctan2(quaternion.z, quaternion.w)
+
+
+def test_all_topics_are_in_the_bag(folder, messages):
+    assert set(messages) == TOPICS
+    times = np.loadtxt(folder / "trajectory.tum")[:, 0]
+    assert [t for t, _ in messages["/odom"]] == pytest.approx(times[:-1], abs=1e-8)
+    assert json.loads((folder / LAYOUT).read_text())["layout"]
+
+
+def test_mcap_opens_it(folder):
+    reader = pytest.importorskip("mcap.reader")
+    with (folder / BAG / f"{BAG}.mcap").open("rb") as file:
+        summary = reader.make_reader(file).get_summary()
+    assert {one.topic for one in summary.channels.values()} == TOPICS
+
+
+def test_transforms_lead_from_the_map_to_the_estimated_and_the_true_robot(folder, messages):
+    episode = read_episode(folder)
+    by_child = {}
+    for _, message in messages["/tf"]:
+        one = message.transforms[0]
+        at, turn = one.transform.translation, one.transform.rotation
+        by_child.setdefault(one.child_frame_id, []).append(np.array([at.x, at.y, yaw_of(turn)]))
+    for k, (correction, odometry) in enumerate(zip(by_child["odom"], by_child["base_link"], strict=True)):
+        off = compose(correction, odometry) - episode.estimates[k]
+        assert np.abs([off[0], off[1], wrap(off[2])]).max() < 1e-9
+        assert by_child["base_link_true"][k][:2] == pytest.approx(episode.poses[k][:2], abs=1e-12)
+
+
+def test_map_and_pictures_are_those_of_the_episode(folder, messages):
+    steps = list(read_episode(folder).steps())
+    last = messages["/map"][-1][1]
+    cells = last.data.reshape(last.info.height, last.info.width)
+    values = steps[-1].map_layer.values
+    assert ((cells == 100) == ((values == 2) | (values == 3))).all()
+    assert ((cells == 0) == (values == 1)).all()
+    picture, depth = messages["/camera/image"][3][1], messages["/camera/depth"][3][1]
+    assert (picture.data.reshape(128, 128, 3) == steps[3].sensed.rgb).all()
+    assert depth.data.view("<u2").reshape(128, 128) == pytest.approx(1000 * steps[3].sensed.depth, abs=0.01)
+    assert messages["/link_state"][0][1].data == steps[0].estimated.measurement.state.name.lower()
+    arrows = messages["/arrivals"][0][1].markers
+    assert len(arrows) == 1 + len(steps[0].estimated.measurement.aoa_rad)
+
+
+def direct_log(folder):
+    """The log of the lidar without a bag, with ranges in single precision as in ROS."""
+    episode = read_episode(folder)
+    scans = [step.sensed.laser for step in episode.steps()]
+    odometry = list(accumulate(episode.columns["odometry"][1:], compose, initial=np.zeros(3)))[: len(scans)]
+    return RobotLog(
+        name="direct",
+        bearing_rad=scans[0].bearing_rad,
+        range_m=np.array([scan.range_m for scan in scans]).astype(np.float32).astype(float),
+        displacement=np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(odometry))]),
+        known=np.ones(len(scans), bool),
+        times=np.loadtxt(folder / "trajectory.tum")[: len(scans), 0],
+    )
+
+
+def test_the_bag_maps_like_the_log_that_it_was_made_of(folder):
+    log, direct = read_bag(folder / BAG), direct_log(folder)
+    assert log.bearing_rad == pytest.approx(direct.bearing_rad, abs=1e-6)
+    assert log.range_m == pytest.approx(direct.range_m, abs=1e-6)
+    assert log.displacement == pytest.approx(direct.displacement, abs=1e-9)
+    # Bearings in ROS are of single precision.
+    direct = replace(direct, bearing_rad=log.bearing_rad)
+    assert map_log(log).poses == pytest.approx(map_log(direct).poses, abs=1e-6)
+
+
+def test_depth_images_of_the_bag_make_scans_too(folder):
+    depth = read_bag(folder / BAG, BagTopics(scan_topic="/camera/depth", slice_m=0.8))
+    scans = read_bag(folder / BAG)
+    assert len(depth.times) == len(scans.times)
+    near = np.isfinite(depth.range_m[0])
+    assert near.sum() > 100
+    seen = np.interp(depth.beams()[0][near], scans.beams()[0], scans.range_m[0])
+    assert np.median(np.abs(depth.range_m[0][near] - seen)) < 0.05
+
+
+def test_the_command_writes_the_bag_again(folder, tmp_path, capsys):
+    main(["export", str(folder), "--out", str(tmp_path / "out")])
+    assert (tmp_path / "out" / BAG / "metadata.yaml").is_file()
+    again = (tmp_path / "out" / BAG / f"{BAG}.mcap").read_bytes()
+    assert again == (folder / BAG / f"{BAG}.mcap").read_bytes()
