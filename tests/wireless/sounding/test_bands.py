@@ -49,8 +49,8 @@ def test_uwb_power_is_that_of_the_limit_of_density():
 def test_a_lone_path_is_measured_all_around(name, kind):
     """Five metres away in free space: arrivals within 0.1 degrees (PCA: 1.5), gains within 1 dB of Friis' law.
 
-    Measured at worst: 0.06 degrees (1.35) and 0.7 dB. Departures and delays are finite where the band resolves them, and
-    otherwise not a number.
+    Measured at worst: 0.06 degrees (1.35) and 0.7 dB. Departures and delays are finite where the band resolves them,
+    and otherwise NaN.
     """
     band, rng, none = BANDS[name], np.random.default_rng(0), np.zeros((N_LINKS, 1))
     gain = np.full(none.shape, speed_of_light / band.frequency_hz / (4 * np.pi * FAR_M), complex)
