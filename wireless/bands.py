@@ -5,15 +5,15 @@
     wifi-2.4   channel 6, 20 MHz        20 dBm; one HE-LTF symbol of 12.8 us (IEEE 802.11ax-2021, 27.3.11.10)
     wifi-5     channel 42, 80 MHz       likewise
     wifi-6     the 6 GHz band, channel 47, 160 MHz; likewise
-    uwb-6.5    HRP UWB channel 5, 499.2 MHz; -41.3 dBm/MHz; 64 symbols of 508 chips (IEEE 802.15.4z-2020, 15.2 and 15.4)
+    uwb-6.5    HRP UWB channel 5, 499.2 MHz; -41.3 dBm/MHz; 64 symbols of 508 chips (IEEE 802.15.4z-2020, clause 15)
     28ghz      the published base station and robot (arXiv 2110.14789), as 3GPP NR band n257; the default
     60ghz      channel 2, 1.76 GHz; a Golay pair of 512 chips each (IEEE 802.11ad-2012, 21.3.6)
     140ghz     the published sounder at 142 GHz: 1 GHz (arXiv 2302.12142); 10 dBm, which amplifiers reach there
 
 Noise figures: 6 dB as in the reference at 28 GHz, 7 dB for Wi-Fi (IEEE 802.11-14/0980), 10 dB for the small receivers
-of BLE and UWB, and at 60 GHz (IEEE 802.11-09/0296) and 140 GHz. Below 10 GHz the transmitter is a tag with one dipole,
-whose directions of departure are unknown, and the robot has a ring of dipoles. Windows hold paths that are up to 3.5 m
-longer than the strongest, where delays are resolved.
+of BLE and UWB, and at 60 GHz (IEEE 802.11ad-2012, table 21-3) and 140 GHz. Below 10 GHz the transmitter is a tag with one dipole,
+whose directions of departure are unknown, and the robot has a ring of dipoles. Where delays are resolved, windows hold
+paths that are at least 3.4 m longer than the strongest.
 Left out: sharing of antennas over time, regulations of countries, duty cycles.
 """
 
