@@ -11,9 +11,9 @@
     140ghz     the published sounder at 142 GHz: 1 GHz (arXiv 2302.12142); 10 dBm, which amplifiers reach there
 
 Noise figures: 6 dB as in the reference at 28 GHz, 7 dB for Wi-Fi (IEEE 802.11-14/0980), 10 dB for the small receivers
-of BLE and UWB, and at 60 GHz (IEEE 802.11ad-2012, table 21-3) and 140 GHz. Below 10 GHz the transmitter is a tag with one dipole,
-whose directions of departure are unknown, and the robot has a ring of dipoles. Where delays are resolved, windows hold
-paths that are at least 3.4 m longer than the strongest.
+of BLE and UWB, and at 60 GHz (IEEE 802.11ad-2012, table 21-3) and 140 GHz. Below 10 GHz the transmitter is a tag with
+one dipole, whose directions of departure are unknown, and the robot has a ring of dipoles. Where delays are resolved,
+windows hold paths that are at least 3.4 m longer than the strongest.
 Left out: sharing of antennas over time, regulations of countries, duty cycles.
 """
 
