@@ -95,10 +95,15 @@ def _run(words: list[str]) -> None:
             raise ValueError(f"{option or before or 'an argument'} is empty, expected a value.")
     if name := command_name(words):
         command, rest = load_command(name), words[len(name.split()) :]
-        if "settings" in inspect.signature(command).parameters:
+        parameters = inspect.signature(command).parameters
+        if "settings" in parameters:
             from robosim.commands.episode_config import with_start_values  # imports the whole simulator
 
             command = with_start_values(command, rest)
+        elif "band" in parameters:
+            from robosim.commands.shared_options import with_band  # which the command has imported
+
+            command = with_band(command, rest)
         brief = HELP_ALL not in rest and not HELP.isdisjoint(rest)
         tyro.cli(
             with_common(command, brief=brief),

@@ -21,6 +21,7 @@ from robosim.building.reach import Reach
 from robosim.episode_log import EpisodeLog
 from robosim.navigation import Navigator, control_of, make_navigator
 from robosim.parts import ClassifierPart, ControllerPart, ExplorerPart, GoalPart, MapperPart
+from robosim.policies.belief import BeliefConfig
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy
@@ -81,6 +82,12 @@ class EpisodeConfig:
                     "--mapper classical."
                 )
 
+    def in_band(self, name: str) -> "EpisodeConfig":
+        """The same in a radio band of `wireless.bands`, with the classifier of link states for it."""
+        radio = self.simulator.radio.in_band(name)
+        simulator = replace(self.simulator, radio=radio)
+        return replace(self, simulator=simulator, link_states="generated" if name == "28ghz" else name)
+
 
 #: Decides whether the robot goes on, from what it sensed, what it made of it, and the truth.
 Judge = Callable[[Observation, Estimates, Truth], bool]
@@ -96,17 +103,20 @@ def check_weights(config: EpisodeConfig) -> None:
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     if _policy(config, navigator, np.zeros(2)).uses_radio:
-        check_classifier(config.link_states, config.simulator.radio.frequency_hz)
+        check_classifier(config.link_states, config.simulator.radio)
 
 
 def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarray, "2"]) -> GoalPolicy:
     """The goal policy; without a camera none of the floor counts as seen to be empty."""
     looks = config.simulator.camera != "none"
     control, fused, cost = control_of(config.simulator), config.fused, config.fused.cost
-    # A radius that differs from the default is deliberate; else the robot's own is used.
+    # A radius or carrier that differs from the default is deliberate; else those of robot and radio are used.
     if cost.radius_m == CostConfig.radius_m:
         cost = replace(cost, radius_m=control.radius_m)
-    fused = replace(fused, cost=cost, uses_camera=fused.uses_camera and looks)
+    belief = fused.belief
+    if belief.frequency_hz == BeliefConfig.frequency_hz:
+        belief = replace(belief, frequency_hz=config.simulator.radio.frequency_hz)
+    fused = replace(fused, belief=belief, cost=cost, uses_camera=fused.uses_camera and looks)
     context = PolicyContext(
         explorer=navigator.explorer,
         fused=fused,

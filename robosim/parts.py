@@ -144,7 +144,12 @@ MOVER = Kind(
 )
 TERMINAL = Kind(
     "terminal",
-    {"gnb": "wireless.antennas.codebook:gnb", "ue": "wireless.antennas.codebook:ue"},
+    {
+        "gnb": "wireless.antennas.codebook:gnb",
+        "ue": "wireless.antennas.codebook:ue",
+        "tag": "wireless.antennas.codebook:tag",
+        "ring-8": "wireless.antennas.codebook:ring_8",
+    },
     has=("platform", "n_beams", "beam_response"),
     made_from="nothing",
 )

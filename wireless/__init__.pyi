@@ -31,6 +31,7 @@ from wireless.motion.impulse_responses import ImpulseResponses as ImpulseRespons
 from wireless.motion.impulse_responses import sample_channel as sample_channel
 
 # Measurements and what is made out of them
+from wireless.bands import BANDS as BANDS
 from wireless.antennas.codebook import terminal_named as terminal_named
 from wireless.sounding.sounder import Rays as Rays
 from wireless.sounding.sounder import Sounder as Sounder

@@ -26,11 +26,11 @@ class PathEstimates:
     aoa_rad: Float[np.ndarray, "links paths"]
     """Azimuth of arrival in the receiver's frame, in [-pi, pi)."""
     aod_rad: Float[np.ndarray, "links paths"]
-    """Azimuth of departure in the transmitter's frame, in [-pi, pi)."""
+    """Azimuth of departure in the transmitter's frame, in [-pi, pi); NaN if the transmitter has a single beam."""
     snr_db: Float[np.ndarray, "links paths"]
     """SNR by the link budget, before correlation; falls along the paths."""
     delay_s: Float[np.ndarray, "links paths"]
-    """Delay after the strongest path; negative for earlier ones."""
+    """Delay after the strongest path; negative for earlier ones; NaN if the bandwidth does not resolve delays."""
     count: Int[np.ndarray, " links"]
     """Number of paths found."""
 
@@ -93,6 +93,13 @@ class PathEstimates:
             aoa_rad=np.where(found, wrapped(self.aoa_rad + turn_rx), 0.0),
             aod_rad=np.where(found, wrapped(self.aod_rad + turn_tx), 0.0),
         )
+
+
+def measured(
+    **columns: Float[np.ndarray, "links paths"],
+) -> dict[str, Float[np.ndarray, "links paths"] | None]:
+    """Columns of estimates by name, with None for those that a measurement does not resolve (NaN)."""
+    return {name: None if np.isnan(values).any() else values for name, values in columns.items()}
 
 
 def wrapped(angle_rad: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:

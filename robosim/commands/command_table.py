@@ -3,7 +3,7 @@
 import importlib
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -143,6 +143,17 @@ def with_signature(
     call.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
     call.__annotations__ = {name: one.annotation for name, one in parameters.items()}
     return call
+
+
+def value_of(option: str, words: Sequence[str]) -> str | None:
+    """The last value of an option; None if it is not given."""
+    found = None
+    for word, after in zip(words, [*words, None][1:], strict=True):
+        if word == option:
+            found = after
+        elif word.startswith(f"{option}="):
+            found = word.partition("=")[2]
+    return found
 
 
 def _stand_in(text: str) -> Callable[..., None]:

@@ -1,7 +1,8 @@
 """Configuration of an episode on the command line: every field is an option.
 
-Options start from the defaults, or from the configuration of an earlier result (`--config`), and from a robot
-(`--robot`). These two are read before the others, so that `--help-all` shows the values that the others start from.
+Options start from the defaults, or from the configuration of an earlier result (`--config`), from a radio band
+(`--band`), and from a robot (`--robot`). These are read before the others, so that `--help-all` shows the values that
+the others start from.
 """
 
 import inspect
@@ -14,7 +15,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.command_table import with_signature
+from robosim.commands.command_table import value_of, with_signature
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import POLICY
 from robosim.parts import ROBOT, RobotPart
@@ -23,6 +24,7 @@ from robosim.support.from_dict import from_dict
 from robosim.support.parts import Part, is_part, names_code, part_name
 from robosim.support.text_in import check_object, read_json
 from robosim_support.reading import naming
+from wireless.bands import BandName
 
 #: Configuration of an episode without goal and seed, which are arguments of commands.
 Settings = Annotated[EpisodeConfig, tyro.conf.arg(name="")]
@@ -38,6 +40,8 @@ class StartingPoint:
 
     config: Path | None = None
     """result.json of an episode, or settings.json of an evaluation, with the configuration to start from."""
+    band: BandName = "28ghz"
+    """Radio band: carrier, power, waveform, antennas of both ends, and the link-state classifier for them."""
     robot: RobotPart = "turtlebot"
     """Robot: turtlebot (hull of radius 0.10 m), locobot (0.18 m), or a file with fields such as radius_m: 0.25."""
 
@@ -48,14 +52,16 @@ Base = OmitArgPrefixes[StartingPoint]
 
 
 def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Callable[..., None]:
-    """A command whose `settings` start from `--config` and `--robot`, if they are among the words.
+    """A command whose `settings` start from `--config`, `--band` and `--robot`, if they are among the words.
 
     Raises:
-        ValueError: If a file cannot be read, or there is no such robot.
+        ValueError: If a file cannot be read, or there is no such band or robot.
     """
     parameters = inspect.signature(command).parameters
-    file, robot = _value_of("--config", words), _value_of("--robot", words)
+    file, band, robot = (value_of(option, words) for option in ("--config", "--band", "--robot"))
     config = DEFAULTS if file is None else read_config(Path(file))
+    if band is not None:
+        config = config.in_band(band)
     if robot is not None:
         made: RobotConfig = ROBOT.make(robot, field="robot")
         config = replace(config, simulator=replace(config.simulator, robot=made))
@@ -67,17 +73,6 @@ def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Cal
         )
         changes |= {name: {"default": getattr(config, name)} for name in own}
     return with_signature(lambda *args, **options: command(*args, **options), command, changes)
-
-
-def _value_of(option: str, words: Sequence[str]) -> str | None:
-    """The last value of an option; None if it is not given."""
-    found = None
-    for word, after in zip(words, [*words, None][1:], strict=True):
-        if word == option:
-            found = after
-        elif word.startswith(f"{option}="):
-            found = word.partition("=")[2]
-    return found
 
 
 def read_config(path: Path) -> EpisodeConfig:

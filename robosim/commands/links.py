@@ -13,11 +13,13 @@ from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import (
     ALL_CORES,
     DEFAULT_RADIO,
+    DEFAULT_WAVEFORM,
     NO_OPTIONS,
     OnePlace,
     Place,
     RadioOptions,
     Reading,
+    WaveformOptions,
     Work,
     output_folder,
     read_place,
@@ -27,6 +29,7 @@ from robosim.commands.shared_options import (
 from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import ADVANCED, Range
 from robosim.support.installation import install_first
+from wireless.bands import BandName
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
@@ -48,6 +51,7 @@ def trace(
     rx_antenna: Annotated[str, ADVANCED] = "isotropic",
     storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
+    band: BandName = "28ghz",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
     plots: bool = True,
@@ -81,6 +85,7 @@ def trace(
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         polarisation: Polarisation of all antennas; both takes the mean.
+        band: Radio band, which sets the defaults of carrier frequency and transmit power.
         radio: Which paths are traced.
         reading: How to read the plan.
         plots: Whether to draw pictures.
@@ -186,20 +191,22 @@ def dataset(
     estimator: EstimatorPart = "sage",
     transmitter: TerminalPart = "gnb",
     receiver: TerminalPart = "ue",
+    band: BandName = "28ghz",
     headings: Literal["fixed", "random"] = "fixed",
     people: int = 0,
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
+    waveform: Annotated[OmitArgPrefixes[WaveformOptions], ADVANCED] = DEFAULT_WAVEFORM,
     reading: Reading = NO_OPTIONS,
     work: Work = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Make a data set of links: true paths, link states, and what a receiver with beams estimates of them.
 
-    Transmitters are placed at random, receivers on a grid. Links are traced, sounded in closed form with the
-    reference's base station and robot, and estimated. Writes links/NAME_Tx_K.parquet, one row per link, and
-    manifest.json, which describes them. The same command resumes an interrupted run, to the same bytes with any number
-    of workers.
+    Transmitters are placed at random, receivers on a grid. Links are traced, sounded in closed form with the antennas
+    of the band, by default the reference's base station and robot, and estimated. Writes links/NAME_Tx_K.parquet, one
+    row per link, and manifest.json, which describes them. The same command resumes an interrupted run, to the same
+    bytes with any number of workers.
 
     Example: robosim dataset flat office --tx-per-plan 10 --grid 0.15 --out out/links
 
@@ -211,13 +218,15 @@ def dataset(
         seed: Seed of places, phases and noise, and of the first generated home.
         estimator: Path estimator: sage, maximum likelihood of all paths together, or pca, the reference's, faster and
             less accurate.
-        transmitter: Antennas of the transmitter; gnb are those of the published base station.
-        receiver: Antennas of the receiver; ue are those of the published robot.
+        transmitter: Antennas of the transmitter; gnb are those of the published base station, tag is a dipole.
+        receiver: Antennas of the receiver; ue are those of the published robot, ring-8 is a ring of dipoles.
+        band: Radio band, which sets the defaults of carrier frequency, transmit power, waveform and antennas.
         headings: Headings of receivers: fixed, as published, or random, as of a moving robot.
         people: Mean number of people in each building, at random places for each link, who weaken its paths. States
             stay those of the building.
         format: Additional formats: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
         radio: Which paths are traced.
+        waveform: How links are sounded.
         reading: How to read the plans.
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
@@ -240,6 +249,7 @@ def dataset(
         people=people,
         formats=tuple(sorted(set(format))),
         radio=radio.config(),
+        sounding=waveform.config(),
     )
     folder = output_folder(out, "dataset")
     with console.status("reading plans ..."):

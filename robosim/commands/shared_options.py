@@ -1,8 +1,9 @@
 """Options that commands share: points, reading of plans, radio, output folders, worker processes."""
 
+import inspect
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes
 
+from robosim.commands.command_table import value_of, with_signature
 from robosim.commands.output import console
 from robosim.parts import MaterialPart, ReaderPart
 from robosim.plans.floorplan import FloorPlan, MapError, MapReading
@@ -20,9 +22,11 @@ from robosim.plans.storey_plans import OneStorey, StoreysPlan
 from robosim.support.checks import ADVANCED, FARTHEST, Range, checked, shown
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
+from wireless.bands import band_named
 
 if TYPE_CHECKING:
     from robosim.radio.scene import RadioConfig
+    from wireless.sounding.sounder import SoundingConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +55,7 @@ class RadioOptions:
     """How much walls scatter, coefficient S from 0 to 1; nothing if not given."""
     curved_walls: Annotated[bool, ADVANCED] = False
     """Whether round posts and curved walls of a plan reflect as such, instead of by the flat walls drawn for them."""
-    tolerance: float | None = None
+    tolerance: Annotated[float | None, ADVANCED] = None
     """Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except in
     published grids; 0 keeps every cell."""
     max_paths: Annotated[int, ADVANCED] = 25
@@ -93,6 +97,52 @@ class RadioOptions:
 
 #: As in the reference.
 DEFAULT_RADIO = RadioOptions()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveformOptions:
+    """How links are sounded, besides transmit power."""
+
+    bandwidth_mhz: float = 400.0
+    """Bandwidth, and rate of complex samples [MHz]."""
+    n_samples: int = 2048
+    """Samples of the waveform, sent once in each beam."""
+    loss_db: float = 6.0
+    """Noise figure and other losses [dB]."""
+    half_window: int = 5
+    """Samples that are recorded before and after the strongest delay."""
+
+    def config(self) -> "SoundingConfig":
+        """The configuration of the sounding, at its default power."""
+        from wireless.sounding.sounder import SoundingConfig
+
+        return SoundingConfig(**vars(self))
+
+
+#: As in the reference.
+DEFAULT_WAVEFORM = WaveformOptions()
+
+
+def of_band(name: str) -> dict[str, Any]:
+    """Default values of arguments of commands in a radio band; ValueError if there is none of this name."""
+    band = band_named(name)
+    waveform = {one.name: getattr(band, one.name) for one in fields(WaveformOptions)}
+    return {
+        "radio": RadioOptions(frequency_ghz=band.frequency_hz / 1e9, tx_power_dbm=band.tx_power_dbm),
+        "waveform": WaveformOptions(**waveform),
+        "transmitter": band.transmitter,
+        "receiver": band.receiver,
+    }
+
+
+def with_band(command: Callable[..., None], words: Sequence[str]) -> Callable[..., None]:
+    """A command whose options start from those of `--band`, if it is among the words."""
+    name = value_of("--band", words)
+    if name is None:
+        return command
+    parameters = inspect.signature(command).parameters
+    changes = {key: {"default": value} for key, value in of_band(name).items() if key in parameters}
+    return with_signature(lambda *args, **options: command(*args, **options), command, changes)
 
 
 #: Threads and processes of a command.

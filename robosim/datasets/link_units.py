@@ -9,7 +9,7 @@ import io
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -158,11 +158,12 @@ class LinkSetConfig:
     """Additional formats."""
     radio: RadioConfig = field(default_factory=RadioConfig)
     """How links are traced."""
+    sounding: SoundingConfig = field(default_factory=SoundingConfig)
+    """How links are sounded; the power is that of `radio`."""
 
-    @property
-    def sounding(self) -> SoundingConfig:
-        """How links are sounded."""
-        return SoundingConfig(tx_power_dbm=self.radio.tx_power_dbm)
+    def __post_init__(self) -> None:
+        sounding = replace(self.sounding, tx_power_dbm=self.radio.tx_power_dbm)
+        object.__setattr__(self, "sounding", sounding)
 
 
 @dataclass(frozen=True)
@@ -271,5 +272,5 @@ def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> Pa
 
 def plain_config(config: LinkSetConfig) -> dict[str, Any]:
     """The configuration in plain values; without people they are left out, so that older data sets can be resumed."""
-    plain = {**to_dict(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}
+    plain = {**to_dict(config), "chunk_links": CHUNK_LINKS}
     return plain if config.people else {key: value for key, value in plain.items() if key != "people"}

@@ -78,7 +78,7 @@ def simulator_for(config: SearchConfig) -> SimulatorConfig:
 def check_senses(config: SearchConfig, simulator: SimulatorConfig) -> None:
     """Raise ValueError if the robot lacks a sensor that it observes by, or not what the classifier needs."""
     if config.uses_radio:  # reading a classifier takes seconds
-        check_classifier(config.link_states, simulator.radio.frequency_hz)
+        check_classifier(config.link_states, simulator.radio)
     for sense, carrier in (("rgb", "camera"), ("depth", "camera"), ("lidar", "lidar")):
         if sense in config.observe and getattr(simulator, carrier) == "none":
             raise ValueError(

@@ -103,7 +103,7 @@ def paths(estimates: PathEstimates, probability: Float[np.ndarray, "4"]) -> dict
     found = {key: np.zeros(PATHS, np.float32) for key in ("path_direction", "path_delay", "path_snr")}
     pi = np.float32(np.pi)
     found["path_direction"][:n] = np.clip(estimates.aoa_rad[0, :n].astype(np.float32), -pi, pi)
-    found["path_delay"][:n] = np.clip(1e9 * estimates.delay_s[0, :n], -_DELAY_NS, _DELAY_NS)
+    found["path_delay"][:n] = np.clip(1e9 * np.nan_to_num(estimates.delay_s[0, :n]), -_DELAY_NS, _DELAY_NS)
     found["path_snr"][:n] = np.clip(estimates.snr_db[0, :n], *_SNR_DB)
     found["path_found"] = (np.arange(PATHS) < n).astype(np.int8)
     found["link_state"] = np.clip(probability, 0, 1).astype(np.float32)

@@ -2,8 +2,8 @@
 
 1. A target that the camera sees is approached at once.
 2. In line of sight the robot follows the arrival, whose direction is known to a degree; the belief knows the distance
-   to a third only. At the start it also follows strong arrivals of first order: with few known walls the belief cannot
-   decide where such a wave interacted.
+   to a third only. Below 10 GHz the belief decides instead, since paths pass walls. At the start the robot also follows
+   strong arrivals of first order: with few known walls the belief cannot decide where such a wave interacted.
 3. If the belief is concentrated, the robot goes to its peak. The belief includes the position, with covariance, that
    the mapper's graph computes from all directions in line of sight.
 4. Otherwise it goes to the frontier with the largest belief in sight or behind it per decision of the route.
@@ -30,6 +30,7 @@ from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box, near_box, travel_time_from_robot
 from slam.poses import to_map
 from wireless.paths import LinkState
+from wireless.tracing.tracer import OPAQUE_HZ
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +91,9 @@ class Fused:
         self._belief_config = belief if self.config.uses_camera else replace(belief, look_m=0.0)
         self.uses_camera = self.config.uses_camera
         self._explorer = explorer
-        self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
+        # Where walls are passed, an arrival in line of sight may lead into a wall: the belief decides.
+        trusted = (LinkState.LOS,) if belief.frequency_hz >= OPAQUE_HZ else ()
+        self._in_sight = FollowArrival(trusted, self.config.in_sight)
         strong = FollowConfig(min_snr_db=self.config.first_snr_db)
         self._at_first = FollowArrival((LinkState.FIRST_ORDER,), strong)
         self._decisions = 0

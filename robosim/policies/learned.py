@@ -118,7 +118,7 @@ class Learned:
             # In the robot's frame, without the map's error of heading.
             measured.aoa_rad - measured.pose[2],
             measured.snr_db,
-            measured.delay_s,
+            np.nan_to_num(measured.delay_s),
             measured.probability,
         )
         if sensed.odometry.any():  # after a wait it decides again

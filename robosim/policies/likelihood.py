@@ -1,6 +1,7 @@
 """Density of the target's position given one measurement: a mixture over link states, by their probabilities.
 
-    line of sight   the target is along the arrival, as far away as the power implies, without known obstacles between
+    line of sight   the target is along the arrival, as far away as the power implies, without known obstacles between,
+                    unless the carrier passes walls
     first order     one corner or wall is along the arrival, from which the departure leads back to the target; or the
                     state is wrong, and the arrival is treated as of higher order
     higher order    the target is out of sight, no farther than a free wave of that power; the arrival comes from where
@@ -21,6 +22,7 @@ from robosim.policies.route_directions import MapSurvey, RouteDirections
 from robosim.policies.sightlines import bent_origins, in_sight
 from robosim.radio.measurement import Measurement, free_path_m
 from wireless.paths import LinkState
+from wireless.tracing.tracer import OPAQUE_HZ
 
 #: States of lower probability are left out.
 _LEAST = 1e-3
@@ -88,9 +90,11 @@ class Likelihood:
         `departures` says whether directions of departure are known, `routes` whether arrivals are compared with routes.
         """
         self._m, self._survey, self._known = measurement, survey, survey.known
-        self._frame, self._departures, self._use_routes = survey.frame, departures, routes
+        self._frame, self._use_routes = survey.frame, routes
+        self._departures = departures and bool(np.isfinite(measurement.aod_rad).all())
         self._place = measurement.pose[:2]
         self._offset, self._distance = offset, distance.astype(np.float32)
+        self._is_opaque = frequency_hz >= OPAQUE_HZ
         self._free_m = 0.0
         if len(measurement.gain_db):
             self._free_m = float(np.clip(free_path_m(float(measurement.gain_db[0]), frequency_hz), 0.1, 1e3))
@@ -151,6 +155,8 @@ class Likelihood:
         power = 20 * np.log10(near / self._free_m) / np.hypot(power_db, 8.7 * 0.5 * cell_m / near)
         density = np.exp(-0.5 * ((lateral / spread) ** 2 + power**2)).astype(np.float32)
         density[ahead < -cell_m] = 0
+        if not self._is_opaque:
+            return density
         far_m = min(2 * self._free_m + 1, reach_m)
         possibly = in_sight(self._known, self._place, self._frame, far_m, through_unknown=True)
         density[~possibly] *= np.float32(0.05)

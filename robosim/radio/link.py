@@ -36,6 +36,7 @@ from robosim.radio.table import STEP_M, RadioTable
 from robosim.radio.table_reader import read_paths, states_of
 from robosim.support.checks import ADVANCED, FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
+from wireless.bands import band_named
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.motion.blockage import Blockage, block
@@ -84,6 +85,17 @@ class RadioLinkConfig:
     """How people weaken paths: by Fresnel integrals with phases, by model B of 3GPP TR 38.901, or not at all."""
     echoes: bool = False
     """Whether people reflect, too: one path off each of them that both ends see."""
+
+    def in_band(self, name: str) -> "RadioLinkConfig":
+        """The same in a radio band of `wireless.bands`: another carrier, power, waveform, and antennas."""
+        band = band_named(name)
+        return replace(
+            self,
+            frequency_hz=band.frequency_hz,
+            transmitter=band.transmitter,
+            receiver=band.receiver,
+            sounding=band.sounding,
+        )
 
 
 def first_path_m(paths: Paths) -> float:

@@ -7,13 +7,16 @@ generated-no-sync  without delays too, for transmitters whose timing from beam t
 public            trained on the public measurements of mmwRobotNav, and on generated homes measured in the same manner:
                   angles of arrival and departure, SNR, heights of peaks
 
-SNR and link states are defined differently in the two, so the classifier must fit the measurements: of links of
-generated homes, measured by the public receiver, `public` classifies 89.5 % correctly; of public links,
+ble, wifi-2.4, wifi-5, wifi-6, uwb-6.5, 60ghz, 140ghz
+                  like generated, for one radio band of `wireless.bands` each, from what the band resolves
+
+SNR and link states are defined differently in generated and public, so the classifier must fit the measurements: of
+links of generated homes, measured by the public receiver, `public` classifies 89.5 % correctly; of public links,
 `generated-no-sync`, whose inputs alone are available there, classifies 59 % correctly.
 
 All but `generated-no-sync` can also use the measurements along the robot's trajectory (`wireless.linkstate.follower`):
 in unseen homes `generated` is correct at 97.2 % of single places, and at 97.3 % with the trajectory.
-All are for 28 GHz; episodes at other carriers warn.
+All but those of bands are for 28 GHz; episodes at other carriers warn.
 """
 
 from pathlib import Path

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from robosim.radio.link_state import Classifier
 from robosim_support.compiled import compiled
-from wireless.estimates import PathEstimates, wrapped
+from wireless.estimates import PathEstimates, measured, wrapped
 from wireless.paths import Paths
 from wireless.sounding.sounder import Sounder
 
@@ -53,13 +53,14 @@ def read_paths(
     snr = snr[found] + SIGMA_DB * error[0, :n]
     rank = np.argsort(-snr, kind="stable")
     which, snr, sigma, error = which[rank], snr[rank], SIGMA_RAD[close[found][rank]], error[:, :n][:, rank]
-    return PathEstimates(
+    estimates = PathEstimates(
         aoa_rad=_padded(wrapped(aoa[which] - heading_rad + sigma * error[1]), 0.0),
         aod_rad=_padded(wrapped(aod[which] + sigma * error[2]), 0.0),
         snr_db=_padded(snr, -np.inf),
         delay_s=_padded(_after_first(delay[which] + SIGMA_SAMPLES * error[3]) * sounder.config.sample_s, 0.0),
         count=np.array([n]),
     )
+    return sounder.resolved(estimates)
 
 
 @compiled
@@ -109,7 +110,7 @@ def states_of(
         np.concatenate([getattr(one, name) for one in read])
         for name in ("aoa_rad", "aod_rad", "snr_db", "delay_s")
     )
-    return classifier.predict(aoa, snr, aod_rad=aod, delay_s=delay)
+    return classifier.predict(aoa, snr, **measured(aod_rad=aod, delay_s=delay))
 
 
 def _after_first(delay: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -51,7 +51,7 @@ _TO_THE_END = ("pose", "estimate", "coverage", "map_frame", "map_corner", "map")
 #: Integer columns of fixed length.
 _INTEGERS = ("action", "true_state")
 #: Columns with NaN for missing values.
-_MAY_LACK = ("map_frame", "belief_frame", "mass", "true_aoa_rad", "state_probability", "coverage")
+_MAY_LACK = ("map_frame", "belief_frame", "mass", "true_aoa_rad", "state_probability", "coverage", "arrival")
 #: Largest distance of positions from the target, which can be drawn in whole pixels, and smallest building [m].
 _FARTHEST_M, _NARROWEST_M = 1e5, 0.01
 
@@ -236,7 +236,8 @@ def _expected() -> dict[str, Array]:
     expected |= {name: Array("U", "n") for name in TEXTS}
     for name, shape in RAGGED.items():
         axes = " ".join([f"{name}s", *map(str, shape[1:])])
-        expected[name] = Array("f", axes, FAR) if len(shape) > 1 else Array("u1", axes)
+        most = None if name in _MAY_LACK else FAR
+        expected[name] = Array("f", axes, most) if len(shape) > 1 else Array("u1", axes)
         expected[f"{name}_count"] = Array("i", "m" if name in _TO_THE_END else "n")
     return expected
 
@@ -314,6 +315,12 @@ def _check(episode: RecordedEpisode) -> None:
         some = columns.get(name, []) if name in RAGGED else [columns[name]]
         if any(np.abs(part[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for part in some):
             raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
+    # Directions and delays are NaN where the radio does not resolve them, or the policy does not use them.
+    arrivals = np.vstack([np.zeros((0, 5)), *columns["arrival"]])
+    arrivals[:, [0, 1, 4]] = np.nan_to_num(arrivals[:, [0, 1, 4]], posinf=np.inf, neginf=-np.inf)
+    if not (np.abs(arrivals) <= FAR).all():
+        low, high = arrivals.min(), arrivals.max()
+        raise ValueError(f"arrival goes from {low:g} to {high:g}, expected at most {FAR:g}")
     for frames in (columns["map_frame"], columns["belief_frame"]):
         frames = frames[~np.isnan(frames).all(axis=1)]
         low, high = RESOLUTIONS_M

@@ -13,7 +13,7 @@ import pytest
 import robosim
 import slam
 import wireless
-from robosim.commands.shared_options import PlanOptions, RadioOptions
+from robosim.commands.shared_options import PlanOptions, RadioOptions, WaveformOptions
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import configured
@@ -96,7 +96,7 @@ CASES = [
 def make(kind: type, **values: Any) -> None:
     """Make a configuration; options of commands check what they stand for when they need it."""
     made = kind(**{**NEEDED.get(kind.__name__, {}), **values})
-    if kind is RadioOptions:
+    if kind in (RadioOptions, WaveformOptions):
         made.config()
 
 

@@ -95,6 +95,23 @@ def uniform_array(
     )
 
 
+def circular_array(n: int, *, element: str | Element = "dipole", spacing_wl: float = 0.4) -> Array:
+    """Equal elements on a level circle, which together look to all sides.
+
+    Args:
+        n: Number of elements, the first at azimuth 0.
+        element: Radiator, or its name.
+        spacing_wl: Distance of neighbours, in wavelengths. Four elements half a wavelength apart receive waves from
+            opposite sides alike.
+    """
+    turn = 2 * np.pi * np.arange(n) / n
+    position = np.stack([np.cos(turn), np.sin(turn), np.zeros(n)], axis=-1)
+    return Array(
+        element=element_named(element) if isinstance(element, str) else element,
+        position_wl=position * spacing_wl / (2 * np.sin(np.pi / n)),
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Platform:
     """Equal arrays at one point, each facing another azimuth of the platform's frame."""

@@ -1,4 +1,4 @@
-"""Beams of a platform, even in azimuth, and the reference's two terminals.
+"""Beams of a platform, even in azimuth; the reference's two terminals, and those of bands below 10 GHz.
 
 Beam k of n points to azimuth 2 pi k / n at zero elevation. The array that faces nearest sends it, with the
 conjugate match of its signature there (unit weight, so that the squared response is a directivity); midway
@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from wireless.antennas.arrays import Platform, uniform_array
+from wireless.antennas.arrays import Platform, circular_array, uniform_array
 from wireless.antennas.elements import Element
 
 
@@ -88,16 +88,27 @@ def ue(element: str | Element = "patch") -> Terminal:
     return Terminal(platform=Platform(array=uniform_array(8, element=element)), n_beams=24)
 
 
+def tag(element: str | Element = "dipole") -> Terminal:
+    """A tag with one antenna, and one beam: its directions of departure cannot be measured."""
+    platform = Platform(array=uniform_array(1, element=element), face_rad=(0.0,))
+    return Terminal(platform=platform, n_beams=1)
+
+
+def ring_8(element: str | Element = "dipole") -> Terminal:
+    """A ring of 8 antennas, 13 cm wide at 2.44 GHz, which look to all sides; 16 beams."""
+    return Terminal(platform=Platform(array=circular_array(8, element=element), face_rad=(0.0,)), n_beams=16)
+
+
 #: Terminals by name.
-TERMINALS = {"gnb": gnb, "ue": ue}
+TERMINALS = {"gnb": gnb, "ue": ue, "tag": tag, "ring-8": ring_8}
 
 
-def terminal_named(name: str, element: str | Element = "patch") -> Terminal:
-    """A terminal of the reference by its name, as transmitter or receiver.
+def terminal_named(name: str, element: str | Element | None = None) -> Terminal:
+    """A terminal by its name, as transmitter or receiver, with its usual elements or others.
 
     Raises:
         ValueError: If there is none of this name.
     """
     if name not in TERMINALS:
         raise ValueError(f"Unknown terminal {name!r}. Known: {', '.join(TERMINALS)}.")
-    return TERMINALS[name](element)
+    return TERMINALS[name]() if element is None else TERMINALS[name](element)

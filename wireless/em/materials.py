@@ -7,8 +7,9 @@ exp(+j omega t), so that losses make Im(eps) < 0. Outside of the measured range 
 The rows are Table 3 of Recommendation ITU-R P.2040-4 (09/2025), equal to P.2040-3 (08/2023) where that has
 them; the model is its equations (57) to (59). Where ranges of a material overlap, the first holds.
 ``"drywall"`` is layered drywall as used for 28 GHz navigation data sets (relative permittivity 2.94 and
-0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015). That walls there are two boards with air
-between, as these data sets have them, is what ``"partition"`` says.
+0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015), and above 100 GHz, where that ends, the rows
+of plasterboard. That walls there are two boards with air between, as these data sets have them, is what
+``"partition"`` says.
 
 `WALLS` are made of layers, and so is a `Material` of your own, each of a material of the table or of a permittivity
 of its own; the rest are half-spaces, or layers as thick as `wireless.tracing.tracer.TracerConfig` says.
@@ -43,17 +44,15 @@ class Row(NamedTuple):
     d: float
 
 
+#: Above 100 GHz, where P.2040-1 ends.
+_PLASTERBOARD = (Row(110, 330, 2.56, 0, 0.0001, 1.7799), Row(100, 400, 2.65, 0, 0.0002, 1.598))
 #: Fits of each material; where two hold, the first one counts.
 MATERIALS: dict[str, tuple[Row, ...]] = {
     "vacuum": (Row(0.001, 450, 1, 0, 0, 0),),  # exact, so up to the end of the table
     "concrete": (Row(1, 100, 5.24, 0, 0.0462, 0.7822), Row(110, 330, 5.17, 0, 0.0145, 1.09)),
     "brick": (Row(1, 40, 3.91, 0, 0.0238, 0.16), Row(110, 330, 4.15, 0, 0.0006, 1.5712)),
-    "plasterboard": (
-        Row(1, 100, 2.73, 0, 0.0085, 0.9395),
-        Row(110, 330, 2.56, 0, 0.0001, 1.7799),
-        Row(100, 400, 2.65, 0, 0.0002, 1.598),
-    ),
-    "drywall": (Row(1, 100, 2.94, 0, 0.0116, 0.7076),),
+    "plasterboard": (Row(1, 100, 2.73, 0, 0.0085, 0.9395), *_PLASTERBOARD),
+    "drywall": (Row(1, 100, 2.94, 0, 0.0116, 0.7076), *_PLASTERBOARD),
     "wood": (
         Row(0.001, 100, 1.99, 0, 0.0047, 1.0718),
         Row(110, 330, 1.82, 0, 0.0040, 1.0761),

@@ -50,7 +50,8 @@ class PcaEstimator:
                 column[links] = values
         aoa, aod, snr, delay = columns
         count = np.full(len(tensor), n)
-        return PathEstimates(aoa_rad=aoa, aod_rad=aod, snr_db=snr, delay_s=delay, count=count)
+        estimates = PathEstimates(aoa_rad=aoa, aod_rad=aod, snr_db=snr, delay_s=delay, count=count)
+        return self.sounder.resolved(estimates)
 
     def _estimate_block(self, tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         n, window, n_basis, beams = tensor.shape

@@ -87,13 +87,14 @@ class SageEstimator:
         order = np.argsort(-snr_db, axis=1, kind="stable")[:, : self.n_paths]
         late, snr_db, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr_db, found))
         turn = np.take_along_axis(turn, order[..., None], axis=1)
-        return PathEstimates(
+        estimates = PathEstimates(
             aoa_rad=np.where(found, wrapped(turn[..., 0]), 0.0),
             aod_rad=np.where(found, wrapped(turn[..., 1]), 0.0),
             snr_db=snr_db,
             delay_s=np.where(found, late - late[:, :1], 0.0) * sample_s,
             count=found.sum(axis=1),
         )
+        return self.sounder.resolved(estimates)
 
     def _noise_peaks(self) -> Float[np.ndarray, " links"]:
         """Energy of the best match in each of many links without a path, the same for all estimators alike."""

@@ -13,9 +13,9 @@ file):
     aoa_az_rad_k, aod_az_rad_k          estimated azimuths of path k = 1 to 5, the strongest first
     snr_db_k, delay_s_k                 its SNR (`wireless.estimates`), and delay after path 1
 
-Azimuths are in the frame of the scene. Missing estimates are NaN. True paths are those between vertically polarised
-isotropic antennas: enough to sound the links again (`read_rays`). Left out: points of interaction, horizontal
-polarisation (`wireless.paths.Paths.write_parquet` has them).
+Azimuths are in the frame of the scene. Missing estimates are NaN, and so are departures and delays that the radio does
+not resolve. True paths are those between vertically polarised isotropic antennas: enough to sound the links again
+(`read_rays`). Left out: points of interaction, horizontal polarisation (`wireless.paths.Paths.write_parquet` has them).
 """
 
 from collections.abc import Sequence
@@ -196,6 +196,9 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
 
         def estimated(name: str, missing: float) -> Float[np.ndarray, "n 5"]:
             found = stack([f"{name}_{k}" for k in _PLACES]).astype(float)
+            # Departures and delays that were not resolved are NaN, all of them.
+            if name in ("aod_az_rad", "delay_s") and np.isnan(found).all():
+                return found
             check_within(np.where(present, found, 0.0), name, -FAR, FAR)
             return np.where(present, found, missing)
 

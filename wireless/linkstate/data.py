@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
 from robosim_support.reading import reading
+from wireless.estimates import measured
 from wireless.formats.link_records import LinkRecords
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import Measurements, find_measurements, read_measurements
@@ -130,6 +131,7 @@ def _data_set(data: Path) -> list[_Unit]:
     for unit in files:
         links = read_records(unit)
         paths = links.estimates
-        tokens = make_tokens(paths.aoa_rad, paths.snr_db, aod_rad=paths.aod_rad, delay_s=paths.delay_s)
+        resolved = measured(aod_rad=paths.aod_rad, delay_s=paths.delay_s)
+        tokens = make_tokens(paths.aoa_rad, paths.snr_db, **resolved)
         units.append(_Unit(links.plan, tokens, links))
     return units

@@ -26,6 +26,7 @@ from typing import Annotated
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
+from scipy.constants import speed_of_light
 from scipy.special import gammainccinv
 
 from robosim_support.checks import Range, checked
@@ -37,6 +38,8 @@ from wireless.tracing.blocks import in_threads
 
 #: Thermal noise at 290 K.
 NOISE_DBM_PER_HZ = -174.0
+#: Size of a room [m], which paths of a link differ by.
+_ROOM_M = 5.0
 #: Links that share one stream of random numbers: results depend on it, but on no number of workers.
 BLOCK_LINKS = 64
 
@@ -74,6 +77,11 @@ class SoundingConfig:
         """SNR after correlation of a path of unit power gain, between isotropic antennas."""
         noise_dbm = NOISE_DBM_PER_HZ + 10 * np.log10(self.bandwidth_mhz * 1e6) + self.loss_db
         return self.tx_power_dbm - float(noise_dbm) + 10 * float(np.log10(self.n_samples))
+
+    @property
+    def resolves_delays(self) -> bool:
+        """Whether a wave travels no farther than the size of a room in a sample: otherwise paths arrive at once."""
+        return speed_of_light * self.sample_s <= _ROOM_M
 
     @property
     def window(self) -> int:
@@ -236,6 +244,18 @@ class Sounder:
     def gain_db(self, paths: PathEstimates) -> Float[np.ndarray, "links paths"]:
         """Power gain of estimated paths between isotropic antennas; -inf where there is none."""
         return paths.snr_db - self.budget_db
+
+    @property
+    def knows_departures(self) -> bool:
+        """Whether the transmitter has several beams, whose powers depend on the direction of departure."""
+        return self.tx.n_beams > 1
+
+    def resolved(self, paths: PathEstimates) -> PathEstimates:
+        """Estimates with NaN in place of what this measurement cannot resolve: departures, or delays."""
+        nan = np.full_like(paths.aod_rad, np.nan)
+        if not self.knows_departures:
+            paths = replace(paths, aod_rad=nan)
+        return paths if self.config.resolves_delays else replace(paths, delay_s=nan)
 
     def pulse(self, delay: Float[np.ndarray, "*batch"]) -> Complex[np.ndarray, "*batch"]:
         """Correlation of the waveform with itself, delayed by some samples: 1 at zero, 0 at other integers."""

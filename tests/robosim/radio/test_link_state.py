@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.parts import CLASSIFIER
+from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import check_classifier
 from robosim.support.installation import shipped_weights
 
@@ -62,5 +63,5 @@ def test_a_name_that_is_not_there():
 )
 def test_another_band_warns(frequency_hz, warns, caplog):
     """All shipped classifiers are trained at 28 GHz."""
-    check_classifier("generated", frequency_hz)
+    check_classifier("generated", RadioLinkConfig(frequency_hz=frequency_hz))
     assert ("trained at 28 GHz" in caplog.text) == warns
