@@ -232,7 +232,7 @@ class Picture:
     def _draw_arrivals(self, canvas: np.ndarray, measured: Measurement) -> None:
         """Arrows along the estimated arrivals, in the colour of the link state; the strongest thickest."""
         foot = measured.pose[:2]
-        for i in range(len(measured.aoa_rad))[::-1]:
+        for i in measured.directed[::-1].tolist():
             direction = np.array([np.cos(measured.aoa_rad[i]), np.sin(measured.aoa_rad[i])])
             tip = foot + arrow_length_m(measured, i) * direction
             self._view.draw_arrow(canvas, foot, tip, STATE_COLOURS[measured.state], 2 if i == 0 else 1)

@@ -174,7 +174,8 @@ class SearchView:
         fan, colour = np.zeros((0, 2, 3)), TARGET_RED
         if measured is not None:
             place = np.array([*step.true.pose[:2], _RADIO_M])
-            fan, colour = arrival_fan(place, measured.aoa_rad, measured.snr_db), STATE_COLOURS[measured.state]
+            known, colour = measured.directed, STATE_COLOURS[measured.state]
+            fan = arrival_fan(place, measured.aoa_rad[known], measured.snr_db[known])
         self._nodes.lines("arrivals", fan, repeat_colour(colour, len(fan)), 5.0)
         legs, colours = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
         if rays and step.true.paths is not None:

@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.constants import speed_of_light
 
 from robosim.parts import CLASSIFIER, TERMINAL
@@ -69,6 +69,11 @@ class Measurement:
     def state(self) -> LinkState:
         """The most probable link state."""
         return LinkState(int(np.argmax(self.probability)))
+
+    @property
+    def directed(self) -> Int[np.ndarray, " m"]:
+        """Numbers of the paths whose direction of arrival is known."""
+        return np.flatnonzero(np.isfinite(self.aoa_rad))
 
     def power_only(self) -> "Measurement":
         """The same as of one antenna: total SNR and gain, from an unknown direction (NaN) and in an unknown state."""

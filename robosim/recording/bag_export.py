@@ -282,7 +282,7 @@ class _Messages:
         zero = self._make("builtin_interfaces/msg/Duration", sec=0, nanosec=0)
         clear = {"type": 0, "action": 3, "id": 0, "pose": self._pose((0.0, 0.0, 0.0))}
         arrows = [clear]
-        for number, azimuth in enumerate(measured.aoa_rad[np.isfinite(measured.aoa_rad)].tolist(), 1):
+        for number, azimuth in enumerate(measured.aoa_rad[measured.directed].tolist(), 1):
             x, y, _ = measured.pose.tolist()
             turn = (0.0, 0.0, math.sin(azimuth / 2), math.cos(azimuth / 2))
             arrows.append({"type": 0, "action": 0, "id": number, "pose": self._pose((x, y, 1.0), turn)})

@@ -145,8 +145,9 @@ class RerunRecording:
     def _add_measurement(self, measurement: Measurement, true_state: LinkState) -> None:
         rr = self._rr
         vectors = [
-            arrow_length_m(measurement, i) * np.array([np.cos(angle), np.sin(angle), 0.0])
-            for i, angle in enumerate(measurement.aoa_rad)
+            arrow_length_m(measurement, i)
+            * np.array([np.cos(measurement.aoa_rad[i]), np.sin(measurement.aoa_rad[i]), 0.0])
+            for i in measurement.directed.tolist()
         ]
         origins = np.tile([*measurement.pose[:2], self._radio_m], (len(vectors), 1))
         colours = np.tile(STATE_COLOURS[measurement.state], (len(vectors), 1))

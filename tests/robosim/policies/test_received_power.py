@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robosim.episode import EpisodeConfig
 from robosim.policies.belief import BeliefConfig
 from robosim.policies.received_power import PowerBelief, PowerSearch
+from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Measurement
+from robosim.recording.episode_file import read_episode
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from tests.plans import two_rooms
 from tests.robosim.policies.test_belief import FRIIS_1M_DB, estimate, measurement, to
 from wireless.paths import LinkState
 
@@ -61,3 +67,16 @@ def test_a_place_that_is_empty_stays_so_as_powers_come_in():
 
 def test_it_uses_no_directions():
     assert not PowerSearch.uses_directions
+
+
+def test_an_episode_without_directions_is_recorded_and_drawn(tmp_path):
+    simulator = SimulatorConfig(physics="kinematic", camera="plan", radio=RadioLinkConfig().in_band("ble"))
+    config = EpisodeConfig(
+        goal="rss", simulator=simulator, mapper="classical", link_states="true", seed=3, max_steps=12
+    )
+    start, target = np.array([1.0, 1.0, 0.0]), np.array([5.5, 2.4])
+    result = record_episode(two_rooms(0.8), config, tmp_path, start=start, target=target)
+    assert result["steps"] == 12
+    for step in read_episode(tmp_path).steps():
+        assert step.estimated.measurement is not None
+        assert not len(step.estimated.measurement.directed)
