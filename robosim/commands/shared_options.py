@@ -53,6 +53,8 @@ class RadioOptions:
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     scattering: float | None = None
     """How much walls scatter, coefficient S from 0 to 1; nothing if not given."""
+    curved_walls: Annotated[bool, ADVANCED] = False
+    """Whether round posts and curved walls of a plan reflect as such, instead of by the flat walls drawn for them."""
     tolerance: Annotated[float | None, ADVANCED] = None
     """Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except in
     published grids; 0 keeps every cell."""

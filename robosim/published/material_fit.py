@@ -12,14 +12,16 @@ from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.measured_paths import MatchConfig, Matched, MeasuredHall, match, trace_hall
-from wireless.em.materials import MATERIALS, WALLS, wall_row
+from robosim.published.measured_paths import MatchConfig, Matched, MeasuredHall, match, offset_db, trace_hall
+from wireless.em.materials import MATERIALS, WALLS, Material, wall_row
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: Paths of at most so many reflections are compared.
 SPECULAR = TracerConfig(max_reflections=2, diffraction=False, max_paths=200)
 #: The same with edges.
 EDGES = replace(SPECULAR, diffraction=True)
+#: The same with posts and curved walls instead.
+CURVED = replace(SPECULAR, curved_walls=True)
 #: What is traced, one kind of path added after the other.
 ADDED = {
     "direct paths": replace(SPECULAR, max_reflections=0),
@@ -29,6 +31,7 @@ ADDED = {
     "two, and a wall passed": replace(SPECULAR, max_transmissions=1),
     "two, and floor and ceiling": replace(SPECULAR, floor_ceiling=True),
     "two, and an edge with one": EDGES,
+    "two, and curved walls": CURVED,
 }
 #: Walls of this let nothing come back: where a plan ends, not a building.
 NOTHING = "vacuum"
@@ -95,7 +98,7 @@ class Fit:
             paths=float(matched.explained.mean()),
             by_chance=matched.by_chance,
             power=float(power[matched.explained].sum() / power.sum()),
-            off_db=_rms(off) if not np.isnan(off).all() else np.nan,
+            off_db=rms_db(off) if not np.isnan(off).all() else np.nan,
         )
 
     def choose(
@@ -108,7 +111,7 @@ class Fit:
 
         def residual(wall: str, colours: tuple[str, ...]) -> tuple[float, float]:
             off = residuals_db(self._hall, self.match(replace(plan, materials=colours), wall))
-            return _rms(off[chosen_on]), _rms(off[~chosen_on])
+            return rms_db(off[chosen_on]), rms_db(off[~chosen_on])
 
         def try_all(materials: Callable[[str], tuple[str, tuple[str, ...]]]) -> dict[str, float]:
             tried = {}
@@ -147,27 +150,24 @@ def candidates(frequency_hz: float) -> tuple[str, ...]:
 def residuals_db(hall: MeasuredHall, matched: Matched) -> Float[np.ndarray, " n"]:
     """Measured over traced strength of explained paths without an edge, from that of direct paths; NaN for others.
 
-    Raises:
-        ValueError: If powers were not measured, or no direct path is explained.
+    ValueError as in `offset_db`.
     """
-    if hall.power_db is None:
-        raise ValueError("the table has no column power_db, which the fit needs.")
-    off = hall.power_db - matched.traced_db
-    direct = matched.order == 0
-    if not direct.any():
-        raise ValueError("no direct path is explained: are plan and table in one frame, and the turn right?")
-    off -= np.median(off[direct])
+    from_db = offset_db(hall, matched)
+    assert hall.power_db is not None  # or there is no offset
+    off = hall.power_db - matched.traced_db - from_db
     off[matched.diffracted | (matched.order < 1)] = np.nan
     return off
 
 
-def tracer_of(plan: FloorPlan, wall: str, frequency_hz: float, config: TracerConfig = SPECULAR) -> Tracer:
+def tracer_of(
+    plan: FloorPlan, wall: str | Material, frequency_hz: float, config: TracerConfig = SPECULAR
+) -> Tracer:
     """Tracer of a plan whose walls without a colour are of a material."""
     building = make_building(plan, config=BuildingConfig(wall_material=wall, furniture_material=wall))
     return Tracer(building, frequency_hz=frequency_hz, config=config)
 
 
-def _rms(off_db: Float[np.ndarray, " n"]) -> float:
+def rms_db(off_db: Float[np.ndarray, " n"]) -> float:
     """Root mean square of bounded residuals [dB]; infinite for none."""
     valid = off_db[~np.isnan(off_db)]
     return float(np.sqrt(np.mean(np.minimum(np.abs(valid), MOST_DB) ** 2))) if len(valid) else np.inf

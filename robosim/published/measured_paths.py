@@ -5,13 +5,14 @@ aod_rad, aoa_rad, and power_db if it is known; further columns are passed over. 
 end, powers relative to each other.
 Data of that form: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), at 60 GHz.
 
-A measured path is explained by a traced one if delay and both azimuths agree. Each traced path explains one measured
-path at most; of all pairings the one that explains most is taken, the closest of these.
+A measured path is explained by a traced one if delay and both azimuths agree and, if it is compared, strength. Each
+traced path explains one measured path at most; of all pairings the one that explains most is taken, the closest of
+these.
 """
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -98,6 +99,8 @@ class MatchConfig:
     """Height of both ends [m], which such tables do not have."""
     range_db: Annotated[float, Range(0, 300, "dB")] = 40.0
     """Traced paths weaker than the strongest of their place by more explain nothing [dB]."""
+    strength_db: Annotated[float | None, Range(0.01, 300, "dB")] = None
+    """Strengths, from those of direct paths, differ by no more than this [dB]; None for any strength."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +111,8 @@ class Matched:
     """Whether a traced path is the same."""
     traced_db: Float[np.ndarray, " n"]
     """Power gain of that path [dB]; NaN for none."""
+    path: Int[np.ndarray, " n"]
+    """Its number among the traced paths, -1 for none."""
     order: Int[np.ndarray, " n"]
     """Its number of interactions, -1 for none."""
     diffracted: Bool[np.ndarray, " n"]
@@ -122,36 +127,59 @@ def trace_hall(hall: MeasuredHall, tracer: Tracer, height_m: float) -> Paths:
     return tracer.trace(np.array([[*hall.transmitter[:2], height_m]]), rx)
 
 
+def offset_db(hall: MeasuredHall, matched: Matched) -> float:
+    """Measured strength over traced power of direct paths, median.
+
+    Raises:
+        ValueError: If powers were not measured, or no direct path is explained.
+    """
+    if hall.power_db is None:
+        raise ValueError("the table has no column power_db, which the fit needs.")
+    direct = matched.order == 0
+    if not direct.any():
+        raise ValueError("no direct path is explained: are plan and table in one frame, and the turn right?")
+    return float(np.median((hall.power_db - matched.traced_db)[direct]))
+
+
 def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
-    """Pair measured paths with those of `trace_hall`."""
-    table = hall.table
+    """Pair measured paths with those of `trace_hall`; ValueError as in `offset_db` if strengths are compared."""
+    table, strength = hall.table, np.zeros(len(hall.table))
+    if config.strength_db is not None:
+        from_db = offset_db(hall, match(hall, paths, replace(config, strength_db=None)))
+        assert hall.power_db is not None  # or there is no offset
+        strength = hall.power_db - from_db
     number, place_of = np.unique(table[:, 0], return_inverse=True)
     strongest = paths.strongest()
     most_db = np.full(len(number), -np.inf)
     most_db[strongest.rx] = strongest.power_db
-    paths = paths.select(paths.power_db >= most_db[paths.rx] - config.range_db)
+    loud = paths.power_db >= most_db[paths.rx] - config.range_db
     length = paths.delay_s * speed_of_light
-    traced_db, order = np.full(len(table), np.nan), np.full(len(table), -1)
-    diffracted = np.zeros(len(table), bool)
+    found = np.full(len(table), -1)
     by_chance = 0
     for here in range(len(number)):
         rows = np.flatnonzero(place_of == here)
         measured = np.column_stack(
-            [table[rows, 7], table[rows, 3] + table[rows, 8], table[rows, 6] + table[rows, 9]]
+            [table[rows, 7], table[rows, 3] + table[rows, 8], table[rows, 6] + table[rows, 9], strength[rows]]
         )
         for there in range(len(number)):
-            some = np.flatnonzero(paths.rx == there)
-            traced = np.column_stack([length[some], paths.aod_az[some], paths.aoa_az[some]])
+            some = np.flatnonzero(loud & (paths.rx == there))
+            traced = np.column_stack(
+                [length[some], paths.aod_az[some], paths.aoa_az[some], paths.power_db[some]]
+            )
             pairs = _pairs(measured, traced, config)
             if there != here:
                 by_chance += len(pairs)
                 continue
-            row, path = rows[pairs[:, 0]], some[pairs[:, 1]]
-            traced_db[row], order[row] = paths.power_db[path], paths.order[path]
-            diffracted[row] = (paths.interaction[path] == Interaction.DIFFRACTION).any(axis=1)
+            found[rows[pairs[:, 0]]] = some[pairs[:, 1]]
+    explained = found >= 0
+    traced_db, order = np.full(len(table), np.nan), np.full(len(table), -1)
+    traced_db[explained], order[explained] = paths.power_db[found[explained]], paths.order[found[explained]]
+    diffracted = np.zeros(len(table), bool)
+    diffracted[explained] = (paths.interaction[found[explained]] == Interaction.DIFFRACTION).any(axis=1)
     return Matched(
-        explained=order >= 0,
+        explained=explained,
         traced_db=traced_db,
+        path=found,
         order=order,
         diffracted=diffracted,
         by_chance=by_chance / max(1, len(table) * (len(number) - 1)),
@@ -159,12 +187,13 @@ def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
 
 
 def _pairs(
-    measured: Float[np.ndarray, "n 3"], traced: Float[np.ndarray, "m 3"], config: MatchConfig
+    measured: Float[np.ndarray, "n 4"], traced: Float[np.ndarray, "m 4"], config: MatchConfig
 ) -> Int[np.ndarray, "k 2"]:
-    """Indices of measured and traced paths (length [m], departure, arrival [rad]) that are the same."""
+    """Indices of measured and traced paths (length [m], departure, arrival [rad], power [dB]) that are the same."""
     off = traced[None] - measured[:, None]
-    off[..., 1:] = wrap(off[..., 1:])
-    off /= [config.delay_ns * 1e-9 * speed_of_light, *[np.radians(config.angle_deg)] * 2]
+    off[..., 1:3] = wrap(off[..., 1:3])
+    angle = np.radians(config.angle_deg)
+    off /= [config.delay_ns * 1e-9 * speed_of_light, angle, angle, config.strength_db or np.inf]
     near = (np.abs(off) <= 1).all(axis=-1)
     cost = np.where(near, (off**2).sum(axis=-1), 1e3)  # one pair more is worth any distance
     pairs = np.column_stack(linear_sum_assignment(cost))

@@ -5,8 +5,9 @@ Each has the place that its coordinates count from (`origin`), and `tables` of t
 
 import logging
 from collections.abc import Callable, Iterator
+from copy import copy
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
@@ -114,6 +115,13 @@ class PlanScene:
         seen = find_visibility(self._layers, triangle[: start[1]], point, has_target, limits)
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
 
+    def limited(self, **limits: Any) -> "PlanScene":
+        """The same scene with some fields of its setting changed."""
+        scene = copy(self)
+        scene.setting = self.setting._replace(**limits)
+        scene._around, scene._passed, scene._sights = {}, {}, {}
+        return scene
+
     def _only_region(self, around: Int[np.ndarray, " s"]) -> int:
         """The region that some triangles lie in, if paths must not leave it; -1 otherwise."""
         # A path that passes only one wall, from a region to itself, must find that region on both sides of the wall: a
@@ -186,19 +194,19 @@ class SpaceScene:
             ground, slabs = (at_heights(surfaces, z, snap_m) for z in (level_m[[0, -1]], level_m))
         surfaces = without_rims(surfaces, ground)
         mirrors = ~slabs | floor_ceiling
-        self._setting = setting(surfaces.facet_face)
-        passes = self._setting.walls[:, 1].real > 0
+        self.setting = setting(surfaces.facet_face)
+        passes = self.setting.walls[:, 1].real > 0
         self.space = make_space(surfaces, mirrors, passes)
         if not passes.any():
-            self._setting = self._setting._replace(max_through=0)
+            self.setting = self.setting._replace(max_through=0)
         self._sides = None
-        if self._setting.max_through == 1:
+        if self.setting.max_through == 1:
             sides = Sides(local)
             self._sides = sides if sides.closed[face_wall[:, 1].real > 0].all() else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
         self._by_rays = search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS)
         self._candidates = cache(
-            lambda through: Candidates(self.space, self._setting._replace(max_through=through), rays)
+            lambda through: Candidates(self.space, self.setting._replace(max_through=through), rays)
         )
 
     def tables(
@@ -225,7 +233,7 @@ class SpaceScene:
     def _passing(self, points: Points) -> Setting:
         """The setting for some points: paths that pass a closed surface once do not end on the side they began on."""
         leads_on = self._sides is None or not self._sides.alike(points)
-        return self._setting if leads_on else self._setting._replace(max_through=0)
+        return self.setting if leads_on else self.setting._replace(max_through=0)
 
 
 def limits_of(setting: Setting, most_visits: int, span_m: np.ndarray | None = None) -> Limits:

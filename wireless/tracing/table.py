@@ -299,3 +299,21 @@ def list_path(
     rank[place] = new
     best.parts[place] = parts
     return count
+
+
+def merged(tables: list[Table], keep: int) -> Table:
+    """The strongest paths of tables of the same receivers."""
+    found = np.sum([table.found for table in tables], axis=0)
+    of = np.concatenate([np.repeat(np.arange(len(table.found)), table.found) for table in tables])
+    used = [[column[: table.found.sum()] for column in table[1:]] for table in tables]
+    columns = [np.concatenate(parts) for parts in zip(*used, strict=True)]
+    order = np.lexsort((-columns[0], of))
+    rank = np.arange(len(of)) - np.repeat(np.cumsum(found) - found, found)
+    order = order[rank < keep]
+    return Table(np.minimum(found, keep), *(column[order] for column in columns))
+
+
+def chosen(table: Table, some: Bool[np.ndarray, " q"]) -> Table:
+    """A table with some of its paths."""
+    of = np.repeat(np.arange(len(table.found)), table.found)
+    return Table(np.bincount(of[some], minlength=len(table.found)), *(column[some] for column in table[1:]))

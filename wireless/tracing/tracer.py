@@ -34,10 +34,11 @@ from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
+from wireless.tracing.curved import CurvedWalls
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh
 from wireless.tracing.reweighed import reweigh
-from wireless.tracing.scattered import Scattering
+from wireless.tracing.scattered import Scattering, scattering_in_plan, scattering_in_space
 from wireless.tracing.scenes import PlanScene, SpaceScene
 from wireless.tracing.stack_scene import NoStackError, StackScene
 from wireless.tracing.table import Setting
@@ -55,10 +56,10 @@ OPAQUE_HZ, WALLS_PASSED = 10e9, 2
 THICKEST_M = 100.0
 #: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
 MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
-#: Why scattering cannot be had.
-NO_SPACE = (
-    "scattering is traced in floor plans only, from floor to ceiling. Leave it out (scattering=None), or trace a "
-    "building whose walls and furniture reach the ceiling, between floor and ceiling."
+#: Why curved walls cannot be had.
+NO_CURVES = (
+    "curved walls are traced in floor plans only, from floor to ceiling. Leave them out (curved_walls=False), or trace "
+    "a building whose walls reach the ceiling, between floor and ceiling."
 )
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
@@ -114,11 +115,14 @@ class TracerConfig:
     """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
     scattering: Annotated[float | None, Range(0, 1)] = None
     """Scattering coefficient S of walls whose material says none; 0 scatters only from those that do, None
-    from none. In floor plans, one scattering a path (`wireless.tracing.scattered`)."""
+    from none. One scattering a path (`wireless.tracing.scattered`); storeys are traced in space then."""
     scattering_lobe: Annotated[int | None, Range(0, MOST_NARROW)] = 4
     """Exponent of the scattered lobe of such walls; None for Lambert's law."""
     scattering_tile_m: Annotated[float, Range(0.05, 10, "m")] = 0.5
     """Largest side of the pieces that walls scatter by, each a path [m]."""
+    curved_walls: bool = False
+    """Whether four or more short walls that follow a circle, as those of round posts do, reflect as the circle does. In
+    floor plans (`wireless.tracing.curved`)."""
     max_paths: Annotated[int, Range(1, MOST_PATHS, "paths")] = 25
     """Most paths of a link: the strongest ones."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
@@ -139,8 +143,11 @@ class TracerConfig:
                 f"wall_gap_m is {self.wall_gap_m}, but half-spaces have no gap. "
                 "Give wall_thickness_m, the thickness of each of the two layers, such as 0.013."
             )
-        if self.scattering is not None and self.scene == "space":
-            raise ValueError(NO_SPACE)
+        if self.scattering is not None and self.scene == "storeys":
+            raise ValueError(
+                "scattering is traced in floor plans and in space, but scene is 'storeys'. Leave it out "
+                "(scattering=None), or use scene='space'."
+            )
 
     def walls_passed(self, frequency_hz: float) -> int:
         """Most walls that a path passes at a carrier frequency [Hz]."""
@@ -220,9 +227,13 @@ class Tracer:
         self.scene, self._in_space = self._scenes(mesh, 2 * of_face + self._face_half)
         self._scattering: Scattering | None = None
         if self.config.scattering is not None:
+            self._scattering = self._rough(self.scene, materials)
+            self._scattering_in_space = cache(lambda: self._rough(self._in_space(), materials))
+        self._curved: CurvedWalls | None = None
+        if self.config.curved_walls:
             if not isinstance(self.scene, PlanScene):
-                raise SceneError(NO_SPACE)
-            self._scattering = self._rough(self.scene, materials, of_face)
+                raise SceneError(NO_CURVES)
+            self._curved = CurvedWalls(self.scene, self.config.snap_m)
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
@@ -258,7 +269,7 @@ class Tracer:
         in_space = cache(lambda: SpaceScene(*parts, **common, search=c.search, rays=c.rays, level_m=level_m))
         if plan is not None:
             return PlanScene(plan, self._setting, **common), in_space
-        if stack is not None and c.scene != "space":
+        if stack is not None and c.scene != "space" and c.scattering is None:
             try:
                 return StackScene(stack, *parts, **common), in_space
             except NoStackError as error:
@@ -313,15 +324,17 @@ class Tracer:
                 if self.config.scene != "auto":
                     raise ValueError(f"{name} has {wrong}")
                 logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
-                if self._scattering is not None:
-                    raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_SPACE}")
+                if self._curved is not None:
+                    raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_CURVES}")
                 scene = self._in_space()
                 break
         tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
+        if self._curved is not None:
+            keep = self.config.max_paths * (1 if self._scattering is None else 2)
+            tables = self._curved.added(tables, tx - scene.origin, rx - scene.origin, keep, workers)
         if self._scattering is not None:
-            tables = self._scattering.added(
-                tables, tx - scene.origin, rx - scene.origin, self.config.max_paths
-            )
+            scattering = self._scattering if scene is self.scene else self._scattering_in_space()
+            tables = scattering.added(tables, tx - scene.origin, rx - scene.origin, self.config.max_paths)
         return self._paths(tx, rx, tables, scene.origin)
 
     def reweigh(self, paths: Paths, materials: tuple[str | Material, ...]) -> Float[np.ndarray, " n"]:
@@ -329,12 +342,13 @@ class Tracer:
 
         Raises:
             ValueError: If a material is unknown at this frequency, or their number is another one.
-            SceneError: If the scene is no single floor plan, or scatters.
+            SceneError: If the scene is no single floor plan, scatters, or has curved walls.
         """
         scene = self.scene
-        if not isinstance(scene, PlanScene) or self._scattering is not None:
+        if not isinstance(scene, PlanScene) or self._scattering is not None or self._curved is not None:
             raise SceneError(
-                "Paths are reweighed in floor plans without scattering only. Trace them again with a new Tracer."
+                "Paths are reweighed in floor plans without scattering and curved walls only. Trace them again with a "
+                "new Tracer."
             )
         if len(materials) <= self._of_face.max():
             raise ValueError(
@@ -346,7 +360,7 @@ class Tracer:
         return reweigh(scene.outline, setting, paths.order, paths.interaction, paths.primitive, point)
 
     def _rough(
-        self, scene: PlanScene, materials: tuple[str | Material, ...], of_face: Int[np.ndarray, " n"]
+        self, scene: PlanScene | StackScene | SpaceScene, materials: tuple[str | Material, ...]
     ) -> Scattering:
         """Scattering by walls as rough as their materials say, or else the configuration."""
         c = self.config
@@ -356,8 +370,12 @@ class Tracer:
             share[i] = c.scattering if own is None or own.scattering is None else own.scattering
             lobe = c.scattering_lobe if own is None or own.lobe is None else own.lobe
             alpha[i] = -1 if lobe is None else lobe
-        wall = of_face[scene.extruded.wall_face]
-        return Scattering(scene, share[wall], alpha[wall], c.scattering_tile_m)
+        if isinstance(scene, PlanScene):
+            wall = self._of_face[scene.extruded.wall_face]
+            return scattering_in_plan(scene, share[wall], alpha[wall], c.scattering_tile_m)
+        assert isinstance(scene, SpaceScene)  # storeys are traced in space if they scatter
+        wall = self._of_face[scene.space.surfaces.facet_face]
+        return scattering_in_space(scene, share[wall], alpha[wall], c.scattering_tile_m)
 
     def _halves(self, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " n_faces"]:
         """Which faces are one of the two faces of a wall, if paths may pass walls and these count once."""
@@ -397,8 +415,8 @@ class Tracer:
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
-            # What reflections lose by scattering may change the order of the last ones.
-            keep=config.max_paths if config.scattering is None else 2 * config.max_paths,
+            # Reflections that lose by scattering may change the order of the last ones, and chords of arcs drop out.
+            keep=config.max_paths * (1 if config.scattering is None and not config.curved_walls else 2),
             bisector=config.diffraction_law == "bisector",
         )
 

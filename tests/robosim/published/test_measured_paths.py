@@ -9,7 +9,7 @@ from scipy.constants import speed_of_light
 from robosim.cli import main
 from robosim.plans.files import write_ros
 from robosim.published.material_fit import EDGES, SPECULAR, Fit, residuals_db, tracer_of
-from robosim.published.measured_paths import COLUMNS, MatchConfig, MeasuredHall, trace_hall
+from robosim.published.measured_paths import COLUMNS, MatchConfig, MeasuredHall, match, trace_hall
 from tests.plans import two_rooms
 
 FREQUENCY_HZ = 60e9
@@ -58,6 +58,17 @@ def test_what_was_traced_is_explained(plan, hall):
     assert found.paths > 0.97 and found.power > 0.99
     assert found.by_chance < 0.2
     assert found.off_db < 1.5
+
+
+def test_strengths_are_compared_if_a_bound_is_given(plan, hall):
+    """Paths measured 9 dB stronger are the same by delay and directions, but not within 6 dB; the others stay."""
+    stronger = replace(hall, power_db=hall.power_db + np.where(np.arange(len(hall.table)) % 7 == 3, 9.0, 0.0))
+    paths = trace_hall(hall, tracer_of(plan, "glass", FREQUENCY_HZ, EDGES), 1.5)
+    loose, close = (match(stronger, paths, MatchConfig(strength_db=bound)) for bound in (None, 6.0))
+    is_raised = np.arange(len(hall.table)) % 7 == 3
+    assert loose.explained.mean() > 0.97
+    assert close.explained[~is_raised].mean() > 0.97 and close.explained[is_raised].mean() < 0.1
+    assert (close.path[close.explained] >= 0).all() and close.by_chance < loose.by_chance
 
 
 def test_each_kind_of_path_explains_its_own(plan):

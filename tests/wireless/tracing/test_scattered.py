@@ -8,7 +8,7 @@ from tests.wireless.em.plane_waves import reflection
 from wireless.em.materials import Layer, Material, permittivity
 from wireless.em.scattering import lobe, lobe_integral
 from wireless.paths import Interaction, LinkState
-from wireless.tracing.tracer import SceneError, Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 CARRIER_HZ = 28e9
 WAVELENGTH_M = speed_of_light / CARRIER_HZ
@@ -28,15 +28,16 @@ def scattered(mesh, tx=TX, rx=RX, **more):
     return paths.select(paths.interaction[:, 0] == Interaction.SCATTERING)
 
 
+@pytest.mark.parametrize("scene", ["plan", "space"])
 @pytest.mark.parametrize("alpha", [None, 0, 4])
-def test_a_small_piece_follows_the_radar_equation(extruded, alpha):
+def test_a_small_piece_follows_the_radar_equation(extruded, alpha, scene):
     """A wall of 2 cm by 2 cm, far away: P = sigma lambda^2 / ((4 pi)^3 r_i^2 r_s^2), within 0.1 %.
 
     sigma = 4 pi S^2 |r_te|^2 A cos(theta_i) f / F by hand, as in a level plane vertical fields are TE.
     """
     mesh = extruded([[(-0.01, 0.0), (0.01, 0.0)]], low=1.49, high=1.51)
     tx, rx = np.array([[-3.0, 4.0, 1.5]]), np.array([[2.0, 1.5, 1.5]])
-    [power] = scattered(mesh, tx, rx, scattering_lobe=alpha).power
+    power = scattered(mesh, tx, rx, scattering_lobe=alpha, scene=scene).power.sum()
     cos_i, cos_s = np.array([4 / 5]), np.array([1.5 / 2.5])
     cos_psi = np.array([np.dot([3 / 5, 4 / 5], [2 / 2.5, 1.5 / 2.5])])
     r_te = abs(reflection(cos_i, permittivity("concrete", CARRIER_HZ))[0][0])
@@ -45,10 +46,11 @@ def test_a_small_piece_follows_the_radar_equation(extruded, alpha):
     assert power == pytest.approx(sigma * WAVELENGTH_M**2 / ((4 * np.pi) ** 3 * 25 * 6.25), rel=1e-3)
 
 
+@pytest.mark.parametrize("scene", ["plan", "space"])
 @pytest.mark.parametrize("alpha", [None, 4])
-def test_a_wall_scatters_as_rays_that_are_shot_at_it(extruded, alpha):
+def test_a_wall_scatters_as_rays_that_are_shot_at_it(extruded, alpha, scene):
     """Rays from the transmitter in all directions, each joined to the receiver where it meets the wall: within 1 %."""
-    paths = scattered(extruded(WALL, high=2.5), scattering_lobe=alpha)
+    paths = scattered(extruded(WALL, high=2.5), scattering_lobe=alpha, scene=scene)
     rng = np.random.default_rng(0)
     n = 2_000_000
     z, az = rng.uniform(-1, 1, n), rng.uniform(0, 2 * np.pi, n)
@@ -86,14 +88,17 @@ def test_power_does_not_depend_on_the_size_of_tiles(extruded):
         assert coarse == pytest.approx(fine, rel=0.005) and middle == pytest.approx(fine, rel=0.005)
 
 
-def test_reflected_and_scattered_power_is_what_a_smooth_wall_reflects(extruded):
+@pytest.mark.parametrize("scene", ["plan", "space"])
+def test_reflected_and_scattered_power_is_what_a_smooth_wall_reflects(extruded, scene):
     """Reflections keep 1 - S^2 each; a sphere of receivers round a small piece takes S^2 |r|^2 of what falls on it.
 
     Receivers at 3,000 even directions before the wall: within 1 %.
     """
     mesh = extruded(WALL, high=2.5)
     smooth, rough = (
-        Tracer(mesh, materials=("concrete",), config=config(scattering=s, max_reflections=1)).trace(TX, RX)
+        Tracer(
+            mesh, materials=("concrete",), config=config(scattering=s, max_reflections=1, scene=scene)
+        ).trace(TX, RX)
         for s in (None, 0.4)
     )
     mirrored = [p.power[p.interaction[:, 0] == Interaction.REFLECTION] for p in (smooth, rough)]
@@ -104,11 +109,11 @@ def test_reflected_and_scattered_power_is_what_a_smooth_wall_reflects(extruded):
     turn = np.arange(n) * np.pi * (3 - np.sqrt(5))
     level = np.sqrt(1 - cos_s**2)
     around = np.column_stack([level * np.cos(turn), cos_s, level * np.sin(turn)]) * 0.004 / 0.005
-    tracer = Tracer(piece, materials=("concrete",), config=config())
+    tracer = Tracer(piece, materials=("concrete",), config=config(scene=scene))
     powers = tracer._scattering.powers
-    tx = np.array([-3.0, 4.0, 1.5])
+    tx, middle = np.array([-3.0, 4.0, 1.5]) - tracer.scene.origin, [0, 0, 1.5] - tracer.scene.origin
     some = np.flatnonzero(tracer._scattering.tiles.normal[:, 1] > 0)
-    received = np.array([powers(tx, 1.0 * one + [0, 0, 1.5], some)[0, 0] for one in around])
+    received = np.array([powers(tx, one + middle, some)[:, 0].sum() for one in around])
     # Each receiver takes lambda^2 / 4 pi of the power per area, on a sphere of radius 0.8 m.
     out = (received * 4 * np.pi / WAVELENGTH_M**2).mean() * 2 * np.pi * 0.8**2
     r_te = abs(reflection(np.array([0.8]), permittivity("concrete", CARRIER_HZ))[0][0])
@@ -116,10 +121,11 @@ def test_reflected_and_scattered_power_is_what_a_smooth_wall_reflects(extruded):
     assert out == pytest.approx(0.4**2 * r_te**2 * fallen, rel=0.01)
 
 
-def test_only_what_both_ends_see_scatters(extruded):
+@pytest.mark.parametrize("scene", ["plan", "space"])
+def test_only_what_both_ends_see_scatters(extruded, scene):
     """A wall between hides the half of the other: all tiles lie where neither segment crosses it; behind is nothing."""
     mesh = extruded([*WALL, [(0.0, 0.5), (0.0, 4.0)]], high=2.5)
-    paths = scattered(mesh)
+    paths = scattered(mesh, scene=scene)
     on_far = np.abs(paths.point[:, 0, 1]) < 1e-9
     assert on_far.any()
     for end in (TX[0], RX[0]):
@@ -127,7 +133,7 @@ def test_only_what_both_ends_see_scatters(extruded):
         crossed = end[0] * (paths.point[on_far, 0, 0]) < 0
         height = end[1] + y * (-end[0]) / np.where(x == 0, 1e-9, x)
         assert not (crossed & (height > 0.5 + 1e-6)).any()
-    assert len(scattered(extruded(WALL, high=2.5), rx=np.array([[1.0, -1.0, 1.0]]))) == 0
+    assert len(scattered(extruded(WALL, high=2.5), rx=np.array([[1.0, -1.0, 1.0]]), scene=scene)) == 0
 
 
 def test_paths_are_one_bounce_and_the_same_each_time(extruded):
@@ -161,13 +167,22 @@ def test_a_material_says_how_rough_it_is(extruded):
     assert sums[0.8] == pytest.approx(4 * sums[None], rel=1e-9)
 
 
-def test_scattering_in_space_is_rejected(extruded):
+def test_a_leaning_wall_scatters_as_an_upright_one(extruded):
+    """Wall and ends turned by 37 degrees about the wall: the same power of both polarisations, within 0.2 %."""
     mesh = extruded(WALL, high=2.5)
-    with pytest.raises(ValueError, match="floor plans only"):
-        TracerConfig(scattering=0.3, scene="space")
-    slanted = mesh.copy()
-    slanted.apply_transform(np.array([[1, 0, 0, 0], [0, 0.8, 0.6, 0], [0, -0.6, 0.8, 0], [0, 0, 0, 1.0]]))
-    with pytest.raises(SceneError, match="floor plans only"):
-        Tracer(slanted, config=config())
-    with pytest.raises(ValueError, match="floor plans only"):
-        Tracer(mesh, config=config()).trace(TX + np.array([0, 0, 5]), RX)
+    turn = np.array([[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])
+    leaning = mesh.copy()
+    leaning.vertices = mesh.vertices @ turn.T
+    upright = scattered(mesh, polarisation="both").power.sum()
+    assert scattered(leaning, TX @ turn.T, RX @ turn.T, polarisation="both").power.sum() == pytest.approx(
+        upright, rel=2e-3
+    )
+
+
+def test_points_above_a_plan_scatter_in_space(extruded):
+    """A receiver above the ceiling gets what a scene in space gives; storeys as such are rejected."""
+    mesh, rx = extruded(WALL, high=2.5), RX + np.array([0, 0, 2.0])
+    assert len(scattered(mesh, rx=rx)) > 10
+    np.testing.assert_array_equal(scattered(mesh, rx=rx).gain, scattered(mesh, rx=rx, scene="space").gain)
+    with pytest.raises(ValueError, match="floor plans and in space"):
+        TracerConfig(scattering=0.3, scene="storeys")
