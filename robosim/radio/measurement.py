@@ -101,7 +101,16 @@ def free_path_m(gain_db: float, frequency_hz: float) -> float:
 
 
 def check_classifier(classifier: Part, radio: RadioLinkConfig) -> None:
-    """Raise ValueError if a classifier needs inputs that a radio does not measure; warn if its band is another one."""
+    """Raise ValueError if a classifier needs inputs that a radio does not measure.
+
+    Warn if it was trained in another band, or if its inputs are more exact than the radio's.
+    """
+    if radio.engine == "table" and radio.receiver != "ue":
+        logger.warning(
+            "engine is 'table', whose errors were measured with the receiver 'ue', and the receiver is %r: estimated "
+            "paths are more exact than in a measurement. Take live or cached to measure them.",
+            part_name(radio.receiver),
+        )
     made = CLASSIFIER.make(classifier, field="link_states")
     inputs, name = getattr(made, "inputs", ()), part_name(classifier)
     if "peak" in inputs:
