@@ -13,10 +13,11 @@ Left out: more than one diffraction on a path; scattering by rough walls unless 
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import parent_process
+from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -234,6 +235,37 @@ class Tracer:
             if not isinstance(self.scene, PlanScene):
                 raise SceneError(NO_CURVES)
             self._curved = CurvedWalls(self.scene, self.config.snap_m)
+
+    @classmethod
+    def from_mitsuba(
+        cls,
+        path: str | Path,
+        *,
+        materials: Mapping[str, str | Material] | None = None,
+        frequency_hz: float = 28e9,
+        config: TracerConfig | None = None,
+    ) -> "Tracer":
+        """A tracer of a Mitsuba scene, such as one of Sionna RT; see `wireless.formats.mitsuba_scene`.
+
+        Args:
+            path: The scene (.xml).
+            materials: Materials by their names in the scene, instead of its own.
+            frequency_hz: Carrier frequency.
+            config: What is traced; by default horizontal surfaces, such as the ground, reflect too.
+
+        Raises:
+            FileError: If a file is damaged, or a shape or material is not understood.
+        """
+        from wireless.formats.mitsuba_scene import read_mitsuba
+
+        scene = read_mitsuba(Path(path), materials)
+        return cls(
+            scene.mesh,
+            materials=scene.materials,
+            face_material=scene.face_material,
+            frequency_hz=frequency_hz,
+            config=config or TracerConfig(floor_ceiling=True),
+        )
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
