@@ -245,7 +245,7 @@ class Tracer:
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
     ) -> "Tracer":
-        """A tracer of a Mitsuba scene, such as one of Sionna RT; see `wireless.formats.mitsuba_scene`.
+        """A tracer of a Mitsuba scene, such as one of Sionna RT; see `wireless.tracing.mitsuba_scene`.
 
         Args:
             path: The scene (.xml).
@@ -256,7 +256,7 @@ class Tracer:
         Raises:
             FileError: If a file is damaged, or a shape or material is not understood.
         """
-        from wireless.formats.mitsuba_scene import read_mitsuba
+        from wireless.tracing.mitsuba_scene import read_mitsuba
 
         scene = read_mitsuba(Path(path), materials)
         return cls(

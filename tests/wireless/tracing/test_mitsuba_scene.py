@@ -9,7 +9,7 @@ from robosim_support.reading import FileError
 from tests.plans import two_rooms
 from wireless import Tracer, TracerConfig
 from wireless.em.materials import Layer, Material
-from wireless.formats.mitsuba_scene import read_mitsuba
+from wireless.tracing.mitsuba_scene import read_mitsuba
 
 SHAPE = """<scene version="2.1.0"><default name="t" value="0.2"/>
 <bsdf type="itu-radio-material" id="m"><string name="type" value="concrete"/><float name="thickness" value="$t"/></bsdf>
