@@ -3,8 +3,8 @@
 Scans are of the first of these types that has messages: LaserScan, MultiEchoLaserScan (first echoes), PointCloud2 and
 depth images with their CameraInfo; of the last two, points in a slice at a height above the base become a scan.
 Odometry is that of Odometry messages or of transforms. Transforms that never change give the place of the sensor on the
-base, those that do give odometry (REP 105: odom to base_link). Times are those of the headers. Readings that come late
-or twice are sorted and dropped, and reported.
+base, those that do give odometry (REP 105: odom to base_link). Times are those of the headers, or of the recording
+where headers have none. Readings that come late or twice are sorted and dropped, and reported.
 """
 
 import logging
@@ -142,8 +142,12 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
         def messages(*wanted: str) -> Iterator[Any]:
             chosen = [one for one in reader.connections if one.topic in wanted]
             # Without a connection, `rosbags` yields all messages.
-            for connection, _, raw in reader.messages(chosen) if chosen else ():
-                yield reader.deserialize(raw, connection.msgtype)
+            for connection, time_ns, raw in reader.messages(chosen) if chosen else ():
+                message = reader.deserialize(raw, connection.msgtype)
+                if hasattr(message, "header") and _stamp(message.header) == 0:
+                    stamp = message.header.stamp
+                    stamp.sec, stamp.nanosec = divmod(time_ns, 10**9)
+                yield message
 
         types = {one.topic: one.msgtype for one in reader.connections if one.msgcount}
         scans = _scan_topic(types, topics.scan_topic)
@@ -169,8 +173,11 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
         else:
             track = transforms.track_of(base)
         place = places.get(base, np.eye(4))
-        if types[scans] == _IMAGE and len(places) == 1:
-            place = _OPTICAL
+        if types[scans] not in _LASERS and len(places) == 1:
+            logger.warning(
+                "%s: no transform has %s: --slice-m counts from the sensor, which looks ahead.", path, frame
+            )
+            place = _OPTICAL if types[scans] == _IMAGE else place
         cameras = {name for name, kind in types.items() if kind == _CAMERA}
         cameras_of_frame = [one for one in messages(*cameras) if _frame(one.header.frame_id) == frame]
         make = _maker(types[scans], place, topics.slice_m, cameras_of_frame)

@@ -258,6 +258,25 @@ def test_scans_out_of_order_and_twice_are_sorted_and_reported(tmp_path, caplog):
     assert "1 have the time of another" in caplog.text
 
 
+def test_without_times_in_headers_those_of_the_recording_count(tmp_path):
+    rows = []
+    for topic, time_s, one in recording():
+        if topic == "/tf_static":
+            rows.append((topic, time_s, one))
+            continue
+        one.header.stamp.sec = one.header.stamp.nanosec = 0
+        rows.append((topic, time_s - (0.01 if topic == "/scan" else 0.0), one))
+    assert_hall(read_bag(write_bag(tmp_path / "run", "mcap", rows)))
+
+
+def test_a_point_cloud_without_transforms_warns_of_its_height(tmp_path, caplog):
+    rows = [("/points", t, cloud(t, np.array([[2.0, 0.0, 0.3], [1.0, 1.0, -0.2]]))) for t in TIMES]
+    with caplog.at_level(logging.WARNING):
+        log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert "--slice-m counts from the sensor" in caplog.text
+    assert np.isfinite(log.range_m[0]).sum() == 1
+
+
 def test_several_topics_are_listed_and_chosen(tmp_path):
     rows = recording()
     rows.append(("/rear", TIMES[0], laser_scan(TIMES[0], BEARING, RANGES[0])))
