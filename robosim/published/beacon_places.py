@@ -24,6 +24,8 @@ SHARES = (0.25, 0.5, 1.0)
 _STEP_M, _TURN_RAD, _MOST = 0.5, 0.6, 400
 #: Least side of a cell of candidates [m], and most of them.
 _CELL_M, _CANDIDATES = 0.25, 4000
+#: Half of the positions are no farther away from the free floor [m].
+_OFF_M = 0.5
 #: Candidates are no farther from the floor than so many times the distance at which their prior decreases by e.
 _FARTHEST = 3.0
 
@@ -64,15 +66,24 @@ def locate_beacon(
         beyond_m: Distance from the free floor of the plan, or from the route without one, at which the prior is less
             by a factor of e [m].
         config: What is known before.
+
+    Raises:
+        ValueError: If positions do not lie on the floor of the plan.
     """
     c = config or BeaconConfig()
     floor = readings.xy if plan is None else plan.centres(plan.free)
     readings = readings.thinned(_STEP_M, _TURN_RAD, _MOST)
+    tree = cKDTree(floor)
+    if (off := np.median(tree.query(readings.xy)[0])) > _OFF_M:
+        raise ValueError(
+            f"half of the positions are more than {off:.1f} m away from the free floor, expected on it. Give plan and "
+            "table in one frame."
+        )
     low, high = floor.min(axis=0) - _FARTHEST * beyond_m, floor.max(axis=0) + _FARTHEST * beyond_m
     cell_m = max(_CELL_M, float(np.sqrt(np.prod(high - low) / _CANDIDATES)))
     x, y = np.meshgrid(*(np.arange(low[i], high[i] + cell_m, cell_m) for i in range(2)))
     candidates = np.column_stack([x.ravel(), y.ravel()])
-    away_m = cKDTree(floor).query(candidates)[0]
+    away_m = tree.query(candidates)[0]
     candidates, away_m = candidates[near := away_m <= _FARTHEST * beyond_m], away_m[near]
     if plan is None:
         walls = np.zeros((len(readings.xy), len(candidates)), np.uint8)

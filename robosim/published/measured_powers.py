@@ -18,8 +18,10 @@ from robosim_support.reading import reading
 #: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
 _REMEDY = f"Give a CSV file with columns {','.join(COLUMNS)} and, if known, z_m,heading_rad: a row for each reading."
-#: Positions and angles are no larger [m, rad], nor times [s]; powers are within these [dBm].
-_MOST, _MOST_S, _POWERS_DBM = 1e5, 1e12, (-200.0, 100.0)
+#: Positions are no larger [m], nor times [s], nor headings, which may count turns but are not in degrees [rad].
+_MOST, _OTHERS = 1e5, {"time_s": 1e12, "heading_rad": 100.0}
+#: Powers are within these [dBm].
+_POWERS_DBM = (-200.0, 100.0)
 #: Side of the squares of floor that alternately belong to the fit and are held out [m].
 BLOCK_M = 1.0
 #: Fewest readings of a beacon in either half.
@@ -111,7 +113,7 @@ def number_of(text: str | None, column: str, line: int) -> float:
     is_power = column == "power_dbm"
     if is_power and text.lower() in ("", "nan"):
         return np.nan
-    most = _MOST_S if column == "time_s" else _MOST
+    most = _OTHERS.get(column, _MOST)
     low, high = _POWERS_DBM if is_power else (-most, most)
     try:
         value = float(text)

@@ -1,6 +1,7 @@
 """Beacons located from powers along a route: made ones in two rooms, damaged tables, the robot's own map."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -105,6 +106,12 @@ def test_the_command_writes_places_with_errors(plan, table, tmp_path, capsys):
     assert "Median error" in capsys.readouterr().out
 
 
+def test_a_plan_in_another_frame_is_rejected(plan, table):
+    readings = read_power_route(table, needs_time=False).readings("7")
+    with pytest.raises(ValueError, match="in one frame"):
+        locate_beacon(readings, replace(plan, origin=(40.0, 0.0, 0.0)), 0.3)
+
+
 def test_without_a_plan_beacons_lie_around_the_route(table, tmp_path, capsys):
     main(["locate", str(table), "--out", str(tmp_path / "out")])
     steps = json.loads((tmp_path / "out" / "beacons.json").read_text())["beacons"]
@@ -129,6 +136,10 @@ def test_plan_and_log_exclude_each_other(table, tmp_path, capsys):
         (lambda text: text.replace("hall,11,", "hall,soon,"), "time_s is 'soon'"),
         (lambda text: text.replace("hall,11,", "rare,11,"), "beacon 'rare' has 1 readings"),
         (lambda text: text.replace("0.6,0.6\n", "0.6,0.7\n", 1), "beacon 'hall' has more than one place"),
+        (
+            lambda text: text.replace(",0.5,-", ",190,-"),
+            "heading_rad is '190', expected a number from -100 to 100",
+        ),
         (lambda text: HEAD, "there is no reading"),
         (lambda text: text.replace("x_m", "x", 1), "column 'x_m' is missing"),
     ],
