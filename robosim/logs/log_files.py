@@ -19,6 +19,8 @@ from slam.poses import between
 
 logger = logging.getLogger(__name__)
 
+#: Content that shows what a file is [bytes].
+_HEAD_BYTES = 4096
 #: Scans outside of the trajectory's time by more than this have no pose [s].
 _OUTSIDE_S = 0.5
 
@@ -131,7 +133,7 @@ def read_log(
         log = read_bag(path, topics)
         if log.track is not None:
             _report(path, log.track)
-    elif path.suffix in (".tum", ".txt"):
+    elif path.suffix == ".tum" or _begins_with_numbers(path):
         if scans is None:
             raise ValueError(f"{path} is a trajectory: give the scans that were made on it by --scans.")
         log = read_tum_log(path, scans)
@@ -142,3 +144,15 @@ def read_log(
     if beam_seconds is not None:
         log = with_beam_times(log, *beam_seconds)
     return log if reference is None else with_reference(log, reference)
+
+
+def _begins_with_numbers(path: Path) -> bool:
+    """Whether the first line with content holds numbers only, as of a trajectory; lines of CARMEN begin with a word."""
+    with reading(path, "a robot's log", most_bytes=1 << 50) as file:
+        head = file.read(_HEAD_BYTES).decode("utf-8-sig", "replace")
+    lines = (line.replace(",", " ").split() for line in head.splitlines())
+    first = next((words for words in lines if words and not words[0].startswith("#")), [])
+    try:
+        return len([float(word) for word in first]) > 0
+    except ValueError:
+        return False

@@ -299,6 +299,17 @@ def test_beams_that_do_not_rise_are_errors(tmp_path, step):
         read_log(path)
 
 
+@pytest.mark.parametrize("name", ["drive.dat", "drive", "drive.log", "drive.txt"])
+def test_what_a_log_is_shows_its_content(tmp_path, name):
+    trajectory, scans = DRIVE.write_tum(tmp_path)
+    named = tmp_path / "other" / name
+    named.parent.mkdir()
+    named.write_bytes(trajectory.read_bytes())
+    assert read_log(named, scans).times == pytest.approx(read_log(trajectory, scans).times)
+    with pytest.raises(ValueError, match="is a trajectory"):
+        read_log(named)
+
+
 @pytest.mark.parametrize("head", [b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n", b"SQLite format 3\0"])
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive.tum", "drive.log"])
 def test_damaged_bags_are_named_as_bags(tmp_path, head, name):
