@@ -150,7 +150,12 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
                 yield message
 
         types = {one.topic: one.msgtype for one in reader.connections if one.msgcount}
-        scans = _scan_topic(types, topics.scan_topic)
+        colour = {
+            topic
+            for topic, kind in types.items()
+            if kind == _IMAGE and next(messages(topic)).encoding not in _DEPTHS
+        }
+        scans = _scan_topic(types, colour, topics.scan_topic)
         odometry = _choice(types, topics.odometry_topic, (_ODOMETRY,), "odometry", "--odometry-topic")
         transforms, track = _Transforms(), None
         for message in messages(*(name for name, kind in types.items() if kind == _TF)):
@@ -185,11 +190,12 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
         return _log(path, found, track, _mount(place, types[scans] in _LASERS))
 
 
-def _scan_topic(types: dict[str, str], given: str | None) -> str:
-    """The topic that scans come from."""
+def _scan_topic(types: dict[str, str], colour: set[str], given: str | None) -> str:
+    """The topic that scans come from; not one with colour images."""
+    usable = {topic: kind for topic, kind in types.items() if topic not in colour}
     kinds = (*_LASERS, _POINTS, _IMAGE)
     for kind in (kinds,) if given else ((one,) for one in kinds):
-        if (found := _choice(types, given, kind, "scans", "--scan-topic")) is not None:
+        if (found := _choice(usable, given, kind, "scans", "--scan-topic")) is not None:
             return found
     shown = ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items())) or "none"
     raise FileError(
@@ -283,8 +289,6 @@ def _cloud_points(message: Any) -> Float[np.ndarray, "n 3"]:
 
 def _depth_points(message: Any, intrinsics: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:
     """Points of a depth image in the optical frame."""
-    if message.encoding not in _DEPTHS:
-        raise ValueError(f"its images are {message.encoding!r}, expected depth: {', '.join(_DEPTHS)}")
     kind, unit_m = _DEPTHS[message.encoding]
     rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
     width = message.width * np.dtype(kind).itemsize

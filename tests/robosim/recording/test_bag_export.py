@@ -134,6 +134,24 @@ def test_depth_images_of_the_bag_make_scans_too(folder):
     assert np.median(np.abs(depth.range_m[0][near] - seen)) < 0.05
 
 
+def test_without_a_lidar_the_depth_images_are_mapped(folder, tmp_path):
+    from rosbags.highlevel import AnyReader
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    copy = tmp_path / "copy"
+    with (
+        AnyReader([folder / BAG]) as reader,
+        Writer(copy, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        chosen = [one for one in reader.connections if one.topic != "/scan"]
+        to = {one.topic: writer.add_connection(one.topic, one.msgtype, typestore=store) for one in chosen}
+        for connection, time_ns, raw in reader.messages(chosen):
+            writer.write(to[connection.topic], time_ns, raw)
+    assert np.isfinite(read_bag(copy).range_m).sum() > 100
+
+
 def test_the_command_writes_the_bag_again(folder, tmp_path, capsys):
     main(["export", str(folder), "--out", str(tmp_path / "out")])
     assert (tmp_path / "out" / BAG / "metadata.yaml").is_file()
