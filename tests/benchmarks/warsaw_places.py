@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.figure import Figure
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.plans.floorplan import FloorPlan
@@ -64,10 +65,36 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         ("without a map", [None] * 2),
     ):
         _add(results, "each of two runs with scans", name, own, plans, 1.0)
-    for row, errors in _receiver_errors(folder).items():
+    receiver = _receiver_errors(folder)
+    results.figures["errors"] = _draw_errors(route, plan, receiver)
+    for row, errors in receiver.items():
         results.add("receiver", row, "median", float(np.median(errors)), "m", digits=2, cases=len(errors))
         results.add("receiver", row, "90 %", float(np.percentile(errors, 90)), "m", digits=2)
     return options.finish("warsaw_places", results)
+
+
+def _draw_errors(route: PowerRoute, plan: FloorPlan, receiver: dict[str, Float[np.ndarray, " n"]]) -> Figure:
+    """Errors of beacons over the share of the route, and the distribution of errors of the receiver's place."""
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    axes = figure.subplots(1, 2)
+    shares = np.linspace(0.1, 1.0, 10)
+    for name, beyond_m, used in (("with the plan", 0.3, plan), ("without a map", 3.0, None)):
+        errors = [
+            [
+                np.hypot(*(locate_beacon(route.readings(one, share), used, beyond_m).xy - route.true_xy[one]))
+                for one in route.names
+            ]
+            for share in shares
+        ]
+        axes[0].plot(100 * shares, np.median(errors, axis=1), "o-", label=name)
+    axes[0].set(xlabel="readings used [%]", ylabel="median error of six beacons [m]", ylim=(0, None))
+    for name, values in receiver.items():
+        axes[1].plot(np.sort(values), np.linspace(0, 100, len(values)), label=name)
+    axes[1].set(xlabel="error of the receiver's place [m]", ylabel="places [%]", xlim=(0, 6), ylim=(0, 100))
+    for each in axes:
+        each.grid(True, lw=0.3)
+        each.legend(fontsize=8)
+    return figure
 
 
 def _receiver_errors(folder: Path) -> dict[str, Float[np.ndarray, " n"]]:
