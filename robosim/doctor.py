@@ -300,7 +300,12 @@ def _extra(module: str) -> Finding:
         return Finding(
             part, False, f"{module} is not installed.", install_command(EXTRAS[module]), needed=False
         )
-    return _check(part, module, lambda: f"{module} {import_module(module).__version__}", needed=False)
+
+    def version() -> str:
+        number = getattr(import_module(module), "__version__", None)
+        return f"{module} {number or package_version(module)}"
+
+    return _check(part, module, version, needed=False)
 
 
 def _room() -> "Building":
