@@ -8,6 +8,7 @@ import json
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,7 +20,7 @@ from rich.console import Console
 from safetensors.numpy import save
 
 from robosim.building.building import make_building
-from robosim.building.mesh_export import export_mesh
+from robosim.building.mesh_export import export_mesh, export_mitsuba
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_units import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
@@ -51,6 +52,7 @@ from tests import stored_episodes
 from tests.fuzz.checkpoint_seeds import checkpoints
 from tests.fuzz.trees import CANARY
 from tests.plans import two_rooms
+from tests.robosim.logs import made_bags
 from tests.robosim.plans.formats import test_polygons
 from tests.robot_logs import ROUTE, Drive
 from tests.steps import measurement, step
@@ -69,7 +71,7 @@ def make_seeds(folder: Path) -> list[str]:
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
-        antennas,
+        antennas, bags, scenes,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -405,6 +407,30 @@ def logs(folder: Path) -> None:
     Drive(ROUTE[:8], 31).write_all(_into(folder, "logs"))
 
 
+def bags(folder: Path) -> None:
+    """A robot's log as a bag of each format, without the list of contents that ROS 2 writes next to it."""
+    home, bearing = _into(folder, "bags"), np.radians(np.arange(-180.0, 180, 6))
+    for kind in made_bags.FORMATS:
+        is_ros1 = kind == "ros1"
+        rows: list[tuple[str, float, Any]] = []
+        for k in range(6):
+            pose = np.array([0.2 * k, 0.0, 0.1 * k])
+            rows.append(("/odom", 1.0 + k, made_bags.odometry(1.0 + k, pose, is_ros1=is_ros1)))
+            scan = made_bags.laser_scan(1.0 + k, bearing, 2 + 0.3 * np.cos(bearing), is_ros1=is_ros1)
+            rows.append(("/scan", 1.0 + k, scan))
+        written = made_bags.write_bag(home / kind, kind, rows)
+        if written.is_dir():
+            for file in written.glob("*.*"):
+                if file.suffix in (".db3", ".mcap"):
+                    file.rename(home / file.name)
+            shutil.rmtree(written)
+
+
+def scenes(folder: Path) -> None:
+    """A scene for Mitsuba."""
+    export_mitsuba(make_building(small_plan()), _into(folder, "scenes"))
+
+
 def robots(folder: Path) -> None:
     """A robot whose odometry is known, its table of runs, and tables of measured paths and powers."""
     home, rng = _into(folder, "robots"), np.random.default_rng(7)
@@ -430,6 +456,8 @@ def robots(folder: Path) -> None:
     (home / "powers.csv").write_text(
         "\n".join([",".join(POWERS), *(",".join(map(str, row)) for row in readings.round(3))])
     )
+    route = [f"a,{k},{0.1 * k},{0.05 * k},0.3,{-40 - k}" for k in range(20)]
+    (home / "route.csv").write_text("\n".join(["beacon,time_s,x_m,y_m,heading_rad,power_dbm", *route]))
     (home / "robot.yaml").write_text("radius_m: 0.25\nmass_kg: 4\n")
     (home / "wall.yaml").write_text(
         "name: clad\nlayers:\n- {material: glass, thickness_m: 0.006}\n"

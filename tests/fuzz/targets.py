@@ -34,6 +34,7 @@ from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
 from robosim.published.measured_paths import read_measured_paths
 from robosim.published.measured_powers import read_measured_powers
+from robosim.published.power_route import read_power_route
 from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
@@ -61,6 +62,7 @@ from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import read_tx_positions
 from wireless.linkstate.data import read_links
 from wireless.paths import Paths
+from wireless.tracing.mitsuba_scene import read_mitsuba
 
 SCALELESS = (".png", ".pgm", ".gif", ".bmp", ".tif", ".tiff", ".jpg", ".webp", ".ppm", ".pbm", ".npy")
 
@@ -397,6 +399,11 @@ TARGETS: dict[str, Target] = {
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
     "measured powers": Target("robots", "powers.csv", lambda folder, file: read_measured_powers(file, 1.5), 0.5),
+    "power route": Target(
+        "robots", "route.csv", lambda folder, file: read_power_route(file, needs_time=True), 0.5
+    ),
+    "bag": Target("bags", "*", lambda folder, file: read_log(file)),
+    "mitsuba scene": Target("scenes", "scene.xml", lambda folder, file: read_mitsuba(file), 0.5),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --config": Target("config", "result.json", _episode_with_config, 0.5, True),
