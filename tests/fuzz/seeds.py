@@ -8,7 +8,6 @@ import json
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -49,10 +48,10 @@ from slam.control.learned import INPUTS
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.odometry import calibrated
 from tests import stored_episodes
+from tests.fuzz.bag_seeds import bags
 from tests.fuzz.checkpoint_seeds import checkpoints
 from tests.fuzz.trees import CANARY
 from tests.plans import two_rooms
-from tests.robosim.logs import made_bags
 from tests.robosim.plans.formats import test_polygons
 from tests.robot_logs import ROUTE, Drive
 from tests.steps import measurement, step
@@ -405,25 +404,6 @@ def arrays(folder: Path) -> None:
 def logs(folder: Path) -> None:
     """Logs of a real robot in every format."""
     Drive(ROUTE[:8], 31).write_all(_into(folder, "logs"))
-
-
-def bags(folder: Path) -> None:
-    """A robot's log as a bag of each format, without the list of contents that ROS 2 writes next to it."""
-    home, bearing = _into(folder, "bags"), np.radians(np.arange(-180.0, 180, 6))
-    for kind in made_bags.FORMATS:
-        is_ros1 = kind == "ros1"
-        rows: list[tuple[str, float, Any]] = []
-        for k in range(6):
-            pose = np.array([0.2 * k, 0.0, 0.1 * k])
-            rows.append(("/odom", 1.0 + k, made_bags.odometry(1.0 + k, pose, is_ros1=is_ros1)))
-            scan = made_bags.laser_scan(1.0 + k, bearing, 2 + 0.3 * np.cos(bearing), is_ros1=is_ros1)
-            rows.append(("/scan", 1.0 + k, scan))
-        written = made_bags.write_bag(home / kind, kind, rows)
-        if written.is_dir():
-            for file in written.glob("*.*"):
-                if file.suffix in (".db3", ".mcap"):
-                    file.rename(home / file.name)
-            shutil.rmtree(written)
 
 
 def scenes(folder: Path) -> None:
