@@ -8,7 +8,7 @@ None is trusted completely, so that later ones can correct early errors.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
@@ -93,6 +93,17 @@ class BeliefConfig:
             )
 
 
+class Around(NamedTuple):
+    """Cells of the belief seen from a place."""
+
+    surely: Bool[np.ndarray, "ny nx"]
+    """Whether each is in sight, through known free cells."""
+    offset: Float[np.ndarray, "ny nx 2"]
+    """From the place to each (x, y) [m]."""
+    distance: Float[np.ndarray, "ny nx"]
+    """Lengths of these [m]."""
+
+
 class TargetBelief:
     """A probability for each cell of a grid around the robot's start."""
 
@@ -152,7 +163,8 @@ class TargetBelief:
         surely = in_sight(survey.known, place, self.frame, c.half_side_m, through_unknown=False)
         offset = self.centres - place
         distance = np.hypot(offset[..., 0], offset[..., 1])
-        self._exclude_seen(float(measurement.pose[2]), surely, offset, distance)
+        around = Around(surely, offset, distance)
+        self._exclude_seen(float(measurement.pose[2]), around)
         self._prior = self._log_prior(estimate)
         if c.silence and not len(measurement.aoa_rad):
             routes = survey.routes(place)
@@ -160,7 +172,7 @@ class TargetBelief:
             odds = _RECEIVED[0] - _RECEIVED[1] * straight_m - _RECEIVED[2] * (routes.length_m - straight_m)
             part = self._silent[routes.rows, routes.columns]
             np.minimum(part, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=part)
-        self._weigh(measurement, survey, surely, offset, distance)
+        self._weigh(measurement, survey, around)
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)
             density = range_density(distance, measurement.range_m, sigma_m, measurement.probability)
@@ -169,24 +181,17 @@ class TargetBelief:
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
         return True
 
-    def _weigh(
-        self,
-        measurement: Measurement,
-        survey: MapSurvey,
-        surely: Bool[np.ndarray, "ny nx"],
-        offset: Float[np.ndarray, "ny nx 2"],
-        distance: Float[np.ndarray, "ny nx"],
-    ) -> None:
+    def _weigh(self, measurement: Measurement, survey: MapSurvey, around: Around) -> None:
         """Multiply the belief by the likelihood of a measurement."""
         c = self.config
         prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
-            measurement, survey, offset, distance, frequency_hz=c.frequency_hz, departures=c.departures,
-            routes=c.routes,
+            measurement, survey, around.offset, around.distance, frequency_hz=c.frequency_hz,
+            departures=c.departures, routes=c.routes,
         )  # fmt: skip
         density = likelihood.density(
             prior,
-            np.where(surely, np.float32(c.in_sight), np.float32(1)) * prior,
+            np.where(around.surely, np.float32(c.in_sight), np.float32(1)) * prior,
             arrival_rad=math.radians(c.arrival_deg),
             departure_rad=math.radians(c.departure_deg),
             power_db=c.power_db,
@@ -205,15 +210,9 @@ class TargetBelief:
             self._survey = survey = MapSurvey(estimate, self.frame, self.config.beyond_m)
         return survey
 
-    def _exclude_seen(
-        self,
-        yaw: float,
-        surely: Bool[np.ndarray, "ny nx"],
-        offset: Float[np.ndarray, "ny nx 2"],
-        distance: Float[np.ndarray, "ny nx"],
-    ) -> None:
+    def _exclude_seen(self, yaw: float, around: Around) -> None:
         """Exclude cells at the robot, and in the near view of its camera."""
-        c = self.config
+        c, (surely, offset, distance) = self.config, around
         if not c.remembers:
             self._empty[:] = False
         self._empty |= distance <= _BEEN_M

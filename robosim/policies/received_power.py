@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.policies.belief import Around, BeliefConfig, TargetBelief
 from robosim.policies.fused import Fused
 from robosim.policies.route_directions import MapSurvey
 from robosim.policies.sightlines import OBSTACLE, count_walls
@@ -44,14 +44,7 @@ class PowerBelief(TargetBelief):
         self._silent[near] -= np.float32(strength)
         self._probability = None
 
-    def _weigh(
-        self,
-        measurement: Measurement,
-        survey: MapSurvey,
-        surely: Bool[np.ndarray, "ny nx"],
-        offset: Float[np.ndarray, "ny nx 2"],
-        distance: Float[np.ndarray, "ny nx"],
-    ) -> None:
+    def _weigh(self, measurement: Measurement, survey: MapSurvey, around: Around) -> None:
         if not len(measurement.gain_db):
             return
         x, y, yaw = measurement.pose.tolist()
