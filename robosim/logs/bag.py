@@ -24,7 +24,7 @@ from robosim.logs.robot_log import RobotLog, with_beam_times
 from robosim.support.checks import ADVANCED, Range, checked
 from robosim.support.installation import is_installed, missing_extra
 from robosim_support.reading import FileError, naming
-from slam.poses import between, compose
+from slam.poses import compose
 
 logger = logging.getLogger(__name__)
 
@@ -338,9 +338,7 @@ def _log(
         track = OdometryTrack(
             times=track.times, poses=np.array([compose(pose, mount) for pose in track.poses])
         )
-        poses = track.at(times)
-        displacement = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(poses))])
-        known = np.append(True, track.is_known(times[:-1], times[1:]))
+        displacement, known = track.steps(times)
         known &= (times >= track.times[0]) & (times <= track.times[-1])
         displacement[~known] = 0.0
     log = RobotLog(

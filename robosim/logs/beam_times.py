@@ -12,11 +12,12 @@ Reference: Zhang and Singh, LOAM: Lidar odometry and mapping in real-time, RSS 2
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from slam.poses import wrap
+from slam.poses import between, wrap
 
 #: A reading is late if it comes so long after the one before, and after so many times the usual step [s].
 _LATE_S, _LATE_STEPS = 0.5, 5.0
@@ -65,6 +66,15 @@ class OdometryTrack:
     def at(self, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
         """Interpolated poses at some times; those of the first and last reading outside of them."""
         return np.column_stack([np.interp(times, self.times, part) for part in self._values])
+
+    def steps(
+        self, times: Float[np.ndarray, " k"]
+    ) -> tuple[Float[np.ndarray, "k 3"], Bool[np.ndarray, " k"]]:
+        """Displacement since the time before, of each time [s], and whether it is known; 0 for the first, or if not."""
+        found = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(self.at(times)))])
+        known = np.append(True, self.is_known(times[:-1], times[1:]))
+        found[~known] = 0.0
+        return found, known
 
     def is_known(
         self, start: Float[np.ndarray, " k"], end: Float[np.ndarray, " k"]

@@ -2,7 +2,6 @@
 
 import logging
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from robosim.logs.robot_log import RobotLog, check_bearings, with_beam_times
 from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
 from robosim_support.reading import FileError, reading
-from slam.poses import between
 
 logger = logging.getLogger(__name__)
 
@@ -30,9 +28,7 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
     times, bearing, ranges = _read_scans(scans)
     track = _read_track(path, times)
     _report(path, track)
-    steps = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(track.at(times)))])
-    known = np.append(True, track.is_known(times[:-1], times[1:]))
-    steps[~known] = 0.0
+    steps, known = track.steps(times)
     return RobotLog(
         name=path.stem,
         file=path,
