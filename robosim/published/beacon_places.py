@@ -7,6 +7,7 @@ estimated from one real flat (`tests.benchmarks.warsaw_places`), where powers tr
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -55,6 +56,12 @@ class BeaconPlace:
     """Probability of each, without `BeaconConfig.unresolved_m`."""
 
 
+@lru_cache(maxsize=1)
+def _floor_of(plan: FloorPlan) -> cKDTree:
+    """Middles of the free cells of a plan, in which several beacons are located."""
+    return cKDTree(plan.centres(plan.free))
+
+
 def locate_beacon(
     readings: PowerReadings, plan: FloorPlan | None, beyond_m: float, config: BeaconConfig | None = None
 ) -> BeaconPlace:
@@ -71,9 +78,8 @@ def locate_beacon(
         ValueError: If positions do not lie on the floor of the plan.
     """
     c = config or BeaconConfig()
-    floor = readings.xy if plan is None else plan.centres(plan.free)
-    readings = readings.thinned(_STEP_M, _TURN_RAD, _MOST)
-    tree = cKDTree(floor)
+    tree = cKDTree(readings.xy) if plan is None else _floor_of(plan)
+    floor, readings = tree.data, readings.thinned(_STEP_M, _TURN_RAD, _MOST)
     if (off := np.median(tree.query(readings.xy)[0])) > _OFF_M:
         raise ValueError(
             f"half of the positions are more than {off:.1f} m away from the free floor, expected on it. Give plan and "

@@ -7,6 +7,7 @@ not received, and so is a row that is missing. Powers of a beacon at the same pl
 
 import csv
 import io
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,23 +64,15 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
             positions, or too few readings are in either half of the floor.
     """
     with reading(path, "a table of received powers", _REMEDY) as file:
-        rows = csv.DictReader(io.StringIO(file.read().decode("utf-8-sig")))
-        columns = rows.fieldnames or ()
-        if missing := [name for name in COLUMNS if name not in columns]:
-            raise ValueError(f"column {missing[0]!r} is missing")
+        rows, columns = beacon_rows(file.read(), COLUMNS)
         optional = [name for name in ("z_m", "heading_rad") if name in columns]
         beacons: dict[str, tuple[float, ...]] = {}
         readings: dict[tuple[float, ...], dict[str, list[float]]] = {}
-        for row in rows:
-            values = {name: number_of(row[name], name, rows.line_num) for name in (*COLUMNS[1:], *optional)}
-            name = (row["beacon"] or "").strip()
-            if not name:
-                raise ValueError(f"line {rows.line_num}: beacon is empty, expected a name or number")
+        for line, name, row in rows:
+            values = {column: number_of(row[column], column, line) for column in (*COLUMNS[1:], *optional)}
             at = values["beacon_x_m"], values["beacon_y_m"], values["beacon_z_m"]
             if beacons.setdefault(name, at) != at:
-                raise ValueError(
-                    f"line {rows.line_num}: beacon {name!r} is at {at}, and at {beacons[name]} before"
-                )
+                raise ValueError(f"line {line}: beacon {name!r} is at {at}, and at {beacons[name]} before")
             place = values["x_m"], values["y_m"], values.get("z_m", height_m), values.get("heading_rad", 0.0)
             received = readings.setdefault(place, {}).setdefault(name, [])
             if not np.isnan(values["power_dbm"]):
@@ -105,6 +98,29 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
                         f"expected {_LEAST_READINGS} or more"
                     )
         return measured
+
+
+def beacon_rows(
+    content: bytes, needed: Sequence[str]
+) -> tuple[Iterator[tuple[int, str, dict[str, str]]], Sequence[str]]:
+    """Rows of a table of readings, each with its line and the name of its beacon, and the table's columns.
+
+    Raises:
+        ValueError: If a column is missing; for the rows, if a name is.
+    """
+    table = csv.DictReader(io.StringIO(content.decode("utf-8-sig")))
+    columns = table.fieldnames or ()
+    if missing := [name for name in needed if name not in columns]:
+        raise ValueError(f"column {missing[0]!r} is missing")
+
+    def rows() -> Iterator[tuple[int, str, dict[str, str]]]:
+        for row in table:
+            name = (row["beacon"] or "").strip()
+            if not name:
+                raise ValueError(f"line {table.line_num}: beacon is empty, expected a name or number")
+            yield table.line_num, name, row
+
+    return rows(), columns
 
 
 def number_of(text: str | None, column: str, line: int) -> float:

@@ -5,8 +5,6 @@ and, for comparison, beacon_x_m and beacon_y_m. Readings of a beacon are in the 
 power is a reading that was not received, and does not count.
 """
 
-import csv
-import io
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -20,7 +18,7 @@ from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import alignment
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.measured_powers import number_of
+from robosim.published.measured_powers import beacon_rows, number_of
 from robosim_support.reading import reading
 from slam.poses import compose
 from wireless.positioning.received_power import PowerReadings
@@ -76,25 +74,19 @@ def read_power_route(path: Path, *, needs_time: bool) -> PowerRoute:
             or too few readings.
     """
     with reading(path, "powers along a route", _REMEDY) as file:
-        rows = csv.DictReader(io.StringIO(file.read().decode("utf-8-sig")))
-        columns = rows.fieldnames or ()
         needed = ("beacon", "power_dbm", *(("time_s",) if needs_time else ("x_m", "y_m")))
-        if missing := [name for name in needed if name not in columns]:
-            raise ValueError(f"column {missing[0]!r} is missing")
+        rows, columns = beacon_rows(file.read(), needed)
         beacons: list[str] = []
         values: list[list[float]] = []
         true_xy: dict[str, np.ndarray] = {}
-        for row in rows:
+        for line, name, row in rows:
             number = {
-                name: number_of(row[name], name, rows.line_num) if name in columns else np.nan
-                for name in (*_OPTIONAL, "power_dbm")
+                column: number_of(row[column], column, line) if column in columns else np.nan
+                for column in (*_OPTIONAL, "power_dbm")
             }
-            name = (row["beacon"] or "").strip()
-            if not name:
-                raise ValueError(f"line {rows.line_num}: beacon is empty, expected a name or number")
             at = np.array([number["beacon_x_m"], number["beacon_y_m"]])
             if np.isfinite(at).all() and (true_xy.setdefault(name, at) != at).any():
-                raise ValueError(f"line {rows.line_num}: beacon {name!r} has more than one place")
+                raise ValueError(f"line {line}: beacon {name!r} has more than one place")
             if np.isfinite(number["power_dbm"]):
                 beacons.append(name)
                 values.append([number[key] for key in ("time_s", "x_m", "y_m", "heading_rad", "power_dbm")])
