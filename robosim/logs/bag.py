@@ -339,7 +339,8 @@ def _log(
             times=track.times, poses=np.array([compose(pose, mount) for pose in track.poses])
         )
         displacement, known = track.steps(times)
-        known &= (times >= track.times[0]) & (times <= track.times[-1])
+        inside = (times >= track.times[0]) & (times <= track.times[-1])
+        known[1:] &= inside[1:] & inside[:-1]
         displacement[~known] = 0.0
     log = RobotLog(
         name=path.stem,

@@ -312,6 +312,14 @@ def test_cut_bags_are_rejected(kind, tmp_path):
         read_log(path)
 
 
+def test_the_motion_before_odometry_begins_is_unknown(tmp_path):
+    rows = [row for row in recording() if row[0] != "/odom" or row[1] >= TIMES[3]]
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert log.known.tolist() == [True, False, False, False, *[True] * (len(TIMES) - 4)]
+    assert (log.displacement[1:4] == 0).all()
+    assert log.displacement[4:] == pytest.approx(STEPS[4:], abs=1e-5)
+
+
 def test_a_tipped_laser_is_rejected(tmp_path):
     tipped = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.5, z=0.0, w=0.866)
     vector = message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.3)
