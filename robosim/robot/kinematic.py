@@ -97,7 +97,7 @@ class KinematicWorld:
         return Motion(self.pose, blocked, profile.duration_s)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive along an arc for a while, at full speed as soon as the latency is over; collided if a wall shortened it.
+        """Drive along an arc for a while, at full speed after the latency; collided if a wall shortened it.
 
         Speeds beyond the robot's limits are reduced, along the same arc.
         """
