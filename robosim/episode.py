@@ -35,9 +35,10 @@ from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import Task
-from slam.actions import Action
+from slam.actions import Action, Command
 from slam.control.avoidance import Avoidance, AvoidanceConfig
 from slam.control.controller import Controller
+from slam.control.velocity import VelocityController
 from slam.grid import MapEstimate
 from slam.mapping.classical import RadioMapper
 from slam.planning.cost_map import CostConfig
@@ -54,7 +55,8 @@ class EpisodeConfig:
     explorer: ExplorerPart = "learned"
     """Explorer: chooses among frontiers when the goal is to explore."""
     controller: ControllerPart = "planned"
-    """Controller: planned, a search over turns and runs, or a network that has learned from it."""
+    """Controller: planned, a search over turns and runs, or a network that has learned from it; velocity commands
+    speeds and turn rates."""
     mapper: MapperPart = "neural"
     """Mapper: classical, neural, learned-pose, or a .safetensors file of a trained network."""
     seed: Annotated[int, SEED, tyro.conf.Suppress] = 0
@@ -185,14 +187,14 @@ def drive(
             plan = planner.plan(around, goal, look=look)
             if loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
-            chosen = policy.action() if isinstance(policy, Driver) else None
+            chosen: Command | None = policy.action() if isinstance(policy, Driver) else None
             chosen = controller.act(map_.pose, plan) if chosen is None else chosen
             action = avoidance.checked(map_, chosen)
         decided = Decision(goal=goal, reason=reason, path=plan.path, action=action, belief=policy.belief)
         step = Step(number=number, sensed=sensed, estimated=estimated, decided=decided, true=true)
         replacement = on_step(step)
         action = action if replacement is None else replacement
-        if action is not chosen and isinstance(controller, Controller):
+        if action is not chosen and isinstance(controller, Controller | VelocityController):
             controller.withdraw()
         sensed, motion = simulator.step(action)
         number += 1

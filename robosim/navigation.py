@@ -73,9 +73,18 @@ def make_navigator(
 
 
 def control_of(config: SimulatorConfig) -> ControlConfig:
-    """How the robot that is simulated is steered: its hull, and what its actions do."""
+    """How the robot that is simulated is steered: its hull, what its actions do, and its limits."""
     motions = tuple(error.motion for error in _odometry(config).of_actions)
-    return ControlConfig(radius_m=config.robot.radius_m, motions=motions)
+    robot = config.robot
+    return ControlConfig(
+        radius_m=robot.radius_m,
+        motions=motions,
+        speed_mps=robot.max_speed_mps,
+        turn_rate_radps=min(ControlConfig.turn_rate_radps, robot.turn_rate_radps),
+        accel_mps2=robot.max_accel_mps2,
+        track_m=robot.track_m,
+        latency_s=robot.latency_s,
+    )
 
 
 def _odometry(config: SimulatorConfig) -> OdometryConfig:

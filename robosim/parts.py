@@ -76,6 +76,7 @@ CONTROLLER = Kind(
     {
         "planned": "slam.control.controller:Controller",
         "learned": "robosim.navigation:learned_controller",
+        "velocity": "slam.control.velocity:VelocityController",
     },
     has=("act",),
     made_from="a slam.control.controller.ControlConfig",

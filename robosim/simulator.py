@@ -38,7 +38,7 @@ from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
-from slam.actions import WAIT_S, Action
+from slam.actions import WAIT_S, Action, Command, Velocity
 from slam.poses import between
 from slam.sensing.laser import LaserScan
 from wireless.estimates import PathEstimates
@@ -188,8 +188,10 @@ class Simulator:
         self.world.reset(task.start)
         return self._observe(np.zeros(3))
 
-    def step(self, action: Action) -> tuple[Observation, Motion]:
-        """Do one discrete action, with actuation noise."""
+    def step(self, action: Command) -> tuple[Observation, Motion]:
+        """Do one discrete action, with actuation noise, or drive with a velocity."""
+        if isinstance(action, Velocity):
+            return self.drive(*action)
         commanded = self.config.noise.actuation(action, self._rng)
         before = self.pose
         with self.watch.stage("physics"):

@@ -16,7 +16,7 @@ from robosim.policies.estimates import Estimates
 from robosim.policies.reason import Reason, decisions_along
 from robosim.robot.motion import Motion
 from robosim.simulator import Observation
-from slam.actions import Action
+from slam.actions import Command
 from slam.poses import wrap
 from wireless.paths import LinkState, Paths
 
@@ -31,7 +31,7 @@ class Decision:
     """Why to go there."""
     path: Float[np.ndarray, "n 2"]
     """Corners of the planned path, from the robot on [m]; empty if there is none."""
-    action: Action
+    action: Command
     """What to do next."""
     belief: Belief | None = None
     """Where the policy believes the target to be; None if it has no such belief."""
@@ -43,7 +43,7 @@ class Truth:
 
     pose: Float[np.ndarray, "3"]
     """x [m], y [m], yaw [rad] in `map`."""
-    action: Action | None = None
+    action: Command | None = None
     """The action that was done before; None at the first step, and in recorded episodes."""
     motion: Motion | None = None
     """The motion that this action caused; None as for `action`."""

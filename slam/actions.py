@@ -1,4 +1,4 @@
-"""The discrete actions of a robot that explores, with their nominal displacements.
+"""The actions of a robot that explores: discrete ones with their nominal displacements, and velocities.
 
 One step forward or a turn on the spot is the set that Active Neural SLAM and Habitat use, and what networks choose
 among here (`PUBLISHED`). A robot that does not turn about its centre cannot turn in a gap as narrow as itself: it can
@@ -9,6 +9,7 @@ Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 20
 
 import math
 from enum import IntEnum
+from typing import NamedTuple
 
 #: Distance of a step forward, or back [m].
 FORWARD_M = 0.25
@@ -39,3 +40,27 @@ PUBLISHED = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 MOVES = (*PUBLISHED, Action.BACKWARD)
 #: What is done without a turn.
 STEPS = (Action.FORWARD, Action.BACKWARD)
+
+
+class Velocity(NamedTuple):
+    """A speed and a turn rate for a time; the robot rolls on."""
+
+    v_mps: float
+    """Speed ahead [m/s]."""
+    w_radps: float
+    """Turn rate, counter-clockwise [rad/s]."""
+    duration_s: float
+    """Time until the next command [s]."""
+
+
+#: What a robot does in one decision.
+Command = Action | Velocity
+
+
+def nearest_action(command: Command) -> Action:
+    """The discrete action that is most like a command."""
+    if isinstance(command, Action):
+        return command
+    if command.v_mps:
+        return Action.FORWARD if command.v_mps > 0 else Action.BACKWARD
+    return Action.LEFT if command.w_radps > 0 else Action.RIGHT if command.w_radps else Action.WAIT

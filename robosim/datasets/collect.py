@@ -48,6 +48,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
 from robosim_support.reading import reading
+from slam.actions import nearest_action
 from slam.sensing.egocentric import belief_ahead
 
 #: Bytes of a shard, packed and unpacked.
@@ -168,7 +169,7 @@ def _row(
     return {
         "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
         "rgb": sensed.rgb.copy(),
-        "action": np.int8(-1 if true.action is None else true.action),
+        "action": np.int8(-1 if true.action is None else nearest_action(true.action)),
         "odometry": sensed.odometry.astype(np.float32),
         "pose": true.pose,
         "estimate": estimated.pose,

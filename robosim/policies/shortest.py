@@ -18,7 +18,7 @@ from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.plans.formats.raster import winding_numbers
 from robosim.policies.goals import Oracle, PolicyContext
-from slam.actions import Action
+from slam.actions import Command
 from slam.grid import GridFrame, MapEstimate
 
 #: Side of the cells [m], as in mappers.
@@ -68,7 +68,7 @@ class TrueMapper:
         """Nothing to do."""
 
     def update(
-        self, depth: object, action: Action | None = None, odometry: object = None, laser: object = None
+        self, depth: object, action: Command | None = None, odometry: object = None, laser: object = None
     ) -> MapEstimate:
         """The true map and pose, whatever the sensors measure."""
         return self.estimate()

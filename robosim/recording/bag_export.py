@@ -3,6 +3,7 @@
     /tf, /tf_static           map to odom (correction by the mapper), odom to base_link, sensors on the base (REP 105);
                               map to base_link_true
     /odom, /scan              integrated odometry; the lidar, if the robot has one
+    /cmd_vel                  commanded velocities, if the controller gives them
     /camera/...               image, depth [mm] and camera_info
     /map, /plan, /goal        the robot's map, path and goal
     /belief                   levels of the logarithm of the probability, 0 to 100
@@ -36,6 +37,7 @@ from robosim.support.installation import is_installed, missing_extra
 from robosim.support.text_in import check_object, parse_json
 from robosim.support.tum import read_tum
 from robosim_support.reading import reading
+from slam.actions import Velocity
 from slam.poses import between, compose
 from slam.sensing.laser import LaserScan
 
@@ -125,6 +127,13 @@ class _Messages:
             ):
                 yield "/tf", time_s, self._tf(time_s, parent, child, self._planar(pose))
             yield "/odom", time_s, self._odometry(time_s, odom)
+            if isinstance(command := step.decided.action, Velocity):
+                header, twist = self._header(time_s, "base_link"), self._twist(command.v_mps, command.w_radps)
+                yield (
+                    "/cmd_vel",
+                    time_s,
+                    self._make("geometry_msgs/msg/TwistStamped", header=header, twist=twist),
+                )
             yield "/true_pose", time_s, self._stamped(time_s, step.true.pose)
             if laser is not None:
                 yield "/scan", time_s, self._scan(time_s, laser)
@@ -186,10 +195,13 @@ class _Messages:
         )
         return self._make("tf2_msgs/msg/TFMessage", transforms=[one])
 
+    def _twist(self, v_mps: float, w_radps: float) -> Any:
+        linear = self._make("geometry_msgs/msg/Vector3", x=v_mps, y=0.0, z=0.0)
+        angular = self._make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=w_radps)
+        return self._make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
+
     def _odometry(self, time_s: float, pose: Float[np.ndarray, "3"]) -> Any:
-        zero = self._make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-        twist = self._make("geometry_msgs/msg/Twist", linear=zero, angular=zero)
-        unknown = np.zeros(36)
+        twist, unknown = self._twist(0.0, 0.0), np.zeros(36)
         return self._make(
             "nav_msgs/msg/Odometry",
             header=self._header(time_s, "odom"),

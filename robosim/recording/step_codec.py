@@ -18,7 +18,7 @@ from robosim.radio.measurement import Measurement
 from robosim.simulator import Observation
 from robosim.step import Decision, Step, Truth
 from robosim.support.arrays_in import opened_image
-from slam.actions import Action
+from slam.actions import Action, Command, Velocity, nearest_action
 from slam.grid import GridFrame
 from slam.sensing.laser import LaserScan
 from wireless.paths import LinkState
@@ -34,14 +34,15 @@ TEXTS = ("goal_kind", "because")
 #: Columns of entries of any length, with the shape of an empty one.
 RAGGED: dict[str, tuple[int, ...]] = {
     "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,), "bodies": (0, 4),
-    "laser": (0, 2), "laser_limits": (0, 2),
+    "laser": (0, 2), "laser_limits": (0, 2), "velocity": (0, 3),
 }  # fmt: skip
 #: Those of them that a file lacks where they are empty in all steps.
-OPTIONAL = ("bodies", "laser", "laser_limits")
+OPTIONAL = ("bodies", "laser", "laser_limits", "velocity")
 #: Link state without a radio.
 NO_RADIO = -1
 NO_FRAME: Float[np.ndarray, "5"] = np.full(5, np.nan)
 NO_BODIES: Float[np.ndarray, "0 4"] = np.zeros((0, 4))
+NO_VELOCITY: Float[np.ndarray, "0 3"] = np.zeros((0, 3))
 NO_SCAN: Float[np.ndarray, "0 2"] = np.zeros((0, 2))
 NO_BYTES: UInt8[np.ndarray, "0"] = np.zeros(0, np.uint8)
 _MOST_PIXELS = 4096**2
@@ -74,7 +75,8 @@ def encode_without_pictures(step: Step) -> dict[str, Any]:
         "map_frame": NO_FRAME,
         "map_corner": np.zeros(2),
         "odometry": np.array(step.sensed.odometry),
-        "action": int(decided.action),
+        "action": int(nearest_action(decided.action)),
+        "velocity": np.array([decided.action]) if isinstance(decided.action, Velocity) else NO_VELOCITY,
         "goal": np.array(decided.goal, float),
         "goal_kind": decided.reason.kind.value,
         "because": decided.reason.because,
@@ -148,7 +150,7 @@ def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Ste
             goal=np.array(row["goal"]),
             reason=Reason(GoalKind(str(row["goal_kind"])), str(row["because"]), float(row["mass"])),
             path=row["path"],
-            action=Action(int(row["action"])),
+            action=_decode_command(row),
             belief=None if belief is None else LevelledBelief(belief),
         ),
         true=Truth(
@@ -160,6 +162,13 @@ def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Ste
             bodies=row.get("bodies", NO_BODIES),
         ),
     )
+
+
+def _decode_command(row: Row) -> Command:
+    """The velocity of a row, or else its action."""
+    for velocity in row.get("velocity", NO_VELOCITY):
+        return Velocity(*velocity.tolist())
+    return Action(int(row["action"]))
 
 
 def decode_camera(row: Row) -> tuple[UInt8[np.ndarray, "h w 3"], UInt16[np.ndarray, "h w"]]:

@@ -4,7 +4,7 @@ A step is done only if the robot keeps its distance from the predicted places of
 them; else it waits, and accepts less distance the longer it has waited. It keeps more distance from things that have
 just come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
-Left out: passing people by a change of speed, since actions are discrete.
+Left out: passing people by a change of speed.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim_support.checks import Range, checked
-from slam.actions import FORWARD_M, STEPS, Action
+from slam.actions import FORWARD_M, Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
 
 #: Velocities with larger standard deviations are not known yet [m/s].
@@ -69,11 +69,14 @@ class Avoidance:
             probability[rows, columns][covered] = 1.0
         return replace(estimate, obstacle_probability=probability)
 
-    def checked(self, estimate: MapEstimate, action: Action) -> Action:
-        """The action, or a wait if it would lead too near to a thing."""
-        if action not in STEPS or not estimate.moving:
+    def checked(self, estimate: MapEstimate, action: Command) -> Command:
+        """The action, or a wait if it would lead too near to a thing; a velocity as a straight step."""
+        if isinstance(action, Velocity):
+            length_m = action.v_mps * self.config.step_s
+        else:
+            length_m = {Action.FORWARD: FORWARD_M, Action.BACKWARD: -FORWARD_M}.get(action, 0.0)
+        if not length_m or not estimate.moving:
             return action
-        length_m = FORWARD_M if action is Action.FORWARD else -FORWARD_M
         yaw = float(estimate.pose[2])
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
         meets = any(self._meets(estimate, step, thing) for thing in estimate.moving)

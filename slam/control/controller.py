@@ -13,8 +13,7 @@ place to make them (`slam.control.manoeuvre`).
 
 Each bump makes the same heading from the same place more expensive. A robot that does not leave a place for long drives
 in the direction with most room before it plans again.
-Left out: dynamics of the base. The continuous controller is pure pursuit of the path.
-Reference: Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01, 1992.
+Left out: dynamics of the base.
 """
 
 import math
@@ -27,7 +26,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim_support.checks import Range, checked
-from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action
+from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action, Command
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
@@ -65,9 +64,17 @@ class ControlConfig:
     stuck_radius_m: Annotated[float, Range(0, 100, "m")] = 0.35
     """See above [m]."""
     speed_mps: Annotated[float, Range(0.001, 10, "m/s")] = 0.5
-    """Greatest speed of the continuous controller [m/s]."""
+    """Greatest speed of a wheel [m/s]; this and what follows for `slam.control.velocity`."""
     turn_rate_radps: Annotated[float, Range(0.001, 20, "rad/s")] = 1.0
-    """Greatest turn rate of the continuous controller [rad/s]."""
+    """Greatest turn rate [rad/s]."""
+    accel_mps2: Annotated[float, Range(0.001, 1000, "m/s2")] = 2.0
+    """Greatest acceleration of a wheel [m/s^2]."""
+    track_m: Annotated[float, Range(0.001, 10, "m")] = 0.16
+    """Distance between the wheels [m]."""
+    latency_s: Annotated[float, Range(0, 10, "s")] = 0.0
+    """Time from a command of speeds until the wheels follow it [s]."""
+    control_s: Annotated[float, Range(0.01, 10, "s")] = 0.5
+    """Time between commands of speeds [s]."""
 
     def __post_init__(self) -> None:
         if len(self.motions) not in (len(PUBLISHED), len(MOVES)):
@@ -91,9 +98,9 @@ _CALIBRATED, _SURE = 50, 5
 
 @runtime_checkable
 class LocalPolicy(Protocol):
-    """Chooses actions."""
+    """Chooses actions or velocities."""
 
-    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Command:
         """The next action at an estimated pose x [m], y [m], yaw [rad], along a plan."""
 
 
@@ -369,35 +376,3 @@ class Controller:
         if action is Action.FORWARD:
             self._escape_steps -= 1
         return action
-
-    def drive(self, pose: Float[np.ndarray, "3"], plan: Plan, look_m: float = 0.35) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] that follow the path continuously, by pure pursuit."""
-        config = self.config
-        x, y = _ahead_on(plan.path, look_m) - pose[:2]
-        distance = math.hypot(x, y)
-        if distance < 1e-3:
-            return 0.0, 0.0
-        off = wrap(math.atan2(y, x) - pose[2])
-        if abs(off) > math.radians(50):
-            return 0.0, math.copysign(config.turn_rate_radps, off)
-        room = plan.clearance.free_run_m(pose[:2], pose[2:], config.radius_m)[0]
-        curvature = 2 * math.sin(off) / distance
-        speed = config.speed_mps * max(0.0, math.cos(off)) * min(1.0, room / 0.3, distance / 0.15)
-        speed = min(speed, config.turn_rate_radps / max(abs(curvature), 1e-6))
-        # With a wall close ahead the robot turns on the spot rather than stand still.
-        turn = (
-            speed * curvature
-            if speed > 0.05
-            else math.copysign(min(config.turn_rate_radps, 2 * abs(off)), off)
-        )
-        return speed, turn
-
-
-def _ahead_on(path: Float[np.ndarray, "n 2"], distance_m: float) -> Float[np.ndarray, "2"]:
-    """Point at a distance along a path, or its end."""
-    for a, b in pairwise(path):
-        length = math.hypot(b[0] - a[0], b[1] - a[1])
-        if length >= distance_m:
-            return a + (b - a) * (distance_m / length)
-        distance_m -= length
-    return path[-1]

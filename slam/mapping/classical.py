@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from robosim_support.checks import Range, checked
-from slam.actions import Action
+from slam.actions import Command
 from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker
@@ -104,7 +104,7 @@ class Mapper(Protocol):
     def update(
         self,
         depth: Float32[np.ndarray, "h w"],
-        action: Action | None = None,
+        action: Command | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
@@ -201,7 +201,7 @@ class ClassicalMapper:
     def update(
         self,
         depth: Float32[np.ndarray, "h w"],
-        action: Action | None = None,
+        action: Command | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
         laser: LaserScan | None = None,
         time_s: float | None = None,
@@ -305,7 +305,7 @@ class ClassicalMapper:
         return self.tracker.transmitters()
 
     def _measured(
-        self, action: Action | None, odometry: Float[np.ndarray, "3"] | None
+        self, action: Command | None, odometry: Float[np.ndarray, "3"] | None
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
         """Displacement without bias, and its covariance; zero if odometry is missing or not finite."""
         if action is None:
@@ -316,7 +316,7 @@ class ClassicalMapper:
 
     def _learn(
         self,
-        action: Action,
+        action: Command,
         odometry: Float[np.ndarray, "3"],
         start: Float[np.ndarray, "3"],
         open_before: Float[np.ndarray, "3 3"],

@@ -3,12 +3,15 @@
 A step, forward or back, that odometry measures as too short was stopped by something. If an obstacle that is already on
 the map touches the hull there, no mark is made, unless it happens again and again: then the passage is narrower than on
 the map. Otherwise a strip of cells before the hull is marked; it grows wider while the robot bumps into the same place.
+A velocity is expected to lead as far as the least of the last three commanded speeds does in its time: the robot has
+accelerated by then.
 Marks fade after a while, because a mark next to a narrow door may close it; a place bumped into again is remembered
 twice as long.
 Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bump and never forgets.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -16,9 +19,12 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from robosim_support.checks import Range, checked
-from slam.actions import FORWARD_M, STEPS, Action
+from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
 from slam.grid import GridFrame, enlarged, zeros
 from slam.poses import to_map
+
+#: Shorter motions are not judged [m]; number of commanded speeds that count.
+_JUDGED_M, _COMMANDS = 0.04, 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +35,7 @@ class CollisionConfig:
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
     short_m: Annotated[float, Range(1e-6, FORWARD_M, "m", "That is the length of a step.")] = 0.8 * FORWARD_M
-    """A step measured shorter than this was stopped [m]."""
+    """A step measured shorter than this was stopped [m]; what a velocity leads to, in proportion."""
     touch_m: Annotated[float, Range(0, 1, "m")] = 0.05
     """An obstacle on the map this near to the hull explains the stop [m]."""
     depth_m: Annotated[float, Range(0, 1, "m")] = 0.10
@@ -53,6 +59,7 @@ class CollisionMarks:
         self._until = zeros(frame.shape, np.int32)
         self._width_m = 0.0
         self._stops = 0
+        self._speeds_mps = deque([0.0] * _COMMANDS, maxlen=_COMMANDS)
         self._next_expiry = np.iinfo(np.int32).max
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
@@ -64,7 +71,7 @@ class CollisionMarks:
     def update(
         self,
         step: int,
-        action: Action,
+        action: Command,
         displacement: Float[np.ndarray, "3"],
         pose: Float[np.ndarray, "3"],
         probability: Float32[np.ndarray, "ny nx"],
@@ -75,13 +82,15 @@ class CollisionMarks:
             Whether the robot was stopped.
         """
         self._forget(step)
-        if action not in STEPS:
+        expected_m = self._expected_m(action)
+        if expected_m < _JUDGED_M:
             return False
-        stopped = bool(math.hypot(displacement[0], displacement[1]) < self.config.short_m)
+        length_m = math.hypot(displacement[0], displacement[1])
+        stopped = bool(length_m < self.config.short_m * (expected_m / FORWARD_M))
         if not stopped:
             self._width_m, self._stops = 0.0, 0
             return False
-        stuck = math.hypot(displacement[0], displacement[1]) < 0.2 * FORWARD_M
+        stuck = length_m < 0.2 * expected_m
         self._stops = self._stops + 1 if stuck else 1
         if action is Action.BACKWARD:
             pose = np.array([pose[0], pose[1], pose[2] + math.pi])  # it met something behind it
@@ -90,6 +99,14 @@ class CollisionMarks:
             self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell
             self._mark(step, pose)
         return True
+
+    def _expected_m(self, action: Command) -> float:
+        """Least distance that an action leads to in the open [m]."""
+        if not isinstance(action, Velocity):
+            self._speeds_mps.append(0.0)
+            return FORWARD_M if action in STEPS else 0.0
+        self._speeds_mps.append(max(action.v_mps, 0.0))
+        return min(self._speeds_mps) * action.duration_s
 
     def _explained(self, pose: Float[np.ndarray, "3"], probability: Float32[np.ndarray, "ny nx"]) -> bool:
         """Whether an obstacle of the map touches the front half of the hull."""

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float16, Float32
 
 from robosim_support.checks import Range, checked
-from slam.actions import Action
+from slam.actions import Command
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate, enlarged, zeros
 from slam.mapping.classical import ClassicalMapper, MapperConfig
@@ -86,7 +86,7 @@ class NeuralMapper:
     def update(
         self,
         depth: Float32[np.ndarray, "h w"],
-        action: Action | None = None,
+        action: Command | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
         laser: LaserScan | None = None,
         time_s: float | None = None,

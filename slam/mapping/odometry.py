@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim_support.checks import Range, checked
-from slam.actions import MOVES, Action
+from slam.actions import FORWARD_M, MOVES, TURN_RAD, Action, Command, Velocity
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -153,20 +153,37 @@ class OdometryCorrector:
         self.bias_covariance[Action.WAIT] = least
 
     def correct(
-        self, action: Action, measured: Float[np.ndarray, "3"]
+        self, action: Command, measured: Float[np.ndarray, "3"]
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Displacement without its constant error, and the covariance of what is left."""
+        """Displacement without its constant error, and the covariance of what is left.
+
+        The motion of a velocity counts as parts of a step and of a turn: constants grow with the parts, and so do the
+        variances of the random part, as of independent pieces.
+        """
+        if isinstance(action, Velocity):
+            corrected = measured
+            for _ in range(2):  # the parts are those of the true motion
+                ahead, turn = corrected[0] / FORWARD_M, corrected[2] / TURN_RAD
+                actions = [
+                    Action.FORWARD if ahead > 0 else Action.BACKWARD,
+                    Action.LEFT if turn > 0 else Action.RIGHT,
+                ]
+                parts = np.abs([ahead, turn])
+                corrected = measured - parts @ self.bias[actions]
+            random = np.tensordot(parts, self._noise[actions], 1)
+            constant = np.tensordot(parts**2, self.bias_covariance[actions], 1)
+            return corrected, self._noise[Action.WAIT] + random + constant
         return measured - self.bias[action], self._noise[action] + self.bias_covariance[action]
 
     def learn(
         self,
-        action: Action,
+        action: Command,
         measured: Float[np.ndarray, "3"],
         matched: Float[np.ndarray, "3"],
         matched_covariance: Float[np.ndarray, "3 3"],
     ) -> None:
-        """Move the constant error of an action towards what a matched displacement says of it."""
-        if action is Action.WAIT:
+        """Move the constant error of an action towards what a matched displacement says of it; not of a velocity."""
+        if action is Action.WAIT or isinstance(action, Velocity):
             return
         before = self.bias_covariance[action] + _DRIFT * self._noise[action]
         innovation = measured - matched - self.bias[action]

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.actions import FORWARD_M, Action
+from slam.actions import FORWARD_M, Action, Velocity
 from slam.control.avoidance import Avoidance, AvoidanceConfig
 from slam.grid import GridFrame, MapEstimate, MovingThing
 
@@ -42,6 +42,15 @@ def test_a_step_towards_a_person_is_a_wait_from_the_distance_on():
     for gap_m, expected in ((0.01, Action.FORWARD), (-0.01, Action.WAIT)):
         ahead = estimate((LEAST_M + FORWARD_M + gap_m, 0.0, 0.0, 0.0))
         assert Avoidance().checked(ahead, Action.FORWARD) is expected
+
+
+def test_a_velocity_is_a_step_of_a_second():
+    """0.25 m/s ahead is a step forward; turning on the spot and standing are never stopped."""
+    for gap_m, waits in ((0.01, False), (-0.01, True)):
+        ahead = estimate((LEAST_M + FORWARD_M + gap_m, 0.0, 0.0, 0.0))
+        command = Velocity(0.25, 0.1, 0.5)
+        assert Avoidance().checked(ahead, command) == (Action.WAIT if waits else command)
+        assert Avoidance().checked(ahead, Velocity(0.0, 1.0, 0.5)) == Velocity(0.0, 1.0, 0.5)
 
 
 def test_a_person_who_crosses_is_waited_for_and_one_who_passes_behind_is_not():

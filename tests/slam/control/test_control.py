@@ -109,36 +109,6 @@ def test_an_action_that_was_not_done_is_no_bump():
     assert set(chosen[False]) > {Action.FORWARD}
 
 
-def test_pursuit_drives_straight_ahead_and_turns_on_the_spot_for_what_is_behind():
-    """Ahead: full speed, no turn. Left ahead: turns left. Behind: no speed."""
-    speeds = []
-    for azimuth in (0.0, 0.4, -0.4, 3.0):
-        goal = np.array([1.5 * math.cos(azimuth), 1.5 * math.sin(azimuth)])
-        estimate = floor()
-        speeds.append(Controller().drive(estimate.pose, Planner().plan(estimate, goal)))
-    (v0, w0), (v1, w1), (v2, w2), (v3, w3) = speeds
-    assert v0 == pytest.approx(ControlConfig().speed_mps, rel=0.02)
-    assert w0 == pytest.approx(0.0, abs=0.1)
-    assert v1 > 0 and w1 > 0
-    assert v2 > 0 and w2 < 0
-    assert v3 == 0 and abs(w3) > 0
-
-
-def test_pursuit_reaches_its_goal():
-    """Integrated as a unicycle in steps of 0.1 s: within 0.2 m in 20 s through a door, the hull never in a wall."""
-    estimate, planner, controller = divided(8, (-1.5, -1.0, 0.5)), Planner(), Controller()
-    pose, goal = estimate.pose, np.array([1.5, -0.5])
-    gaps, obstacles = [], estimate.frame.centres(estimate.obstacle)
-    for _ in range(200):
-        speed, turn = controller.drive(pose, planner.plan(at_pose(estimate, pose), goal))
-        pose = compose(pose, np.array([0.1 * speed, 0.0, 0.1 * turn]))
-        gaps.append(np.hypot(*(obstacles - pose[:2]).T).min())
-        if np.hypot(*(pose[:2] - goal)) < 0.2:
-            break
-    assert np.hypot(*(pose[:2] - goal)) < 0.2
-    assert min(gaps) > 0.08
-
-
 #: A base that turns about a point 0.1 m behind its middle, as the one does on which the noise was measured.
 SWINGS = ((0.245, 0.0, 0.0), (-0.0015, 0.0196, 0.1965), (-0.0008, -0.0195, -0.1936))
 

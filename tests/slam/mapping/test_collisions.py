@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slam.actions import FORWARD_M, Action
+from slam.actions import FORWARD_M, Action, Velocity
 from slam.grid import GridFrame
 from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.poses import to_map
@@ -64,6 +64,23 @@ def test_only_a_step_that_falls_short_is_a_stop(action, driven_m, stopped):
     displacement = np.array([driven_m, 0.0, 0.0])
     assert marks.update(1, action, displacement, np.zeros(3), OPEN) == stopped
     assert marks.blocked.any() == stopped
+
+
+def test_a_velocity_that_falls_short_is_a_stop_once_the_robot_has_accelerated():
+    """0.5 m/s for 0.5 s: from rest not judged before the third command; then 0.19 m of 0.25 m are a stop, 0.21 m none.
+
+    Nor is a robot judged that brakes, turns on the spot, or does another action in between.
+    """
+    ahead, pose = Velocity(0.5, 0.2, 0.5), np.zeros(3)
+    for driven_m, expected in ((0.19, True), (0.21, False)):
+        marks = CollisionMarks(FRAME)
+        stops = [
+            marks.update(k, ahead, np.array([length_m, 0.0, 0.1]), pose, OPEN)
+            for k, length_m in enumerate((0.05, 0.1, driven_m))
+        ]
+        assert stops == [False, False, expected] and marks.blocked.any() == expected
+        for k, command in enumerate((Velocity(0.05, 0, 0.5), Velocity(0, 1, 0.5), Action.LEFT, ahead, ahead)):
+            assert not marks.update(3 + k, command, np.zeros(3), pose, OPEN)
 
 
 def test_a_step_back_that_is_stopped_marks_what_is_behind():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slam.actions import MOVES, Action
+from slam.actions import MOVES, Action, Velocity
 from slam.mapping.odometry import ActionError, OdometryConfig, OdometryCorrector, calibrated
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -53,6 +53,23 @@ def test_odometry_without_errors_is_believed():
     displacement, covariance = corrector.correct(F, np.array([0.25, 0, 0]))
     assert (displacement == [0.25, 0, 0]).all()
     assert 0 < np.linalg.eigvalsh(covariance).min() <= np.linalg.eigvalsh(covariance).max() < 4e-12
+
+
+def test_a_velocity_counts_as_parts_of_a_step_and_of_a_turn():
+    """Half a step while turning by 15 degrees to the right, sampled by its definition: no mean, and the covariance."""
+    rng = np.random.default_rng(7)
+    runs = {action: samples(rng, 100_000, MEAN * (1 + action)) for action in MOVES}
+    corrector = OdometryCorrector(calibrated(runs))
+    true = np.array([0.125, 0.01, -np.radians(15)])
+    pieces = rng.multivariate_normal(MEAN, 0.5 * COVARIANCE, 20_000) - 0.5 * MEAN  # of means 0.5 and 1.5 * 3
+    pieces += rng.multivariate_normal(4.5 * MEAN, 1.5 * COVARIANCE, 20_000)
+    found = [corrector.correct(Velocity(0.25, -0.5, 0.5), true + error) for error in pieces]
+    errors, covariance = np.array([one for one, _ in found]) - true, found[0][1]
+    deviation = np.sqrt(np.diag(covariance))
+    assert (np.abs(errors.mean(axis=0)) < 0.2 * deviation).all()  # parts are counted by what was measured
+    np.testing.assert_allclose(errors.std(axis=0), deviation, rtol=0.1)
+    still, tiny = corrector.correct(Velocity(0.0, 0.0, 0.5), np.zeros(3))
+    assert (still == 0).all() and 0 < np.trace(tiny) < 1e-11
 
 
 def test_exact_constants_stay_though_scans_are_noisy():

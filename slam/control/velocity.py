@@ -1,0 +1,163 @@
+"""Velocity controller: a dynamic-window search over speeds and turn rates.
+
+Candidates are pairs of a speed and a turn rate within the limits of the robot. The robot goes on with its last command
+for the latency, approaches the candidate with the acceleration of its wheels, and follows an arc from there. For each
+candidate and each time without contact of the hull, the cost in seconds is
+
+    time + (cost of the path from there) / speed + (turn needed there) / turn rate
+
+and the first command of the cheapest is returned. Times are long enough to decide once more and brake. As in
+`slam.control.controller`, arcs that pass closer to obstacles cost extra, and a robot that does not leave a place for
+long drives in the direction with most room. At the end of the path it turns to the goal and looks around.
+Left out: driving backward, and bases that do not turn about their centre.
+Reference: Fox, Burgard and Thrun, The dynamic window approach to collision avoidance, IEEE Robotics and Automation
+Magazine 4 (1997). The score is that of the planner's field, as in Brock and Khatib, ICRA 1999, instead of headings.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.actions import Velocity
+from slam.control.controller import ControlConfig
+from slam.planning.clearance import Clearance
+from slam.planning.planner import Plan
+from slam.poses import wrap
+
+#: Numbers of speeds and, to each side, of turn rates that are compared.
+_SPEEDS, _RATES = 6, 8
+#: Times along arcs [s]: step, and how far beyond the least one.
+_STEP_S, _BEYOND_S = 0.125, 1.5
+#: Cost of a change of the turn rate [s per rad/s].
+_CHANGE_S = 0.1
+#: Decisions with which a stuck robot drives away, and its speed then, as a part of the highest.
+_ESCAPE, _ESCAPE_PART = 8, 0.4
+
+
+class VelocityController:
+    """Chooses speeds and turn rates; remembers the last command, and lack of progress."""
+
+    def __init__(self, config: ControlConfig | None = None) -> None:
+        self.config = config = config or ControlConfig()
+        rates = config.turn_rate_radps * np.linspace(0, 1, _RATES + 1) ** 1.5  # finer near straight on
+        v, w = np.meshgrid(
+            np.linspace(0, config.speed_mps, _SPEEDS), np.concatenate([-rates[:0:-1], rates]), indexing="ij"
+        )
+        # What a wheel is too slow for is reduced along the same arc, as the base does.
+        part = np.minimum(1.0, config.speed_mps / np.maximum(v + np.abs(w) * config.track_m / 2, 1e-9))
+        self._v, self._w = (part * v).ravel(), (part * w).ravel()
+        least_s = config.control_s + config.latency_s + config.speed_mps / config.accel_mps2
+        self._first = math.ceil(least_s / _STEP_S) - 1
+        self._times = _STEP_S * np.arange(1, self._first + 2 + round(_BEYOND_S / _STEP_S))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._speeds = (0.0, 0.0)
+        self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the path at which it looks around,
+        self._looking = 0.0  # and to which side
+        self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
+        self._escape_decisions = 0
+
+    def withdraw(self) -> None:
+        """The last command was not done, as when the robot waits instead: it stands."""
+        self._speeds = (0.0, 0.0)
+
+    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Velocity:
+        """The next command at an estimated pose x [m], y [m], yaw [rad], along a plan."""
+        config = self.config
+        self._watch(pose)
+        if math.hypot(*(plan.path[-1] - self._end)) > config.arrived_m:
+            self._end, self._looking = plan.path[-1], 0.0
+        if self._escape_decisions:
+            self._speeds = self._escape(pose, plan.clearance)
+        elif plan.length_m < config.arrived_m:
+            self._speeds = 0.0, self._look(pose, plan)
+        else:
+            self._speeds = self._best(pose, plan)
+        return Velocity(*self._speeds, config.control_s)
+
+    def _watch(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Note whether the robot gets anywhere."""
+        self._trail.append((float(pose[0]), float(pose[1])))
+        trail = np.array(self._trail)
+        full = len(trail) == self.config.stuck_decisions
+        if full and np.hypot(*(trail - trail[-1]).T).max() < self.config.stuck_radius_m:
+            self._escape_decisions = _ESCAPE
+            self._trail.clear()
+
+    def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> tuple[float, float]:
+        """The cheapest speed and turn rate."""
+        config = self.config
+        arcs, distance_m = self._arcs(pose)
+        points, headings = arcs[..., :2], arcs[:, self._first :, 2]
+        cost_m, downhill = plan.field.at_and_downhill(points[:, self._first :])
+        off = np.abs(wrap(downhill - headings))
+        # The turn that will be needed there fades away at the goal.
+        price = self._times[self._first :] + cost_m / config.speed_mps
+        price += off / config.turn_rate_radps * np.minimum(cost_m / config.forward_m, 1.0)
+        price += self._tightness(points, distance_m, plan.clearance)
+        cheapest = price.min(axis=1) + _CHANGE_S * np.abs(self._w - self._speeds[1])
+        k = int(np.argmin(cheapest))
+        if np.isfinite(cheapest[k]):
+            return float(self._v[k]), float(self._w[k])
+        dx, dy = plan.short_term_goal - pose[:2]
+        return 0.0, self._turn(wrap(math.atan2(dy, dx) - pose[2]))
+
+    def _arcs(
+        self, pose: Float[np.ndarray, "3"]
+    ) -> tuple[Float[np.ndarray, "k n 3"], Float[np.ndarray, "k n"]]:
+        """Poses and driven distances [m] at all times of all candidates."""
+        config, (v, w) = self.config, self._speeds
+        dv, dw = self._v[:, None] - v, self._w[:, None] - w
+        ramp_s = (np.abs(dv) + np.abs(dw) * config.track_m / 2) / config.accel_mps2
+        share = np.clip((self._times - _STEP_S / 2 - config.latency_s) / np.maximum(ramp_s, 1e-9), 0, 1)
+        turns, steps_m = _STEP_S * (w + share * dw), _STEP_S * (v + share * dv)
+        yaw = pose[2] + np.cumsum(turns, axis=1)
+        x, y = (
+            start + np.cumsum(steps_m * part(yaw - turns / 2), axis=1)
+            for start, part in ((pose[0], np.cos), (pose[1], np.sin))
+        )
+        return np.stack([x, y, yaw], axis=-1), np.cumsum(steps_m, axis=1)
+
+    def _tightness(
+        self,
+        points: Float[np.ndarray, "k n 2"],
+        distance_m: Float[np.ndarray, "k n"],
+        clearance: Clearance,
+    ) -> Float[np.ndarray, "k m"]:
+        """Price of passing close to obstacles [s]; inf where the hull would meet one."""
+        config = self.config
+        space = clearance.at(points) - config.radius_m
+        least = config.slacks_m[0]
+        # Where the hull is already closer than it should be, it may still move away, or turn.
+        space = np.where(space >= space[:, :1] + 0.3 * distance_m - 1e-3, np.maximum(space, least), space)
+        space = np.minimum.accumulate(space, axis=1)[:, self._first :]
+        price = np.interp(space, config.slacks_m, config.slack_prices) * config.control_s
+        price[space < least] = np.inf
+        return price
+
+    def _look(self, pose: Float[np.ndarray, "3"], plan: Plan) -> float:
+        """Turn rate at the end of the path: to the requested goal, then once round and on."""
+        dx, dy = plan.asked_xy - pose[:2]
+        off = wrap(math.atan2(dy, dx) - pose[2])
+        if not self._looking and (math.hypot(dx, dy) < 0.1 or abs(off) < self.config.turn_rad):
+            self._looking = math.copysign(self.config.turn_rate_radps, off)
+        return self._looking or self._turn(off)
+
+    def _turn(self, off: float) -> float:
+        """Turn rate towards a heading at an angle [rad]."""
+        most = self.config.turn_rate_radps
+        return max(-most, min(most, off / self.config.control_s))
+
+    def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
+        """Drive away: turn to the direction with most room, and go there."""
+        headings = pose[2] + np.linspace(-math.pi, math.pi, 36, endpoint=False)
+        room_m = np.minimum(clearance.free_run_m(pose[:2], headings, self.config.radius_m), 1.0)
+        off = wrap(float(headings[np.argmax(room_m - 0.1 * np.abs(headings - pose[2]))] - pose[2]))
+        if abs(off) > 2 * self.config.turn_rad:
+            return 0.0, self._turn(off)
+        self._escape_decisions -= 1
+        return _ESCAPE_PART * self.config.speed_mps, self._turn(off)
