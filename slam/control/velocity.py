@@ -1,12 +1,13 @@
 """Velocity controller: a dynamic-window search over speeds and turn rates.
 
 Candidates are pairs of a speed and a turn rate within the limits of the robot. The robot goes on with its last command
-for the latency, approaches the candidate with the acceleration of its wheels, and follows an arc from there. For each
-candidate and each time without contact of the hull, the cost in seconds is
+for the latency, approaches the candidate with the acceleration of its wheels, and follows an arc from there. Others are
+turns on the spot followed by a straight run. For each candidate and each time without contact of the hull, the cost in
+seconds is
 
     time + (cost of the path from there) / speed + (turn needed there) / turn rate
 
-and the first command of the cheapest is returned. Times are long enough to decide once more and brake. As in
+and the first command of the cheapest is returned. Arcs are long enough to decide once more and brake. As in
 `slam.control.controller`, arcs that pass closer to obstacles cost extra, and a robot that does not leave a place for
 long drives in the direction with most room. At the end of the path it turns to the goal and looks around.
 Left out: driving backward, and bases that do not turn about their centre.
@@ -27,13 +28,15 @@ from slam.planning.planner import Plan
 from slam.poses import wrap
 
 #: Numbers of speeds and, to each side, of turn rates that are compared.
-_SPEEDS, _RATES = 6, 8
+_SPEEDS, _RATES = 5, 8
 #: Times along arcs [s]: step, and how far beyond the least one.
 _STEP_S, _BEYOND_S = 0.125, 1.5
+#: Turns on the spot [rad].
+_TURNS_RAD = np.radians([turn for turn in range(-180, 180, 10) if turn])
 #: Cost of a change of the turn rate [s per rad/s].
 _CHANGE_S = 0.1
-#: Decisions with which a stuck robot drives away, and its speed then, as a part of the highest.
-_ESCAPE, _ESCAPE_PART = 8, 0.4
+#: Decisions with which a stuck robot drives away, its speed then, as a part of the highest, and its space [m].
+_ESCAPE, _ESCAPE_PART, _ESCAPE_SPACE_M = 8, 0.4, 0.03
 
 
 class VelocityController:
@@ -43,7 +46,9 @@ class VelocityController:
         self.config = config = config or ControlConfig()
         rates = config.turn_rate_radps * np.linspace(0, 1, _RATES + 1) ** 1.5  # finer near straight on
         v, w = np.meshgrid(
-            np.linspace(0, config.speed_mps, _SPEEDS), np.concatenate([-rates[:0:-1], rates]), indexing="ij"
+            np.linspace(0, config.speed_mps, _SPEEDS + 1)[1:],
+            np.concatenate([-rates[:0:-1], rates]),
+            indexing="ij",
         )
         # What a wheel is too slow for is reduced along the same arc, as the base does.
         part = np.minimum(1.0, config.speed_mps / np.maximum(v + np.abs(w) * config.track_m / 2, 1e-9))
@@ -51,6 +56,7 @@ class VelocityController:
         least_s = config.control_s + config.latency_s + config.speed_mps / config.accel_mps2
         self._first = math.ceil(least_s / _STEP_S) - 1
         self._times = _STEP_S * np.arange(1, self._first + 2 + round(_BEYOND_S / _STEP_S))
+        self._runs_m = self._arcs(np.zeros(3), (0.0, 0.0))[1][self._w == 0]  # from rest, straight on
         self.reset()
 
     def reset(self) -> None:
@@ -91,26 +97,47 @@ class VelocityController:
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> tuple[float, float]:
         """The cheapest speed and turn rate."""
         config = self.config
-        arcs, distance_m = self._arcs(pose)
-        points, headings = arcs[..., :2], arcs[:, self._first :, 2]
-        cost_m, downhill = plan.field.at_and_downhill(points[:, self._first :])
-        off = np.abs(wrap(downhill - headings))
-        # The turn that will be needed there fades away at the goal.
-        price = self._times[self._first :] + cost_m / config.speed_mps
-        price += off / config.turn_rate_radps * np.minimum(cost_m / config.forward_m, 1.0)
-        price += self._tightness(points, distance_m, plan.clearance)
-        cheapest = price.min(axis=1) + _CHANGE_S * np.abs(self._w - self._speeds[1])
-        k = int(np.argmin(cheapest))
-        if np.isfinite(cheapest[k]):
-            return float(self._v[k]), float(self._w[k])
+        arcs, distance_m = self._arcs(pose, self._speeds)
+        price = self._price(arcs, distance_m, plan).min(axis=1)
+        runs = np.empty((len(_TURNS_RAD), *self._runs_m.shape, 3))
+        headings = (pose[2] + _TURNS_RAD)[:, None, None]
+        runs[..., 0] = pose[0] + self._runs_m * np.cos(headings)
+        runs[..., 1] = pose[1] + self._runs_m * np.sin(headings)
+        runs[..., 2] = headings
+        runs_m = np.broadcast_to(self._runs_m, runs.shape[:3])
+        run_price = self._price(runs, runs_m, plan).min(axis=(1, 2))
+        turns = np.clip(_TURNS_RAD / config.control_s, -config.turn_rate_radps, config.turn_rate_radps)
+        price = np.append(price, run_price + np.abs(_TURNS_RAD) / config.turn_rate_radps)
+        v, w = np.append(self._v, np.zeros_like(turns)), np.append(self._w, turns)
+        price += _CHANGE_S * np.abs(w - self._speeds[1])
+        k = int(np.argmin(price))
+        if np.isfinite(price[k]):
+            return float(v[k]), float(w[k])
         dx, dy = plan.short_term_goal - pose[:2]
         return 0.0, self._turn(wrap(math.atan2(dy, dx) - pose[2]))
 
+    def _price(
+        self, poses: Float[np.ndarray, "*k n 3"], distance_m: Float[np.ndarray, "*k n"], plan: Plan
+    ) -> Float[np.ndarray, "*k m"]:
+        """Price of driving to the poses that are far enough, and on from there [s]; inf where the hull does not fit."""
+        config, first = self.config, self._first
+        cost_m, downhill = plan.field.at_and_downhill(poses[..., first:, :2])
+        # The turn that will be needed there fades away at the goal.
+        turn_rad = np.abs(wrap(downhill - poses[..., first:, 2])) * np.minimum(cost_m / config.forward_m, 1.0)
+        space = plan.clearance.at(poses[..., :2]) - config.radius_m
+        least = config.slacks_m[0]
+        # Where the hull is already closer than it should be, it may still move away.
+        space = np.where(space >= space[..., :1] + 0.3 * distance_m - 1e-3, np.maximum(space, least), space)
+        space = np.minimum.accumulate(space, axis=-1)[..., first:]
+        price = np.interp(space, config.slacks_m, config.slack_prices) * config.control_s
+        price[space < least] = np.inf
+        return price + self._times[first:] + cost_m / config.speed_mps + turn_rad / config.turn_rate_radps
+
     def _arcs(
-        self, pose: Float[np.ndarray, "3"]
+        self, pose: Float[np.ndarray, "3"], speeds: tuple[float, float]
     ) -> tuple[Float[np.ndarray, "k n 3"], Float[np.ndarray, "k n"]]:
-        """Poses and driven distances [m] at all times of all candidates."""
-        config, (v, w) = self.config, self._speeds
+        """Poses and driven distances [m] at all times of all candidates, from a speed and a turn rate."""
+        config, (v, w) = self.config, speeds
         dv, dw = self._v[:, None] - v, self._w[:, None] - w
         ramp_s = (np.abs(dv) + np.abs(dw) * config.track_m / 2) / config.accel_mps2
         share = np.clip((self._times - _STEP_S / 2 - config.latency_s) / np.maximum(ramp_s, 1e-9), 0, 1)
@@ -121,23 +148,6 @@ class VelocityController:
             for start, part in ((pose[0], np.cos), (pose[1], np.sin))
         )
         return np.stack([x, y, yaw], axis=-1), np.cumsum(steps_m, axis=1)
-
-    def _tightness(
-        self,
-        points: Float[np.ndarray, "k n 2"],
-        distance_m: Float[np.ndarray, "k n"],
-        clearance: Clearance,
-    ) -> Float[np.ndarray, "k m"]:
-        """Price of passing close to obstacles [s]; inf where the hull would meet one."""
-        config = self.config
-        space = clearance.at(points) - config.radius_m
-        least = config.slacks_m[0]
-        # Where the hull is already closer than it should be, it may still move away, or turn.
-        space = np.where(space >= space[:, :1] + 0.3 * distance_m - 1e-3, np.maximum(space, least), space)
-        space = np.minimum.accumulate(space, axis=1)[:, self._first :]
-        price = np.interp(space, config.slacks_m, config.slack_prices) * config.control_s
-        price[space < least] = np.inf
-        return price
 
     def _look(self, pose: Float[np.ndarray, "3"], plan: Plan) -> float:
         """Turn rate at the end of the path: to the requested goal, then once round and on."""
@@ -155,7 +165,8 @@ class VelocityController:
     def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
         """Drive away: turn to the direction with most room, and go there."""
         headings = pose[2] + np.linspace(-math.pi, math.pi, 36, endpoint=False)
-        room_m = np.minimum(clearance.free_run_m(pose[:2], headings, self.config.radius_m), 1.0)
+        need_m = self.config.radius_m + _ESCAPE_SPACE_M
+        room_m = np.minimum(clearance.free_run_m(pose[:2], headings, need_m), 1.0)
         off = wrap(float(headings[np.argmax(room_m - 0.1 * np.abs(headings - pose[2]))] - pose[2]))
         if abs(off) > 2 * self.config.turn_rad:
             return 0.0, self._turn(off)

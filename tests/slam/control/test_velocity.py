@@ -91,7 +91,7 @@ def test_the_base_follows_the_arcs_that_are_compared(config):
         if before is not None:
             base.drive(before)
             controller._speeds = before[:2]
-        arcs, _ = controller._arcs(base.pose)
+        arcs, _ = controller._arcs(base.pose, controller._speeds)
         for v, w, arc in zip(controller._v, controller._w, arcs, strict=True):
             own = Base(base.pose, config)
             own.speeds, own.waiting = base.speeds.copy(), list(base.waiting)
@@ -101,7 +101,7 @@ def test_the_base_follows_the_arcs_that_are_compared(config):
 
 
 def test_at_the_end_it_turns_to_the_goal_and_looks_around():
-    """Beside an unreachable goal: to it at first, then with the full turn rate, in one direction; it never drives."""
+    """Next to an unreachable goal: to it at first, then with the full turn rate, in one direction; it never drives."""
     estimate = floor((1.2, 0.0, 0.0), walls=[(1.0, 0.4, 1.5, 0.9)])
     planner, controller, base = Planner(), VelocityController(), Base(estimate.pose, ControlConfig())
     goal, commands, yaws = np.array([1.25, 0.65]), [], []
