@@ -18,6 +18,7 @@ from robosim.recording.episode_file import EPISODE, read_episode
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from robosim_support.reading import FileError
+from slam.actions import Velocity
 from slam.poses import between, compose, wrap
 from tests.plans import two_rooms
 
@@ -114,6 +115,29 @@ def test_arrows_of_paths_have_their_direction_additional_length_and_strength(fol
     for arrow, azimuth in zip(arrows[1:], measured.aoa_rad, strict=True):
         assert wrap(yaw_of(arrow.pose.orientation) - azimuth) == pytest.approx(0, abs=1e-9)
         assert (arrow.pose.position.x, arrow.pose.position.y) == tuple(measured.pose[:2])
+
+
+def test_velocities_are_recorded_and_in_the_bag(tmp_path):
+    """Of each step, as the robot moved, to the bit; in the bag at its time. It arrives, at times at full speed."""
+    from rosbags.highlevel import AnyReader
+
+    simulator = SimulatorConfig(physics="kinematic", camera="plan")
+    options = {"goal": "oracle", "controller": "velocity", "mapper": "classical", "seed": 2, "max_steps": 40}
+    start, target = np.array([1.0, 1.0, 0.0]), np.array([5.5, 2.4])
+    config = EpisodeConfig(simulator=simulator, **options)
+    result = record_episode(two_rooms(0.8), config, tmp_path, start=start, target=target, video=False)
+    assert result["arrived"] and result["simulated_s"] == pytest.approx(0.5 * result["steps"])
+    episode = read_episode(tmp_path)
+    seen = [step.decided.action for step in episode.steps()]
+    assert all(isinstance(one, Velocity) for one in seen) and max(one.v_mps for one in seen) == 0.5
+    for (v, w, s), before, after in zip(seen, episode.poses, episode.poses[1:], strict=False):
+        assert wrap(after[2] - before[2] - w * s) == pytest.approx(0, abs=1e-9)
+        assert np.hypot(*(after - before)[:2]) <= v * s + 1e-9
+    with AnyReader([export_bag(tmp_path)]) as reader:
+        chosen = [one for one in reader.connections if one.topic == "/cmd_vel"]
+        found = [(1e-9 * t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages(chosen)]
+    assert [(one.twist.linear.x, one.twist.angular.z) for _, one in found] == [one[:2] for one in seen]
+    assert [time_s for time_s, _ in found] == pytest.approx(episode.times[:-1])
 
 
 def test_an_episode_of_an_earlier_version_has_its_times_from_the_trajectory(folder, tmp_path):
