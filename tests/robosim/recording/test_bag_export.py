@@ -118,7 +118,7 @@ def test_arrows_of_paths_have_their_direction_additional_length_and_strength(fol
 
 
 def test_velocities_are_recorded_and_in_the_bag(tmp_path):
-    """Of each step, as the robot moved, to the bit; in the bag at its time. It arrives, at times at full speed."""
+    """Of each step, as the robot moved, and in the bag at its time. It arrives, at times at full speed."""
     from rosbags.highlevel import AnyReader
 
     simulator = SimulatorConfig(physics="kinematic", camera="plan")
