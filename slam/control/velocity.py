@@ -1,9 +1,9 @@
 """Velocity controller: a dynamic-window search over speeds and turn rates.
 
-Candidates are pairs of a speed and a turn rate within the limits of the robot. The robot goes on with its last command
-for the latency, approaches the candidate with the acceleration of its wheels, and follows an arc from there. Others are
-turns on the spot followed by a straight run. For each candidate and each time without contact of the hull, the cost in
-seconds is
+Candidates are pairs of a speed and a turn rate within the limits of the robot. From where the last command leads in the
+latency, the robot approaches the candidate with the acceleration of its wheels, and follows an arc from there. Others
+are turns on the spot followed by a straight run. For each candidate and each time without contact of the hull, the cost
+in seconds is
 
     time + (cost of the path from there) / speed + (turn needed there) / turn rate
 
@@ -25,7 +25,7 @@ from slam.actions import Velocity
 from slam.control.controller import ControlConfig
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
-from slam.poses import wrap
+from slam.poses import compose, wrap
 
 #: Numbers of speeds and, to each side, of turn rates that are compared.
 _SPEEDS, _RATES = 5, 8
@@ -53,7 +53,7 @@ class VelocityController:
         # What a wheel is too slow for is reduced along the same arc, as the base does.
         part = np.minimum(1.0, config.speed_mps / np.maximum(v + np.abs(w) * config.track_m / 2, 1e-9))
         self._v, self._w = (part * v).ravel(), (part * w).ravel()
-        least_s = config.control_s + config.latency_s + config.speed_mps / config.accel_mps2
+        least_s = config.control_s + config.speed_mps / config.accel_mps2
         self._first = math.ceil(least_s / _STEP_S) - 1
         self._times = _STEP_S * np.arange(1, self._first + 2 + round(_BEYOND_S / _STEP_S))
         self._runs_m = self._arcs(np.zeros(3), (0.0, 0.0))[1][self._w == 0]  # from rest, straight on
@@ -61,7 +61,7 @@ class VelocityController:
 
     def reset(self) -> None:
         """Forget the past."""
-        self._speeds = (0.0, 0.0)
+        self.withdraw()
         self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the path at which it looks around,
         self._looking = 0.0  # and to which side
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
@@ -69,21 +69,22 @@ class VelocityController:
 
     def withdraw(self) -> None:
         """The last command was not done, as when the robot waits instead: it stands."""
-        self._speeds = (0.0, 0.0)
+        self._command = self._speeds = (0.0, 0.0)
 
     def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Velocity:
         """The next command at an estimated pose x [m], y [m], yaw [rad], along a plan."""
         config = self.config
         self._watch(pose)
+        pose = self._at_next_command(pose)
         if math.hypot(*(plan.path[-1] - self._end)) > config.arrived_m:
             self._end, self._looking = plan.path[-1], 0.0
         if self._escape_decisions:
-            self._speeds = self._escape(pose, plan.clearance)
+            self._command = self._escape(pose, plan.clearance)
         elif plan.length_m < config.arrived_m:
-            self._speeds = 0.0, self._look(pose, plan)
+            self._command = 0.0, self._look(pose, plan)
         else:
-            self._speeds = self._best(pose, plan)
-        return Velocity(*self._speeds, config.control_s)
+            self._command = self._best(pose, plan)
+        return Velocity(*self._command, config.control_s)
 
     def _watch(self, pose: Float[np.ndarray, "3"]) -> None:
         """Note whether the robot gets anywhere."""
@@ -94,6 +95,22 @@ class VelocityController:
             self._escape_decisions = _ESCAPE
             self._trail.clear()
 
+    def _at_next_command(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+        """Where the robot is when its next command comes into force; sets its speeds there.
+
+        The last command is in force for one period until then, and the ones before have no part in it.
+        """
+        config, start = self.config, np.array(self._speeds)
+        change = np.array(self._command) - start
+        ramp_s = (abs(change[0]) + abs(change[1]) * config.track_m / 2) / config.accel_mps2
+        before_s = max(config.control_s - config.latency_s, 0.0)
+        now, then = (
+            start + change * min(1.0, time_s / max(ramp_s, 1e-9)) for time_s in (before_s, config.control_s)
+        )
+        self._speeds = float(then[0]), float(then[1])
+        ahead_m, turn = config.latency_s * (now + then) / 2
+        return compose(pose, np.array([ahead_m * math.cos(turn / 2), ahead_m * math.sin(turn / 2), turn]))
+
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> tuple[float, float]:
         """The cheapest speed and turn rate."""
         config = self.config
@@ -101,8 +118,9 @@ class VelocityController:
         price = self._price(arcs, distance_m, plan).min(axis=1)
         runs = np.empty((len(_TURNS_RAD), *self._runs_m.shape, 3))
         headings = (pose[2] + _TURNS_RAD)[:, None, None]
-        runs[..., 0] = pose[0] + self._runs_m * np.cos(headings)
-        runs[..., 1] = pose[1] + self._runs_m * np.sin(headings)
+        braking_m = self._speeds[0] ** 2 / (2 * config.accel_mps2)
+        runs[..., 0] = pose[0] + braking_m * math.cos(pose[2]) + self._runs_m * np.cos(headings)
+        runs[..., 1] = pose[1] + braking_m * math.sin(pose[2]) + self._runs_m * np.sin(headings)
         runs[..., 2] = headings
         runs_m = np.broadcast_to(self._runs_m, runs.shape[:3])
         run_price = self._price(runs, runs_m, plan).min(axis=(1, 2))
@@ -140,7 +158,7 @@ class VelocityController:
         config, (v, w) = self.config, speeds
         dv, dw = self._v[:, None] - v, self._w[:, None] - w
         ramp_s = (np.abs(dv) + np.abs(dw) * config.track_m / 2) / config.accel_mps2
-        share = np.clip((self._times - _STEP_S / 2 - config.latency_s) / np.maximum(ramp_s, 1e-9), 0, 1)
+        share = np.clip((self._times - _STEP_S / 2) / np.maximum(ramp_s, 1e-9), 0, 1)
         turns, steps_m = _STEP_S * (w + share * dw), _STEP_S * (v + share * dv)
         yaw = pose[2] + np.cumsum(turns, axis=1)
         x, y = (

@@ -90,12 +90,12 @@ def test_the_base_follows_the_arcs_that_are_compared(config):
         base = Base((0.3, 0.2, 1.0), config)
         if before is not None:
             base.drive(before)
-            controller._speeds = before[:2]
-        arcs, _ = controller._arcs(base.pose, controller._speeds)
+            controller._command = controller._speeds = before[:2]
+        arcs, _ = controller._arcs(controller._at_next_command(base.pose), controller._speeds)
         for v, w, arc in zip(controller._v, controller._w, arcs, strict=True):
             own = Base(base.pose, config)
             own.speeds, own.waiting = base.speeds.copy(), list(base.waiting)
-            off = own.drive(Velocity(v, w, 1.0))[-1] - arc[7]
+            off = own.drive(Velocity(v, w, config.latency_s + 1.0))[-1] - arc[7]
             worst = np.maximum(worst, np.abs([*off[:2], wrap(off[2])]))
     assert worst[:2].max() < 0.01 and worst[2] < 0.02
 
