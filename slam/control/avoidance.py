@@ -70,14 +70,15 @@ class Avoidance:
         return replace(estimate, obstacle_probability=probability)
 
     def checked(self, estimate: MapEstimate, action: Command) -> Command:
-        """The action, or a wait if it would lead too near to a thing; a velocity as a straight step."""
+        """The action, or a wait if it would lead too near to a thing; a velocity as the chord of its arc."""
+        yaw = float(estimate.pose[2])
         if isinstance(action, Velocity):
             length_m = action.v_mps * self.config.step_s
+            yaw += action.w_radps * self.config.step_s / 2
         else:
             length_m = {Action.FORWARD: FORWARD_M, Action.BACKWARD: -FORWARD_M}.get(action, 0.0)
         if not length_m or not estimate.moving:
             return action
-        yaw = float(estimate.pose[2])
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
         meets = any(self._meets(estimate, step, thing) for thing in estimate.moving)
         self._waited = self._waited + 1 if meets else 0

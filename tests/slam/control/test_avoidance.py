@@ -1,6 +1,7 @@
 """Steps among people: closed cases, and that a robot which waits or leaves is never held."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import given
@@ -48,8 +49,10 @@ def test_a_velocity_is_a_step_of_a_second():
     """0.25 m/s ahead is a step forward; turning on the spot and standing are never stopped."""
     for gap_m, waits in ((0.01, False), (-0.01, True)):
         ahead = estimate((LEAST_M + FORWARD_M + gap_m, 0.0, 0.0, 0.0))
-        command = Velocity(0.25, 0.1, 0.5)
-        assert Avoidance().checked(ahead, command) == (Action.WAIT if waits else command)
+        for w in (0.0, 1.0):
+            turned = replace(ahead, pose=np.array([0.0, 0.0, -w / 2]))
+            command = Velocity(0.25, w, 0.5)
+            assert Avoidance().checked(turned, command) == (Action.WAIT if waits else command)
         assert Avoidance().checked(ahead, Velocity(0.0, 1.0, 0.5)) == Velocity(0.0, 1.0, 0.5)
 
 
