@@ -95,7 +95,7 @@ ROBOT = Kind(
         "turtlebot": "robosim.robot.robots:TURTLEBOT",
         "locobot": "robosim.robot.robots:LOCOBOT",
     },
-    has=("radius_m", "mast_m", "height_m", "hull_m", "profile", "within_reach"),
+    has=("radius_m", "mast_m", "height_m", "hull", "hull_m", "profile", "within_reach"),
     made_from="nothing",
     suffixes=(".yaml", ".yml", ".json"),
     from_file="robosim.robot.robots:read_robot",

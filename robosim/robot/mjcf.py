@@ -43,8 +43,8 @@ def export_mjcf(
     """
     robot, config = robot or RobotConfig(), config or PhysicsConfig()
     if pose is None:
-        pose = np.array([*reach(building, robot.radius_m, robot.height_m).widest(), 0.0])
-    check_pose(building.floor(robot.height_m), pose, robot.radius_m)
+        pose = np.array([*reach(building, *robot.hull_m).widest(), 0.0])
+    check_pose(building.floor(robot.height_m), pose, robot.hull)
     low, high = np.reshape(building.free.bounds, (2, 2))
     # MJCF is written with six digits: of places around the middle of the building they are a tenth of a millimetre.
     origin = np.round((low + high) / 2, 1)

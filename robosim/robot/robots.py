@@ -1,4 +1,4 @@
-"""The robot's body in MuJoCo: a round differential drive with a camera on a mast.
+"""The robot's body in MuJoCo: a differential drive with a camera on a mast.
 
 Two driven wheels on the axle through the centre, a caster before and one behind it, the centre of mass
 low between them. Wheels touch the floor as spheres: one point each, where cylinders scrub on an edge and
@@ -9,7 +9,8 @@ without the servo's damping.
 Walls see the hull as a sphere of the hull's radius at the height of the centre of mass: against upright
 walls its outline is a circle of exactly that radius however the body tilts, a push goes through the
 centre of mass, and there is no edge to climb on. (An upright capsule leans out when the
-body tilts; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.)
+body tilts; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.) A hull with an outline is a plate at that
+height.
 What is placed in a building stops the hull's circle wherever anything of it is lower than the robot (`height_m`): the
 robot is an upright cylinder to it, though its mast is slimmer.
 Left out: suspension, motor electronics, the mast's mass.
@@ -18,10 +19,11 @@ Left out: suspension, motor electronics, the mast's mass.
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
+import shapely
 import tyro
 from jaxtyping import Float
 
@@ -32,12 +34,16 @@ from robosim.support.files import write_json
 from robosim.support.from_dict import from_dict
 from robosim.support.text_in import parse_json, parse_yaml
 from robosim_support.reading import reading
+from slam.hull import Hull, Outline
 from slam.mapping.odometry import OdometryConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
 #: Half the height of the camera's housing on the mast, and upper edge of the deck, in radii of the hull.
 _CAMERA_R, _DECK_R = 0.15, 1.3
+#: Half the height of a hull with an outline where it meets walls: it is a plate, so that pushes hardly tilt it [m].
+_PLATE_M = 0.01
+_BLUE, _ORANGE = (0.25, 0.45, 0.7, 1), (0.9, 0.35, 0.1, 1)
 #: Push of the wheels at which the motors stall, as a part of the robot's weight.
 STALL_GRIP = 0.5
 
@@ -48,7 +54,10 @@ class RobotConfig:
     """Size and abilities of the robot; by default like a small TurtleBot."""
 
     radius_m: Annotated[float, RADIUS_M] = 0.10
-    """Radius of the hull [m]."""
+    """Radius of the hull [m]. Of a hull with an outline it is half the width, and set from it."""
+    outline_m: Annotated[Outline, tyro.conf.Suppress] = ()
+    """Corners of the hull, x ahead and y to the left of the middle of the axle [m]; it is their convex outline. None
+    for a disk."""
     mass_kg: Annotated[float, Range(0.01, 10_000, "kg")] = 2.0
     """Mass of all but the wheels [kg]."""
     wheel_radius_m: Annotated[float, Range(0.001, 1, "m")] = 0.033
@@ -69,9 +78,12 @@ class RobotConfig:
     robot is calibrated before its first episode, on an open floor."""
 
     def __post_init__(self) -> None:
+        if self.outline_m:
+            object.__setattr__(self, "outline_m", convex_outline(self.outline_m))
+            object.__setattr__(self, "radius_m", max(abs(y) for _, y in self.outline_m))
         if self.track_m > 2 * self.radius_m:
             raise ValueError(
-                f"track_m is {self.track_m:g}, expected at most the hull's diameter, {2 * self.radius_m:g} m: "
+                f"track_m is {self.track_m:g}, expected at most the hull's width, {2 * self.radius_m:g} m: "
                 "wheels outside of the hull would pass through walls."
             )
 
@@ -81,9 +93,14 @@ class RobotConfig:
         return max(self.mast_m + _CAMERA_R * self.radius_m, _DECK_R * self.radius_m)
 
     @property
-    def hull_m(self) -> tuple[float, float]:
-        """Radius and height [m] of the upright cylinder that the robot is to what it may run into."""
-        return self.radius_m, self.height_m
+    def hull_m(self) -> tuple[float, float, Outline]:
+        """Radius and height [m] of the upright cylinder, or prism with an outline, that the robot is to obstacles."""
+        return self.radius_m, self.height_m, self.outline_m
+
+    @property
+    def hull(self) -> Hull:
+        """The hull from above."""
+        return Hull(self.radius_m, self.outline_m)
 
     @property
     def servo_gain(self) -> float:
@@ -112,6 +129,20 @@ class RobotConfig:
         dx, dy, turn = displacement
         length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
         return SpeedProfile.fastest(length_m, speed_mps=self.max_speed_mps, accel_mps2=self.max_accel_mps2)
+
+
+def convex_outline(corners: Outline) -> Outline:
+    """The convex outline of some corners, counter-clockwise.
+
+    Raises:
+        ValueError: If it does not enclose the middle of the axle.
+    """
+    outline = shapely.MultiPoint(corners).convex_hull
+    if not (np.isfinite(corners).all() and outline.contains_properly(shapely.Point(0, 0))):
+        raise ValueError(
+            f"outline_m is {corners}, expected at least three corners around the middle of the axle, which is at 0, 0."
+        )
+    return tuple((x, y) for x, y in shapely.orient_polygons(outline).exterior.coords[:-1])
 
 
 #: With the radius of the published agent.
@@ -148,31 +179,32 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     Its joints are `robot` (free), `left` and `right`; the latter are also actuators: wheel speeds [rad/s].
     The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
     """
-    geom, com_m = mujoco.mjtGeom, 0.5 * robot.radius_m
+    geom, com_m, hull = mujoco.mjtGeom, 0.5 * robot.radius_m, robot.hull
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint(name="robot")
     body.explicitinertial = True
     body.mass, body.ipos = robot.mass_kg, (0, 0, com_m)
-    body.inertia = (0.4 * robot.mass_kg * robot.radius_m**2,) * 3
+    body.inertia = (0.4 * robot.mass_kg * hull.turning_m**2,) * 3
+    shape: dict[str, Any] = {"type": geom.mjGEOM_SPHERE, "pos": (0, 0, com_m), "size": (robot.radius_m, 0, 0)}
+    if robot.outline_m:
+        shape = _prism(spec, "hull", hull.corners, com_m - _PLATE_M, com_m + _PLATE_M)
     body.add_geom(
         name="hull",
-        type=geom.mjGEOM_SPHERE,
-        pos=(0, 0, com_m),
-        size=(robot.radius_m, 0, 0),
         contype=0,
         conaffinity=WALL,
         condim=3 if physics.wall_friction > 0 else 1,
         friction=(physics.wall_friction, 0, 0),
         priority=1,
         group=3,
+        **shape,
         **physics.hard,
     )
     caster_m = 0.15 * robot.radius_m
-    for name, side in (("front", 1), ("back", -1)):
+    for name, x in (("front", hull.ahead_m), ("back", -hull.behind_m)):
         body.add_geom(
             name=name,
             type=geom.mjGEOM_SPHERE,
-            pos=(side * 0.75 * robot.radius_m, 0, caster_m),
+            pos=(0.75 * x, 0, caster_m),
             size=(caster_m, 0, 0),
             rgba=(0.8, 0.8, 0.8, 1),
             contype=0,
@@ -185,7 +217,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
         )
     for name, side in (("left", 1), ("right", -1)):
         _add_wheel(spec, body, name, side, robot, physics)
-    _add_looks(body, robot)
+    _add_looks(spec, body, robot)
     touch = spec.add_sensor(
         name="touch", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="hull"
     )
@@ -241,16 +273,43 @@ def _add_wheel(
     servo.forcelimited, servo.forcerange = True, (-robot.stall_torque_nm, robot.stall_torque_nm)
 
 
-def _add_looks(body: mujoco.MjsBody, robot: RobotConfig) -> None:
+def _prism(
+    spec: mujoco.MjSpec, name: str, corners: Float[np.ndarray, "n 2"], low: float, high: float
+) -> dict[str, Any]:
+    """Shape of an upright prism between two heights [m]: a box where it is a rectangle along the axes, or a mesh."""
+    least, most = corners.min(axis=0), corners.max(axis=0)
+    if len(corners) == 4 and np.isin(corners, [least, most]).all():
+        (x, y), (length, width) = (least + most) / 2, (most - least) / 2
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        return {"type": box, "pos": (x, y, (low + high) / 2), "size": (length, width, (high - low) / 2)}
+    vertices = np.vstack([np.insert(corners, 2, z, axis=1) for z in (low, high)])
+    mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
+
+
+def _add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, robot: RobotConfig) -> None:
     """What is drawn of the body, and collides with nothing."""
     R, top = robot.radius_m, robot.mast_m
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
-    looks = (
-        ("base", cylinder, (0, 0, 0.65 * R), (R, 0.25 * R, 0), (0.3, 0.3, 0.33, 1)),
-        ("deck", cylinder, (0, 0, 1.15 * R), (0.85 * R, 0.15 * R, 0), (0.25, 0.45, 0.7, 1)),
-        ("mast", cylinder, (0, 0, (top + R) / 2), (0.1 * R, 0, (top - R) / 2), (0.7, 0.7, 0.7, 1)),
-        ("camera", box, (0, 0, top), (0.15 * R, 0.4 * R, _CAMERA_R * R), (0.9, 0.35, 0.1, 1)),
-    )
-    for name, kind, pos, size, rgba in looks:
-        size = (size[0], size[2], 0) if name == "mast" else size
-        body.add_geom(name=name, type=kind, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)
+    looks: list[tuple[str, dict[str, Any], tuple[float, ...]]] = [
+        ("base", {"type": cylinder, "pos": (0, 0, 0.65 * R), "size": (R, 0.25 * R, 0)}, (0.3, 0.3, 0.33, 1)),
+        ("deck", {"type": cylinder, "pos": (0, 0, 1.15 * R), "size": (0.85 * R, 0.15 * R, 0)}, _BLUE),
+    ]
+    if robot.outline_m:
+        corners = robot.hull.corners
+        looks = [
+            ("base", _prism(spec, "base", corners, 0.4 * R, 0.9 * R), (0.3, 0.3, 0.33, 1)),
+            ("deck", _prism(spec, "deck", 0.85 * corners, R, 1.3 * R), _BLUE),
+        ]
+    half_m = max(top - R, 0.01) / 2
+    looks += [
+        (
+            "mast",
+            {"type": cylinder, "pos": (0, 0, top - half_m), "size": (0.1 * R, half_m, 0)},
+            (0.7, 0.7, 0.7, 1),
+        ),
+        ("camera", {"type": box, "pos": (0, 0, top), "size": (0.15 * R, 0.4 * R, _CAMERA_R * R)}, _ORANGE),
+    ]
+    for name, shape, rgba in looks:
+        body.add_geom(name=name, rgba=rgba, contype=0, conaffinity=0, mass=0, **shape)
