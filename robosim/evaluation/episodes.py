@@ -233,7 +233,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
     row = _row(job, log, building)
     head = Head(row=row, seeks_target=log.seeks_target, timing=timing, made_by=job.made_by)
-    return steps.content(head, log.poses[-1], log.coverage[-1], estimate)
+    return steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times())
 
 
 def draw_plan(

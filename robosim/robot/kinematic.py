@@ -20,7 +20,14 @@ from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.movers.movers import Movers
 from robosim.robot.collision import FIT_M, check_pose
-from robosim.robot.motion import BLOCKED_M, BLOCKED_RAD, Motion, check_displacement, check_drive
+from robosim.robot.motion import (
+    BLOCKED_M,
+    BLOCKED_RAD,
+    CommandQueue,
+    Motion,
+    check_displacement,
+    check_drive,
+)
 from robosim.robot.robots import RobotConfig
 from robosim_support.compiled import compiled
 from slam.poses import to_map, wrap
@@ -60,17 +67,21 @@ class KinematicWorld:
         else:
             self._walls = _Tiles(walls, self.robot.radius_m + GAP_M)
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
+        self._commands = CommandQueue(self.robot.latency_s)
         self._movers = movers
 
     def clone(self) -> "KinematicWorld":
         """The same building with another robot in it, independent of the first."""
-        return copy(self)
+        other = copy(self)
+        other._commands = CommandQueue(self.robot.latency_s)
+        return other
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose x [m], y [m], yaw [rad] in `map`; ValueError if the hull does not fit there."""
         check_pose(self._room, pose, self.robot.hull)
         self._x, self._y = float(pose[0] - self._origin[0]), float(pose[1] - self._origin[1])
         self._yaw = wrap(float(pose[2]))
+        self._commands.clear()
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:
@@ -84,6 +95,7 @@ class KinematicWorld:
         collided if a wall left the robot off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
         """
         check_displacement(displacement)
+        self._commands.clear()
         dx, dy, turn = (float(part) for part in displacement)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         goal_yaw = self._yaw + turn
@@ -103,12 +115,18 @@ class KinematicWorld:
         return Motion(self.pose, blocked, profile.duration_s)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive along an arc for a while, at once at full speed; collided if a wall shortened the arc.
+        """Drive along an arc for a while, at full speed after the latency; collided if a wall shortened it.
 
-        Speeds that a wheel cannot have are reduced, along the same arc.
+        Speeds beyond the robot's limits are reduced, along the same arc.
         """
         check_drive(v_mps, w_radps, duration_s)
-        v, w = self.robot.within_reach(v_mps, w_radps)
+        blocked = False
+        for (v, w), time_s in self._commands.during(self.robot.within_reach(v_mps, w_radps), duration_s):
+            blocked |= self._follow_arc(v, w, time_s)
+        return Motion(self.pose, blocked, duration_s)
+
+    def _follow_arc(self, v: float, w: float, duration_s: float) -> bool:
+        """Move along an arc as far as walls allow; whether one stopped the disk."""
         pieces = max(math.ceil(abs(w) * duration_s / ARC_RAD), self._pieces(duration_s))
         turn = w * duration_s / pieces
         half = turn / 2
@@ -119,7 +137,7 @@ class KinematicWorld:
             blocked |= self._go(chord * math.cos(direction), chord * math.sin(direction))
             blocked |= self._turn(turn)
             self._let_pass(duration_s / pieces)
-        return Motion(self.pose, blocked, duration_s)
+        return blocked
 
     def _pieces(self, duration_s: float) -> int:
         """Pieces of a motion between which movers move."""

@@ -72,7 +72,12 @@ class RobotConfig:
     max_speed_mps: Annotated[float, Range(0.001, 10, "m/s")] = 0.5
     """Highest speed of a wheel [m/s]."""
     max_accel_mps2: Annotated[float, Range(0.001, 1000, "m/s2")] = 2.0
-    """Highest acceleration of a wheel [m/s^2]."""
+    """Highest acceleration of a wheel [m/s^2]; the kinematic physics ignores it."""
+    max_turn_rate_radps: Annotated[float | None, Range(0.001, 100, "rad/s")] = None
+    """Highest turn rate [rad/s]. None: what the wheels allow."""
+    latency_s: Annotated[float, Range(0, 10, "s")] = 0.0
+    """Time from a command of speeds until the wheels begin to follow it [s]. Discrete actions have none: they end where
+    they are meant to."""
     odometry: Annotated[OdometryConfig | None, tyro.conf.Suppress] = None
     """What a calibration has found of its odometry, as `robosim calibrate` writes it into a robot's file. None: the
     robot is calibrated before its first episode, on an open floor."""
@@ -103,6 +108,11 @@ class RobotConfig:
         return Hull(self.radius_m, self.outline_m)
 
     @property
+    def turn_rate_radps(self) -> float:
+        """Highest turn rate on the spot [rad/s]."""
+        return min(self.max_turn_rate_radps or math.inf, 2 * self.max_speed_mps / self.track_m)
+
+    @property
     def servo_gain(self) -> float:
         """Torque of a wheel's servo per error of its speed [N m s/rad], for the lag `SERVO_LAG_S`."""
         rolling = self.mass_kg / 2 * self.wheel_radius_m**2
@@ -119,16 +129,21 @@ class RobotConfig:
         return self.stall_torque_nm / self.servo_gain * self.wheel_radius_m
 
     def within_reach(self, v_mps: float, w_radps: float) -> tuple[float, float]:
-        """The fastest speed and turn rate along the same arc that neither wheel is too slow for."""
+        """The fastest speed and turn rate along the same arc within the limits of wheels and turn rate."""
         rim = abs(v_mps) + abs(w_radps) * self.track_m / 2
         part = min(1.0, self.max_speed_mps / rim) if rim > 0 else 1.0
+        if self.max_turn_rate_radps is not None and w_radps:
+            part = min(part, self.max_turn_rate_radps / abs(w_radps))
         return part * v_mps, part * w_radps
 
     def profile(self, displacement: Float[np.ndarray, "3"]) -> SpeedProfile:
         """Fastest motion along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
         dx, dy, turn = displacement
         length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
-        return SpeedProfile.fastest(length_m, speed_mps=self.max_speed_mps, accel_mps2=self.max_accel_mps2)
+        speed_mps = self.max_speed_mps
+        if self.max_turn_rate_radps is not None and turn:
+            speed_mps = min(speed_mps, self.max_turn_rate_radps * length_m / abs(turn))
+        return SpeedProfile.fastest(length_m, speed_mps=speed_mps, accel_mps2=self.max_accel_mps2)
 
 
 def convex_outline(corners: Outline) -> Outline:
