@@ -28,6 +28,7 @@ from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_polic
 from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.radio.measurement import Interpreter, bearings_of, check_classifier
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Decision, Step, Truth
 from robosim.support.checks import SEED, STEPS, checked
@@ -81,6 +82,13 @@ class EpisodeConfig:
                     f"mapper is {self.mapper!r}, which learned from pictures, but camera is 'none'. Give "
                     "--mapper classical."
                 )
+
+    def of_robot(self, robot: RobotConfig) -> "EpisodeConfig":
+        """The same with another robot, and the sensors that it comes with; without a camera the classical mapper."""
+        simulator = self.simulator.of_robot(robot)
+        return replace(
+            self, simulator=simulator, mapper="classical" if simulator.camera == "none" else self.mapper
+        )
 
     def in_band(self, name: str) -> "EpisodeConfig":
         """The same in a radio band of `wireless.bands`, with the classifier of link states for it."""

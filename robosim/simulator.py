@@ -7,7 +7,7 @@ for judging only.
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -79,6 +79,18 @@ class SimulatorConfig:
         LIDAR.check("lidar", self.lidar)
         if self.camera == self.lidar == "none":
             raise ValueError("camera and lidar are 'none': the robot would see nothing. Give it one of them.")
+
+    def of_robot(self, robot: RobotConfig) -> "SimulatorConfig":
+        """The same with another robot, and the sensors that it comes with."""
+        has = robot.sensors
+        if has is None:
+            return replace(self, robot=robot)
+        laser = replace(self.laser, ahead_m=has.lidar_m[0], height_m=has.lidar_m[1])
+        if has.camera_m is None:
+            return replace(self, robot=robot, camera="none", lidar=has.lidar, laser=laser)
+        ahead_m, height_m = has.camera_m
+        image = replace(self.image, ahead_m=ahead_m, height_m=height_m, hfov_deg=has.hfov_deg)
+        return replace(self, robot=robot, image=image, lidar=has.lidar, laser=laser)
         RECOGNISER.check("recognition", self.recognition)
 
 

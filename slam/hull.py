@@ -42,7 +42,8 @@ class Hull:
             return self.radius_m
         start, end = self.corners, np.roll(self.corners, -1, axis=0)
         along = end - start
-        return float((np.cross(start, along) / np.hypot(*along.T)).min())
+        area = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]
+        return float((area / np.hypot(*along.T)).min())
 
     @property
     def ahead_m(self) -> float:

@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.movers.movers import Movers
+from robosim.robot.body import add_robot
 from robosim.robot.collision import check_pose, solids
 from robosim.robot.motion import (
     BLOCKED_M,
@@ -30,7 +31,7 @@ from robosim.robot.motion import (
     check_drive,
 )
 from robosim.robot.physics import PhysicsConfig, add_floor, add_movers, add_walls, new_spec
-from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
+from robosim.robot.robots import SERVO_LAG_S, RobotConfig
 from slam.poses import wrap
 
 __all__ = ["Motion", "PhysicsConfig", "World"]

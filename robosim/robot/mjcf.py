@@ -17,9 +17,10 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.building.reach import reach
 from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.robot.body import add_robot
 from robosim.robot.collision import check_pose, placed_solids, wall_solids
 from robosim.robot.physics import PhysicsConfig, add_floor_box, add_walls, new_spec
-from robosim.robot.robots import RobotConfig, add_robot
+from robosim.robot.robots import RobotConfig
 from robosim.support.files import whole_file
 
 #: Floor beyond the walls [m].

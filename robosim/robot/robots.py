@@ -1,51 +1,49 @@
-"""The robot's body in MuJoCo: a differential drive with a camera on a mast.
+"""Robots: size, abilities and sensors, from a file or by name (`robosim.robot.named`).
 
-Two driven wheels on the axle through the centre, a caster before and one behind it, the centre of mass
-low between them. Wheels touch the floor as spheres: one point each, where cylinders scrub on an edge and
-turn up to 14 degrees short in a full turn. Each wheel has a velocity servo; the rotor's inertia, as felt
-through the gear, is what keeps a stiff servo stable at steps of 5 ms, since MuJoCo solves contacts
-without the servo's damping.
-
-Walls see the hull as a sphere of the hull's radius at the height of the centre of mass: against upright
-walls its outline is a circle of exactly that radius however the body tilts, a push goes through the
-centre of mass, and there is no edge to climb on. (An upright capsule leans out when the
-body tilts; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.) A hull with an outline is a plate at that
-height.
-What is placed in a building stops the hull's circle wherever anything of it is lower than the robot (`height_m`): the
-robot is an upright cylinder to it, though its mast is slimmer.
-Left out: suspension, motor electronics, the mast's mass.
+All are differential drives with a camera. `robosim.robot.body` makes a body of them for MuJoCo.
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import mujoco
 import numpy as np
 import shapely
 import tyro
 from jaxtyping import Float
 
+from robosim.parts import LidarPart
 from robosim.robot.motion import SpeedProfile
-from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
 from robosim.support.checks import RADIUS_M, Range, checked
-from robosim.support.files import write_json
-from robosim.support.from_dict import from_dict
-from robosim.support.text_in import parse_json, parse_yaml
-from robosim_support.reading import reading
 from slam.hull import Hull, Outline
 from slam.mapping.odometry import OdometryConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
 #: Half the height of the camera's housing on the mast, and upper edge of the deck, in radii of the hull.
-_CAMERA_R, _DECK_R = 0.15, 1.3
-#: Half the height of a hull with an outline where it meets walls: it is a plate, so that pushes hardly tilt it [m].
-_PLATE_M = 0.01
-_BLUE, _ORANGE = (0.25, 0.45, 0.7, 1), (0.9, 0.35, 0.1, 1)
+CAMERA_R, DECK_R = 0.15, 1.3
 #: Push of the wheels at which the motors stall, as a part of the robot's weight.
 STALL_GRIP = 0.5
+
+
+#: How far something is ahead of the middle of the axle, and its height [m].
+Mount = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class Sensors:
+    """What a robot senses with, and from where."""
+
+    camera_m: Annotated[Mount | None, Range(-10, 10, "m")] = None
+    """Place of the camera [m]; None: it has no camera."""
+    hfov_deg: Annotated[float, Range(1, 170, "degrees")] = 90.0
+    """Horizontal field of view of the camera [deg]."""
+    lidar: LidarPart = "none"
+    """Kind of its lidar."""
+    lidar_m: Annotated[Mount, Range(-10, 10, "m")] = (0.0, 0.2)
+    """Place of the lidar [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +76,10 @@ class RobotConfig:
     latency_s: Annotated[float, Range(0, 10, "s")] = 0.0
     """Time from a command of speeds until the wheels begin to follow it [s]. Discrete actions have none: they end where
     they are meant to."""
+    sensors: Annotated[Sensors | None, tyro.conf.Suppress] = None
+    """Camera and lidar that it comes with, for `SimulatorConfig.of_robot`. None: those of the configuration."""
+    model: Annotated[Path | None, tyro.conf.Suppress] = None
+    """URDF or MJCF file with the masses and wheels that MuJoCo simulates. None: a body of the sizes above."""
     odometry: Annotated[OdometryConfig | None, tyro.conf.Suppress] = None
     """What a calibration has found of its odometry, as `robosim calibrate` writes it into a robot's file. None: the
     robot is calibrated before its first episode, on an open floor."""
@@ -95,7 +97,7 @@ class RobotConfig:
     @property
     def height_m(self) -> float:
         """Height of the whole robot [m], with the camera on its mast: what hangs higher does not stop it."""
-        return max(self.mast_m + _CAMERA_R * self.radius_m, _DECK_R * self.radius_m)
+        return max(self.mast_m + CAMERA_R * self.radius_m, DECK_R * self.radius_m)
 
     @property
     def hull_m(self) -> tuple[float, float, Outline]:
@@ -168,163 +170,9 @@ LOCOBOT = RobotConfig(
 )
 
 
-def read_robot(path: Path) -> RobotConfig:
-    """A robot from a YAML or JSON file of fields such as `radius_m: 0.25`; FileError if it is damaged."""
-    with reading(path, "a robot", "Give fields of RobotConfig, such as radius_m: 0.25") as file:
-        parse = parse_json if path.suffix == ".json" else parse_yaml
-        return from_dict(RobotConfig, parse(file.read()))
-
-
-def write_robot(path: Path, robot: RobotConfig) -> None:
-    """Write a robot as JSON for `read_robot`."""
-    write_json(path, asdict(robot))
-
-
 def robot_of_radius(radius_m: float) -> RobotConfig:
     """The robot that has a name and a hull of this radius, or else the small one with such a hull."""
     for robot in (TURTLEBOT, LOCOBOT):
         if robot.radius_m == radius_m:
             return robot
     return RobotConfig(radius_m=radius_m, track_m=min(RobotConfig().track_m, 1.6 * radius_m))
-
-
-def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -> None:
-    """Add the robot to a model, standing at the origin and looking along +x.
-
-    Its joints are `robot` (free), `left` and `right`; the latter are also actuators: wheel speeds [rad/s].
-    The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
-    """
-    geom, com_m, hull = mujoco.mjtGeom, 0.5 * robot.radius_m, robot.hull
-    body = spec.worldbody.add_body(name="robot")
-    body.add_freejoint(name="robot")
-    body.explicitinertial = True
-    body.mass, body.ipos = robot.mass_kg, (0, 0, com_m)
-    body.inertia = (0.4 * robot.mass_kg * hull.turning_m**2,) * 3
-    shape: dict[str, Any] = {"type": geom.mjGEOM_SPHERE, "pos": (0, 0, com_m), "size": (robot.radius_m, 0, 0)}
-    if robot.outline_m:
-        shape = _prism(spec, "hull", hull.corners, com_m - _PLATE_M, com_m + _PLATE_M)
-    body.add_geom(
-        name="hull",
-        contype=0,
-        conaffinity=WALL,
-        condim=3 if physics.wall_friction > 0 else 1,
-        friction=(physics.wall_friction, 0, 0),
-        priority=1,
-        group=3,
-        **shape,
-        **physics.hard,
-    )
-    caster_m = 0.15 * robot.radius_m
-    for name, x in (("front", hull.ahead_m), ("back", -hull.behind_m)):
-        body.add_geom(
-            name=name,
-            type=geom.mjGEOM_SPHERE,
-            pos=(0.75 * x, 0, caster_m),
-            size=(caster_m, 0, 0),
-            rgba=(0.8, 0.8, 0.8, 1),
-            contype=0,
-            conaffinity=FLOOR,
-            condim=1,
-            priority=1,
-            # Softer than the wheels, which are to carry most of the weight.
-            solref=(2 * physics.timestep_s, 1.0),
-            solimp=(0.9, 0.95, 0.001, 0.5, 2.0),
-        )
-    for name, side in (("left", 1), ("right", -1)):
-        _add_wheel(spec, body, name, side, robot, physics)
-    _add_looks(spec, body, robot)
-    touch = spec.add_sensor(
-        name="touch", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="hull"
-    )
-    data = mujoco.mjtConDataField
-    touch.intprm[:3] = (
-        1 << int(data.mjCONDATA_FOUND) | 1 << int(data.mjCONDATA_DIST),
-        1,
-        1,
-    )  # least distance
-
-
-def _add_wheel(
-    spec: mujoco.MjSpec,
-    body: mujoco.MjsBody,
-    name: str,
-    side: int,
-    robot: RobotConfig,
-    physics: PhysicsConfig,
-) -> None:
-    r = robot.wheel_radius_m
-    wheel = body.add_body(name=name, pos=(0, side * robot.track_m / 2, r))
-    wheel.explicitinertial = True
-    wheel.ipos = (0, 0, 0)  # else MuJoCo takes the position of the body, and the wheel is unbalanced
-    wheel.mass = 0.025 * robot.mass_kg
-    wheel.inertia = (0.5 * wheel.mass * r**2,) * 3
-    wheel.add_joint(
-        name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 1, 0), armature=robot.rotor_inertia_kgm2
-    )
-    wheel.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=(r, 0, 0),
-        contype=0,
-        conaffinity=FLOOR,
-        condim=3,
-        friction=(physics.floor_friction, 0, 0),
-        priority=1,
-        group=3,
-        **physics.hard,
-    )
-    wheel.add_geom(
-        name=f"{name}_tyre",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=(r, 0.12 * robot.radius_m, 0),
-        quat=(math.sqrt(0.5), math.sqrt(0.5), 0, 0),
-        rgba=(0.1, 0.1, 0.1, 1),
-        contype=0,
-        conaffinity=0,
-        mass=0,
-    )
-    servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    servo.set_to_velocity(kv=robot.servo_gain)
-    servo.forcelimited, servo.forcerange = True, (-robot.stall_torque_nm, robot.stall_torque_nm)
-
-
-def _prism(
-    spec: mujoco.MjSpec, name: str, corners: Float[np.ndarray, "n 2"], low: float, high: float
-) -> dict[str, Any]:
-    """Shape of an upright prism between two heights [m]: a box where it is a rectangle along the axes, or a mesh."""
-    least, most = corners.min(axis=0), corners.max(axis=0)
-    if len(corners) == 4 and np.isin(corners, [least, most]).all():
-        (x, y), (length, width) = (least + most) / 2, (most - least) / 2
-        box = mujoco.mjtGeom.mjGEOM_BOX
-        return {"type": box, "pos": (x, y, (low + high) / 2), "size": (length, width, (high - low) / 2)}
-    vertices = np.vstack([np.insert(corners, 2, z, axis=1) for z in (low, high)])
-    mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
-
-
-def _add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, robot: RobotConfig) -> None:
-    """What is drawn of the body, and collides with nothing."""
-    R, top = robot.radius_m, robot.mast_m
-    cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
-    looks: list[tuple[str, dict[str, Any], tuple[float, ...]]] = [
-        ("base", {"type": cylinder, "pos": (0, 0, 0.65 * R), "size": (R, 0.25 * R, 0)}, (0.3, 0.3, 0.33, 1)),
-        ("deck", {"type": cylinder, "pos": (0, 0, 1.15 * R), "size": (0.85 * R, 0.15 * R, 0)}, _BLUE),
-    ]
-    if robot.outline_m:
-        corners = robot.hull.corners
-        looks = [
-            ("base", _prism(spec, "base", corners, 0.4 * R, 0.9 * R), (0.3, 0.3, 0.33, 1)),
-            ("deck", _prism(spec, "deck", 0.85 * corners, R, 1.3 * R), _BLUE),
-        ]
-    half_m = max(top - R, 0.01) / 2
-    looks += [
-        (
-            "mast",
-            {"type": cylinder, "pos": (0, 0, top - half_m), "size": (0.1 * R, half_m, 0)},
-            (0.7, 0.7, 0.7, 1),
-        ),
-        ("camera", {"type": box, "pos": (0, 0, top), "size": (0.15 * R, 0.4 * R, _CAMERA_R * R)}, _ORANGE),
-    ]
-    for name, shape, rgba in looks:
-        body.add_geom(name=name, rgba=rgba, contype=0, conaffinity=0, mass=0, **shape)
