@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 #: Corners of a hull around the middle of the axle: x ahead, y to the left [m].
 Outline = tuple[tuple[float, float], ...]
@@ -44,6 +44,14 @@ class Hull:
         along = end - start
         area = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]
         return float((area / np.hypot(*along.T)).min())
+
+    def covers(self, points: Float[np.ndarray, "*batch 2"], margin_m: float) -> Bool[np.ndarray, "*batch"]:
+        """Which points of its own frame lie inside of the polygon by a margin [m]."""
+        start = self.corners
+        along = np.roll(start, -1, axis=0) - start
+        inward = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+        depth: Float[np.ndarray, "*batch n"] = points @ inward.T - (start * inward).sum(axis=1)
+        return np.asarray((depth > margin_m).all(axis=-1))
 
     @property
     def ahead_m(self) -> float:

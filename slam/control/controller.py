@@ -28,6 +28,7 @@ from jaxtyping import Float, Int
 
 from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action
+from slam.control.action_search import find_actions, is_clear
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.hull import Hull, Outline
 from slam.planning.clearance import Clearance
@@ -93,6 +94,9 @@ class ControlConfig:
 #: Recent decisions examined for wavering, and changes of side among their turns that are too many.
 HISTORY, MOST_REVERSALS = 16, 4
 
+#: Actions of a search that are done before the next search.
+_COURSE = 6
+
 #: Number of actions in the mean displacement of a calibration, and least number for a reliable mean.
 _CALIBRATED, _SURE = 50, 5
 
@@ -133,6 +137,8 @@ class Controller:
         self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the path at which it looks around,
         self._aside_m = 0.0  # and how far looking around may lead from there
         self._recent: deque[Action] = deque(maxlen=HISTORY)
+        self._course: deque[Action] = deque()  # of a polygon, and where it leads
+        self._course_goal: Float[np.ndarray, 2] = np.zeros(2)
         self._committed: deque[Action] = deque()
 
     def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
@@ -163,6 +169,7 @@ class Controller:
         """The last action was not done, as when the robot waits instead: nothing is learned from it."""
         self._last = None
         self._committed.clear()
+        self._course.clear()
 
     def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
@@ -212,8 +219,10 @@ class Controller:
         )
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
-        """First action of the cheapest turn and run."""
+        """First action of the cheapest turn and run; of a polygon, of a search."""
         config = self.config
+        if self.hull.outline_m and (course := self._searched(pose, plan)):
+            return course.popleft()
         turned = self._turned(pose)
         stride = math.hypot(*self.motion[Action.FORWARD, :2])
         headings = turned[:, 2] + math.atan2(self.motion[Action.FORWARD, 1], self.motion[Action.FORWARD, 0])
@@ -243,6 +252,20 @@ class Controller:
             self._recent.clear()
             return self._committed.popleft()
         return self._turning(pose, turns, plan.clearance)
+
+    def _searched(self, pose: Float[np.ndarray, "3"], plan: Plan) -> deque[Action]:
+        """Actions that bring a polygon forward: those found before, as long as they are clear, or new ones."""
+        same_goal = np.hypot(*(plan.asked_xy - self._course_goal)) < self.config.arrived_m
+        if not (
+            same_goal
+            and self._course
+            and is_clear(pose, list(self._course), self.motion, self.hull, plan.clearance)
+        ):
+            found = find_actions(
+                pose, self.motion, self.hull, plan.clearance, plan.field, forward_m=self.config.forward_m
+            )
+            self._course, self._course_goal = deque(found[:_COURSE]), plan.asked_xy
+        return self._course
 
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
         """First of some turns, or of what goes before them where that spares the hull pushes."""

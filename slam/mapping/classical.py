@@ -170,8 +170,7 @@ class ClassicalMapper:
             matcher: Finds the pose; scan matching if None.
         """
         self.config = config
-        #: Radius of the disk of cells that are surely under the hull [m].
-        self.under_m = Hull(config.radius_m, config.outline_m).inner_m - 0.5 * config.resolution_m
+        self.hull = Hull(config.radius_m, config.outline_m)
         self._matcher = matcher
         self.reset(np.zeros(3))
 
@@ -363,7 +362,7 @@ class ClassicalMapper:
             surfaces.clear(*occupancy.integrate_laser(frame.laser, pose))
         placed = frame.points.at(pose)
         surfaces.add(placed.points, placed.normals, placed.weights)
-        occupancy.stand(pose, self.under_m)
+        occupancy.stand(pose, self.hull, 0.5 * self.config.resolution_m)
 
     def _rearrange(self) -> None:
         """Move the scans whose poses the graph has changed by enough; their places on the map become stale."""
@@ -427,7 +426,7 @@ class ClassicalMapper:
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Mark the cells under the hull as free."""
-        self.occupancy.stand(pose, self.under_m)
+        self.occupancy.stand(pose, self.hull, 0.5 * self.config.resolution_m)
 
     def _make_room_for(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
         """Grow the map, as far as allowed, until it holds a scan at a pose."""

@@ -139,11 +139,5 @@ class CollisionMarks:
 
     def stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Take marks off the cells whose centres the hull covers."""
-        r = self._hull.inner_m
-        x, y, _ = pose
-        rows, columns, frame = self.frame.window((x - r, y - r), (x + r, y + r))
-        if not self.blocked[rows, columns].any():
-            return
-        iy, ix = np.nonzero(self.blocked[rows, columns])
-        under = np.hypot(*(frame.to_points(np.column_stack([ix, iy]) + 0.5) - pose[:2]).T) < r
-        self.blocked[rows, columns][iy[under], ix[under]] = False
+        rows, columns, under = self.frame.under(pose, self._hull)
+        self.blocked[rows, columns][under] = False

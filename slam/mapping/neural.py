@@ -245,7 +245,7 @@ class NeuralMapper:
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Where the hull is, nothing else stands."""
-        rows, columns, under = self.frame.disc(pose[:2], self.classical.under_m)
+        rows, columns, under = self.frame.under(pose, self.classical.hull, 0.5 * self.frame.resolution_m)
         self._log_odds[rows, columns][under] = np.minimum(self._log_odds[rows, columns][under], -1.0)
         for known in (self._is_predicted, self._viewed):
             known[rows, columns] |= under

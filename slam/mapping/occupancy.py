@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from robosim_support.checks import Range, checked
 from robosim_support.compiled import compiled
 from slam.grid import GridFrame, enlarged, zeros
+from slam.hull import Hull
 from slam.poses import moved_ahead, to_map
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
@@ -157,9 +158,9 @@ class OccupancyGrid:
         low, high = ends.min(axis=0) - 0.15, ends.max(axis=0) + 0.15
         return (low[0], low[1]), (high[0], high[1])
 
-    def stand(self, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
-        """Clear the cells whose centres the hull covers: the robot stands there, so nothing else does."""
-        rows, columns, under = self.frame.disc(pose[:2], radius_m)
+    def stand(self, pose: Float[np.ndarray, "3"], hull: Hull, margin_m: float = 0.0) -> None:
+        """Clear the cells that the hull covers but for a margin: the robot stands there, so nothing else does."""
+        rows, columns, under = self.frame.under(pose, hull, margin_m)
         log_odds = self.log_odds[rows, columns]
         log_odds[under & (log_odds > -self.config.miss)] = -self.config.miss
         self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))

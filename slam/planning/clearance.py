@@ -22,6 +22,10 @@ from slam.hull import Hull
 LIMIT_M = 0.4
 
 
+#: Obstacle cells, steps of a king to the nearest one, surfaces in them, and corner x, y and side of cells [m].
+Surfaces = tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, float, float]]
+
+
 class Clearance:
     """Distance to the nearest obstacle within a window of the map."""
 
@@ -47,6 +51,12 @@ class Clearance:
         """Steps of a king from each cell to the nearest obstacle."""
         return _steps(self._obstacle)
 
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """What the loops take."""
+        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
+        return self._obstacle, self._steps, self._offset_m, (float(x), float(y), float(cell_m))
+
     @classmethod
     def around(cls, estimate: MapEstimate, half_side_m: float, bumps: bool = True) -> "Clearance":
         """Clearance in a square window of a map estimate around the robot."""
@@ -63,9 +73,7 @@ class Clearance:
         """Distance [m] from points (x, y) [m] to the nearest obstacle of the window, at most `LIMIT_M`."""
         every = np.asarray(points, float).reshape(-1, 2)
         gap = np.empty(len(every))
-        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
-        grid = float(x), float(y), float(cell_m)
-        _gaps(every, self._obstacle, self._steps, self._offset_m, grid, LIMIT_M, gap)
+        _gaps(every, *self.surfaces, LIMIT_M, gap)
         return gap.reshape(np.shape(points)[:-1])
 
     def space(
@@ -85,9 +93,7 @@ class Clearance:
         poses = np.concatenate([points, np.broadcast_to(yaw, points.shape[:-1])[..., None]], axis=-1)
         every = poses.reshape(-1, 3)
         gap = np.empty(len(every))
-        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
-        grid = float(x), float(y), float(cell_m)
-        _gaps_of_outline(every, hull.corners, self._obstacle, self._offset_m, grid, LIMIT_M, gap)
+        _gaps_of_outline(every, hull.corners, self.surfaces, LIMIT_M, gap)
         return gap.reshape(points.shape[:-1])
 
     def free_run_m(
@@ -234,36 +240,41 @@ def _gaps(
 
 @compiled
 def _gaps_of_outline(
-    poses: np.ndarray,
-    corners: np.ndarray,
-    obstacle: np.ndarray,
-    offset: np.ndarray,
-    grid: tuple[float, float, float],
-    limit: float,
-    gap: np.ndarray,
+    poses: np.ndarray, corners: np.ndarray, surfaces: Surfaces, limit: float, gap: np.ndarray
 ) -> None:
-    """Distance of a convex polygon at poses from the nearest surface, at most `limit`; all lengths in metres."""
-    x0, y0, cell = grid
-    ny, nx = obstacle.shape
-    n = len(corners)
-    reach = 0.0
-    for i in range(n):
-        reach = max(reach, np.hypot(corners[i, 0], corners[i, 1]))
-    half = (reach + limit) / cell + _OFF
+    """Distance of a convex polygon at poses from the nearest surface, at most `limit`."""
     for k in range(len(poses)):
-        c, s = np.cos(poses[k, 2]), np.sin(poses[k, 2])
-        column, row = (poses[k, 0] - x0) / cell, (poses[k, 1] - y0) / cell
-        gap[k] = limit
-        # NaN fails the comparisons.
-        if not (-half < column < nx + half and -half < row < ny + half):
-            continue
-        for iy in range(max(int(np.floor(row - half)), 0), min(int(row + half), ny - 1) + 1):
-            for ix in range(max(int(np.floor(column - half)), 0), min(int(column + half), nx - 1) + 1):
-                if not obstacle[iy, ix]:
-                    continue
-                dx = (ix + 0.5) * cell + x0 + offset[iy, ix, 0] - poses[k, 0]
-                dy = (iy + 0.5) * cell + y0 + offset[iy, ix, 1] - poses[k, 1]
-                gap[k] = min(gap[k], _from_polygon(c * dx + s * dy, c * dy - s * dx, corners))
+        gap[k] = gap_of_outline(poses[k, 0], poses[k, 1], poses[k, 2], corners, surfaces, limit)
+
+
+@compiled
+def gap_of_outline(
+    x: float, y: float, yaw: float, corners: np.ndarray, surfaces: Surfaces, limit: float
+) -> float:
+    """Distance of a convex polygon at a pose from the nearest surface, at most `limit`; all lengths in metres."""
+    obstacle, steps, offset, (x0, y0, cell) = surfaces
+    ny, nx = obstacle.shape
+    reach = 0.0
+    for i in range(len(corners)):
+        reach = max(reach, np.hypot(corners[i, 0], corners[i, 1]))
+    c, s = np.cos(yaw), np.sin(yaw)
+    column, row = (x - x0) / cell, (y - y0) / cell
+    half = (reach + limit) / cell + _OFF
+    # NaN fails the comparisons.
+    if not (-half < column < nx + half and -half < row < ny + half):
+        return limit
+    own_y, own_x = int(np.floor(row)), int(np.floor(column))
+    inside = 0 <= own_y < ny and 0 <= own_x < nx
+    if inside and (float(steps[own_y, own_x]) - 1.02) * cell > reach + limit:
+        return limit
+    gap = limit
+    for iy in range(max(int(np.floor(row - half)), 0), min(int(row + half), ny - 1) + 1):
+        for ix in range(max(int(np.floor(column - half)), 0), min(int(column + half), nx - 1) + 1):
+            if obstacle[iy, ix]:
+                dx = (ix + 0.5) * cell + x0 + offset[iy, ix, 0] - x
+                dy = (iy + 0.5) * cell + y0 + offset[iy, ix, 1] - y
+                gap = min(gap, _from_polygon(c * dx + s * dy, c * dy - s * dx, corners))
+    return gap
 
 
 @compiled
