@@ -91,7 +91,8 @@ def _add_hull(
         **physics.hard,
     )
     caster_m = 0.15 * robot.radius_m
-    for name, x in (("front", hull.ahead_m), ("back", -hull.behind_m)):
+    # As far from the axle to the front as to the back: robots lean to neither.
+    for name, x in (("front", hull.inner_m), ("back", -hull.inner_m)):
         body.add_geom(
             name=name,
             type=geom.mjGEOM_SPHERE,
@@ -147,6 +148,7 @@ def _add_tread(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         pos=place,
         size=(robot.wheel_radius_m, 0, 0),
+        mass=0,
         contype=0,
         conaffinity=FLOOR,
         condim=3,

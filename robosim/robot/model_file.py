@@ -8,8 +8,8 @@ speeds, and what kind of sensors there are.
 
 A robot with one wheel on each side is simulated with its own masses, inertias and wheels (`attach_model`). Contacts are
 those of `robosim.robot.body`: wheels are balls, a ball before and one behind stands for all casters, and walls meet the
-outline. Left out: other joints, which are fixed; steered, mecanum and omnidirectional wheels; xacro, which must be
-expanded.
+outline. Inertias that violate A + B >= C are balanced. Left out: other joints, which are fixed; steered, mecanum and
+omnidirectional wheels; xacro, which must be expanded.
 """
 
 import logging
@@ -23,7 +23,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.robot.robots import RobotConfig, Sensors
+from robosim.robot.robots import RobotConfig, Sensors, convex_outline
 from robosim_support.reading import reading
 from slam.hull import Hull, Outline
 
@@ -124,6 +124,7 @@ def attach_model(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, robot: R
     Names get the prefix "model/". Nothing of it collides.
     """
     model, child = model_of(path), _load(path)
+    _mend_inertias(spec)
     roots = [one for one in child.bodies if one.parent is not None and one.parent.name == "world"]
     wheels = [side[0] for side in model.wheels]
     for geom in child.geoms:
@@ -168,7 +169,13 @@ def model_of(path: Path) -> Model:
 def _load(path: Path) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(path))
     spec.compiler.fusestatic = False  # links without joints keep their names
+    _mend_inertias(spec)
     return spec
+
+
+def _mend_inertias(spec: mujoco.MjSpec) -> None:
+    """Let inertias that no body has, of which many descriptions have some, become the mean of the three."""
+    spec.compiler.balanceinertia = True
 
 
 def _told(model: mujoco.MjModel, data: mujoco.MjData) -> Model:
@@ -197,7 +204,7 @@ def _told(model: mujoco.MjModel, data: mujoco.MjData) -> Model:
         camera, hfov_deg = data.cam_xpos[0], float(model.cam_fovy[0])
     lidar = _place_of(_LIDAR, model, data)
     return found._replace(
-        outline_m=tuple(outline.exterior.coords[:-1]),
+        outline_m=convex_outline(tuple(outline.exterior.coords[:-1])),
         height_m=float(every[:, 2].max() - axle[2]),
         com_m=float(mass @ data.xipos[of_others, 2] / mass.sum() - axle[2]),
         camera=None if camera is None else camera - axle,

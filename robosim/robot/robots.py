@@ -155,7 +155,9 @@ def convex_outline(corners: Outline) -> Outline:
         ValueError: If it does not enclose the middle of the axle.
     """
     outline = shapely.MultiPoint(corners).convex_hull
-    if not (np.isfinite(corners).all() and outline.contains_properly(shapely.Point(0, 0))):
+    if not (
+        np.isfinite(corners).all() and outline.area > 0 and outline.contains_properly(shapely.Point(0, 0))
+    ):
         raise ValueError(
             f"outline_m is {corners}, expected at least three corners around the middle of the axle, which is at 0, 0."
         )
