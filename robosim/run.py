@@ -82,7 +82,7 @@ def record_episode(
         with watch.stage("scene"):
             building = make_building(plan, config=config.building)
             robot = config.simulator.robot
-            places = reach(building, robot.radius_m, robot.height_m)
+            places = reach(building, *robot.hull_m)
             task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
             task = with_anchors(task, places, anchors)
         _print_cut_off(places, task.start, console)

@@ -143,7 +143,9 @@ class Search:
         self._coverage: Coverage | None = None
         if self.config.uses_coverage:
             image = self.simulator_config.image
-            self._coverage = Coverage(place.plan, place.reach.floor, float(np.radians(image.hfov_deg)))
+            self._coverage = Coverage(
+                place.plan, place.reach.floor, float(np.radians(image.hfov_deg)), image.ahead_m
+            )
             self._look(pose)
         self._worth, self._snr = self._link()
         info = self._info(pose, collided=False, arrived=False)

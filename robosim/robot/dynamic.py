@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.movers.movers import Movers
+from robosim.robot.body import add_robot
 from robosim.robot.collision import check_pose, solids
 from robosim.robot.motion import (
     BLOCKED_M,
@@ -30,7 +31,7 @@ from robosim.robot.motion import (
     check_drive,
 )
 from robosim.robot.physics import PhysicsConfig, add_floor, add_movers, add_walls, new_spec
-from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
+from robosim.robot.robots import SERVO_LAG_S, RobotConfig
 from slam.poses import wrap
 
 __all__ = ["Motion", "PhysicsConfig", "World"]
@@ -71,6 +72,7 @@ class World:
         """Build the model; takes some tenths of a second on a large plan. `movers` move while the robot does."""
         self.building = building
         self.robot = robot or RobotConfig()
+        self._turning_m = self.robot.hull.turning_m
         self._stall_slip_mps = self.robot.stall_slip_mps  # used thirty times a motion
         self.config = config or PhysicsConfig()
         xmin, ymin, xmax, ymax = building.free.bounds
@@ -115,7 +117,7 @@ class World:
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose in `map`, at rest; ValueError if the hull does not fit there."""
-        check_pose(self._room, pose, self.robot.radius_m)
+        check_pose(self._room, pose, self.robot.hull)
         self._place(pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2])
 
     @property
@@ -187,7 +189,7 @@ class World:
             late, turned = time_s >= end_s, off_rad < ARRIVED_RAD
             if late and ((turned and (self._touched or off_m < ARRIVED_M)) or time_s >= end_s + SETTLE_S):
                 return
-            left_m = off_m + self.robot.radius_m * off_rad
+            left_m = off_m + self._turning_m * off_rad
             if left_m < best_m - GAIN_M:
                 best_m, best_s = left_m, time_s
             elif self._at_wall and time_s - best_s > STALL_S:

@@ -19,7 +19,7 @@ import math
 from collections import deque
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from slam.actions import Velocity
 from slam.control.controller import ControlConfig
@@ -44,6 +44,7 @@ class VelocityController:
 
     def __init__(self, config: ControlConfig | None = None) -> None:
         self.config = config = config or ControlConfig()
+        self.hull = config.hull
         rates = config.turn_rate_radps * np.linspace(0, 1, _RATES + 1) ** 1.5  # finer near straight on
         v, w = np.meshgrid(
             np.linspace(0, config.speed_mps, _SPEEDS + 1)[1:],
@@ -116,14 +117,16 @@ class VelocityController:
         config = self.config
         arcs, distance_m = self._arcs(pose, self._speeds)
         price = self._price(arcs, distance_m, plan).min(axis=1)
-        runs = np.empty((len(_TURNS_RAD), *self._runs_m.shape, 3))
-        headings = (pose[2] + _TURNS_RAD)[:, None, None]
         braking_m = self._speeds[0] ** 2 / (2 * config.accel_mps2)
-        runs[..., 0] = pose[0] + braking_m * math.cos(pose[2]) + self._runs_m * np.cos(headings)
-        runs[..., 1] = pose[1] + braking_m * math.sin(pose[2]) + self._runs_m * np.sin(headings)
+        stop = compose(pose, np.array([braking_m, 0.0, 0.0]))
+        runs = np.empty((len(_TURNS_RAD), *self._runs_m.shape, 3))
+        headings = (stop[2] + _TURNS_RAD)[:, None, None]
+        runs[..., 0] = stop[0] + self._runs_m * np.cos(headings)
+        runs[..., 1] = stop[1] + self._runs_m * np.sin(headings)
         runs[..., 2] = headings
         runs_m = np.broadcast_to(self._runs_m, runs.shape[:3])
         run_price = self._price(runs, runs_m, plan).min(axis=(1, 2))
+        run_price[~self._can_turn(stop, plan.clearance)] = np.inf
         turns = np.clip(_TURNS_RAD / config.control_s, -config.turn_rate_radps, config.turn_rate_radps)
         price = np.append(price, run_price + np.abs(_TURNS_RAD) / config.turn_rate_radps)
         v, w = np.append(self._v, np.zeros_like(turns)), np.append(self._w, turns)
@@ -142,7 +145,7 @@ class VelocityController:
         cost_m, downhill = plan.field.at_and_downhill(poses[..., first:, :2])
         # The turn that will be needed there fades away at the goal.
         turn_rad = np.abs(wrap(downhill - poses[..., first:, 2])) * np.minimum(cost_m / config.forward_m, 1.0)
-        space = plan.clearance.at(poses[..., :2]) - config.radius_m
+        space = plan.clearance.space(self.hull, poses[..., :2], poses[..., 2])
         least = config.slacks_m[0]
         # Where the hull is already closer than it should be, it may still move away.
         space = np.where(space >= space[..., :1] + 0.3 * distance_m - 1e-3, np.maximum(space, least), space)
@@ -150,6 +153,15 @@ class VelocityController:
         price = np.interp(space, config.slacks_m, config.slack_prices) * config.control_s
         price[space < least] = np.inf
         return price + self._times[first:] + cost_m / config.speed_mps + turn_rad / config.turn_rate_radps
+
+    def _can_turn(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> Bool[np.ndarray, " k"]:
+        """Which turns on the spot leave the hull clear, or no nearer to obstacles than it is; of a disk all."""
+        turns = np.append(_TURNS_RAD, 0.0)
+        space = clearance.space(self.hull, np.broadcast_to(pose[:2], (len(turns), 2)), pose[2] + turns)
+        is_clear = space >= min(0.0, space[-1]) - 1e-3
+        for side in (np.flatnonzero(turns > 0), np.flatnonzero(turns < 0)[::-1]):
+            is_clear[side] = np.logical_and.accumulate(is_clear[side])
+        return is_clear[:-1]
 
     def _arcs(
         self, pose: Float[np.ndarray, "3"], speeds: tuple[float, float]
@@ -173,7 +185,12 @@ class VelocityController:
         off = wrap(math.atan2(dy, dx) - pose[2])
         if not self._looking and (math.hypot(dx, dy) < 0.1 or abs(off) < self.config.turn_rad):
             self._looking = math.copysign(self.config.turn_rate_radps, off)
-        return self._looking or self._turn(off)
+        rate = self._looking or self._turn(off)
+        yaws = pose[2] + np.array([0.0, rate * self.config.control_s])
+        here, there = plan.clearance.space(self.hull, np.broadcast_to(pose[:2], (2, 2)), yaws)
+        if there < min(0.0, here) - 1e-3:  # of a disk never
+            rate = self._looking = -math.copysign(self.config.turn_rate_radps, rate)
+        return rate
 
     def _turn(self, off: float) -> float:
         """Turn rate towards a heading at an angle [rad]."""
@@ -183,8 +200,7 @@ class VelocityController:
     def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
         """Drive away: turn to the direction with most room, and go there."""
         headings = pose[2] + np.linspace(-math.pi, math.pi, 36, endpoint=False)
-        need_m = self.config.radius_m + _ESCAPE_SPACE_M
-        room_m = np.minimum(clearance.free_run_m(pose[:2], headings, need_m), 1.0)
+        room_m = np.minimum(clearance.free_run_m(pose[:2], headings, self.hull, _ESCAPE_SPACE_M), 1.0)
         off = wrap(float(headings[np.argmax(room_m - 0.1 * np.abs(headings - pose[2]))] - pose[2]))
         if abs(off) > 2 * self.config.turn_rad:
             return 0.0, self._turn(off)

@@ -38,7 +38,8 @@ from robosim.published.measured_powers import COLUMNS as POWERS
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs
-from robosim.robot.robots import TURTLEBOT, write_robot
+from robosim.robot.robot_files import write_robot
+from robosim.robot.robots import TURTLEBOT
 from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import to_dict
