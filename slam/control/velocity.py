@@ -10,7 +10,7 @@ in seconds is
 and the first command of the cheapest is returned. Arcs are long enough to decide once more and brake. As in
 `slam.control.controller`, arcs that pass closer to obstacles cost extra, and a robot that does not leave a place for
 long drives in the direction with most room. At the end of the path it turns to the goal and looks around.
-Left out: driving backward, and bases that do not turn about their centre.
+A hull with an outline may also drive backward. Left out: bases that do not turn about their centre.
 Reference: Fox, Burgard and Thrun, The dynamic window approach to collision avoidance, IEEE Robotics and Automation
 Magazine 4 (1997). The score is that of the planner's field, as in Brock and Khatib, ICRA 1999, instead of headings.
 """
@@ -33,8 +33,8 @@ _SPEEDS, _RATES = 5, 8
 _STEP_S, _BEYOND_S = 0.125, 1.5
 #: Turns on the spot [rad].
 _TURNS_RAD = np.radians([turn for turn in range(-180, 180, 10) if turn])
-#: Cost of a change of the turn rate [s per rad/s].
-_CHANGE_S = 0.1
+#: Cost of a change of the turn rate [s per rad/s], and of a change between forward and backward [s].
+_CHANGE_S, _BACK_S = 0.1, 2.0
 #: Decisions with which a stuck robot drives away, its speed then, as a part of the highest, and its space [m].
 _ESCAPE, _ESCAPE_PART, _ESCAPE_SPACE_M = 8, 0.4, 0.03
 
@@ -46,18 +46,18 @@ class VelocityController:
         self.config = config = config or ControlConfig()
         self.hull = config.hull
         rates = config.turn_rate_radps * np.linspace(0, 1, _RATES + 1) ** 1.5  # finer near straight on
-        v, w = np.meshgrid(
-            np.linspace(0, config.speed_mps, _SPEEDS + 1)[1:],
-            np.concatenate([-rates[:0:-1], rates]),
-            indexing="ij",
-        )
+        speeds = np.linspace(0, config.speed_mps, _SPEEDS + 1)[1:]
+        if config.outline_m:  # a disk can always turn
+            speeds = np.append(speeds, -speeds[1])
+        v, w = np.meshgrid(speeds, np.concatenate([-rates[:0:-1], rates]), indexing="ij")
         # What a wheel is too slow for is reduced along the same arc, as the base does.
-        part = np.minimum(1.0, config.speed_mps / np.maximum(v + np.abs(w) * config.track_m / 2, 1e-9))
+        part = np.minimum(1.0, config.speed_mps / (np.abs(v) + np.abs(w) * config.track_m / 2))
         self._v, self._w = (part * v).ravel(), (part * w).ravel()
         least_s = config.control_s + config.speed_mps / config.accel_mps2
         self._first = math.ceil(least_s / _STEP_S) - 1
         self._times = _STEP_S * np.arange(1, self._first + 2 + round(_BEYOND_S / _STEP_S))
-        self._runs_m = self._arcs(np.zeros(3), (0.0, 0.0))[1][self._w == 0]  # from rest, straight on
+        self._runs_m = self._arcs(np.zeros(3), (0.0, 0.0))[1]  # from rest, straight on
+        self._runs_m = self._runs_m[(self._w == 0) & (self._v > 0)]
         self.reset()
 
     def reset(self) -> None:
@@ -117,6 +117,7 @@ class VelocityController:
         config = self.config
         arcs, distance_m = self._arcs(pose, self._speeds)
         price = self._price(arcs, distance_m, plan).min(axis=1)
+        price += _BACK_S * (self._v * (self._command[0] or 1.0) < 0)
         braking_m = self._speeds[0] ** 2 / (2 * config.accel_mps2)
         stop = compose(pose, np.array([braking_m, 0.0, 0.0]))
         runs = np.empty((len(_TURNS_RAD), *self._runs_m.shape, 3))
@@ -177,7 +178,7 @@ class VelocityController:
             start + np.cumsum(steps_m * part(yaw - turns / 2), axis=1)
             for start, part in ((pose[0], np.cos), (pose[1], np.sin))
         )
-        return np.stack([x, y, yaw], axis=-1), np.cumsum(steps_m, axis=1)
+        return np.stack([x, y, yaw], axis=-1), np.cumsum(np.abs(steps_m), axis=1)
 
     def _look(self, pose: Float[np.ndarray, "3"], plan: Plan) -> float:
         """Turn rate at the end of the path: to the requested goal, then once round and on."""
@@ -199,9 +200,10 @@ class VelocityController:
 
     def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
         """Drive away: turn to the direction with most room, and go there."""
-        headings = pose[2] + np.linspace(-math.pi, math.pi, 36, endpoint=False)
-        room_m = np.minimum(clearance.free_run_m(pose[:2], headings, self.hull, _ESCAPE_SPACE_M), 1.0)
-        off = wrap(float(headings[np.argmax(room_m - 0.1 * np.abs(headings - pose[2]))] - pose[2]))
+        turns = np.append(_TURNS_RAD, 0.0)
+        room_m = clearance.free_run_m(pose[:2], pose[2] + turns, self.hull, _ESCAPE_SPACE_M)
+        room_m[:-1][~self._can_turn(pose, clearance)] = -1.0
+        off = float(turns[np.argmax(np.minimum(room_m, 1.0) - 0.1 * np.abs(turns))])
         if abs(off) > 2 * self.config.turn_rad:
             return 0.0, self._turn(off)
         self._escape_decisions -= 1

@@ -8,6 +8,7 @@ import pytest
 from slam.actions import Velocity
 from slam.control.controller import ControlConfig
 from slam.control.velocity import VelocityController
+from slam.planning.clearance import Clearance
 from slam.planning.planner import Planner
 from slam.poses import compose, wrap
 from tests.slam.floors import at_pose, divided, floor
@@ -78,6 +79,20 @@ def test_it_reaches_goals_through_a_door_within_its_limits(config, goal):
     v, w = np.abs(commands[:, :2]).T
     assert (v + w * config.track_m / 2).max() < config.speed_mps + 1e-9
     assert w.max() < config.turn_rate_radps + 1e-9
+
+
+def test_a_hull_with_corners_backs_out_of_where_it_cannot_turn():
+    """36 cm by 20 cm with its nose in a niche 30 cm wide; the goal lies behind: it arrives, and touches nothing.
+
+    It drives backward until it can turn, and turns once.
+    """
+    outline = ((-0.18, -0.1), (0.18, -0.1), (0.18, 0.1), (-0.18, 0.1))
+    config = ControlConfig(outline_m=outline)
+    estimate = floor((0.25, 0.0, 0.0), walls=[(0, 0.15, 0.6, 1), (0, -1, 0.6, -0.15), (0.5, -1, 0.6, 1)])
+    commands, poses = drive(estimate, (-2.0, 0.2), config)
+    assert np.hypot(*(poses[-1, :2] - (-2.0, 0.2))) < config.arrived_m
+    assert commands[0, 0] < 0 and (commands[-4:, 0] > 0.2).all()
+    assert Clearance.around(estimate, 4.0).space(config.hull, poses[:, :2], poses[:, 2]).min() > 0
 
 
 @pytest.mark.parametrize("config", [ControlConfig(), SLOW])
