@@ -118,16 +118,14 @@ class VelocityController:
         arcs, distance_m = self._arcs(pose, self._speeds)
         price = self._price(arcs, distance_m, plan).min(axis=1)
         price += _BACK_S * (self._v * (self._command[0] or 1.0) < 0)
-        braking_m = self._speeds[0] ** 2 / (2 * config.accel_mps2)
-        stop = compose(pose, np.array([braking_m, 0.0, 0.0]))
         runs = np.empty((len(_TURNS_RAD), *self._runs_m.shape, 3))
-        headings = (stop[2] + _TURNS_RAD)[:, None, None]
-        runs[..., 0] = stop[0] + self._runs_m * np.cos(headings)
-        runs[..., 1] = stop[1] + self._runs_m * np.sin(headings)
+        headings = (pose[2] + _TURNS_RAD)[:, None, None]
+        runs[..., 0] = pose[0] + self._runs_m * np.cos(headings)
+        runs[..., 1] = pose[1] + self._runs_m * np.sin(headings)
         runs[..., 2] = headings
         runs_m = np.broadcast_to(self._runs_m, runs.shape[:3])
         run_price = self._price(runs, runs_m, plan).min(axis=(1, 2))
-        run_price[~self._can_turn(stop, plan.clearance)] = np.inf
+        run_price[~self._can_turn(pose, plan.clearance)] = np.inf
         turns = np.clip(_TURNS_RAD / config.control_s, -config.turn_rate_radps, config.turn_rate_radps)
         price = np.append(price, run_price + np.abs(_TURNS_RAD) / config.turn_rate_radps)
         v, w = np.append(self._v, np.zeros_like(turns)), np.append(self._w, turns)

@@ -81,6 +81,18 @@ def test_it_reaches_goals_through_a_door_within_its_limits(config, goal):
     assert w.max() < config.turn_rate_radps + 1e-9
 
 
+def test_arcs_through_a_wall_are_never_chosen():
+    """At full speed towards a wall 0.4 m ahead: a price is infinite where an arc has come nearer than slack allows."""
+    estimate = floor((0.0, 0.0, 0.0), walls=[(0.4, -2, 0.5, 2)])
+    controller, plan = VelocityController(), Planner().plan(estimate, np.array([0.0, 1.5]))
+    config = controller.config
+    arcs, distance_m = controller._arcs(estimate.pose, (config.speed_mps, 0.0))
+    space = plan.clearance.space(config.hull, arcs[..., :2], arcs[..., 2])
+    too_near = np.minimum.accumulate(space, axis=1)[:, controller._first :] < config.slacks_m[0]
+    assert 0.2 < too_near.mean() < 0.9
+    np.testing.assert_array_equal(np.isinf(controller._price(arcs, distance_m, plan)), too_near)
+
+
 def test_a_hull_with_corners_backs_out_of_where_it_cannot_turn():
     """36 cm by 20 cm with its nose in a niche 30 cm wide; the goal lies behind: it arrives, and touches nothing.
 
