@@ -111,13 +111,13 @@ class _Messages:
     ) -> Iterator[tuple[str, float, Any]]:
         """Topics, times [s] and messages."""
         odometry = list(accumulate(episode.columns["odometry"][1:], compose, initial=np.zeros(3)))
-        place = self._pose((0.0, 0.0, camera.height_m), _OPTICAL)
+        place = self._pose((camera.ahead_m, 0.0, camera.height_m), _OPTICAL)
         yield "/tf_static", 0.0, self._tf(0.0, "base_link", "camera", place)
         map_: Layer | None = None
         for step, odom, time_s in zip(episode.steps(), odometry, times, strict=False):
             laser, estimate = step.sensed.laser, step.estimated.pose
             if step.number == 0 and laser is not None:
-                raised = self._pose((0.0, 0.0, laser.height_m))
+                raised = self._pose((laser.ahead_m, 0.0, laser.height_m))
                 yield "/tf_static", 0.0, self._tf(0.0, "base_link", "laser", raised)
             correction = compose(estimate, between(odom, np.zeros(3)))
             for parent, child, pose in (

@@ -15,6 +15,8 @@ omnidirectional wheels; xacro, which must be expanded.
 import logging
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,6 +37,8 @@ _CAMERA, _LIDAR = re.compile(r"camera|realsense|kinect|oakd"), re.compile(r"lida
 _LEVEL_M = 0.01
 #: An outline is simplified by this [m], and is a disk if it is one to this share.
 _SIMPLER_M, _ROUND = 0.002, 0.02
+#: Farthest place of a part [m].
+_MOST_M = 100.0
 #: Corners of circles.
 _CORNERS = 64
 #: What is taken where a description does not tell: a lidar, and the field of view of a camera [deg].
@@ -159,11 +163,30 @@ def model_of(path: Path) -> Model:
         text = re.sub(r"<!--.*?-->", "", file.read().decode("utf-8", "replace"), flags=re.DOTALL)
         if found := re.search(r"\$\{[^}]*\}|<xacro:\w+", text):
             raise ValueError(f"{found[0]} is xacro, expected URDF: expand it with the program xacro first")
-        spec = _load(path)
-        compiled = spec.compile()
-        data = mujoco.MjData(compiled)
-        mujoco.mj_fwdPosition(compiled, data)
+        with _no_warnings():
+            spec = _load(path)
+            for one in (*spec.bodies, *spec.geoms, *spec.sites, *spec.joints):
+                if not np.abs(one.pos).max() < _MOST_M:
+                    raise ValueError(
+                        f"{one.name or 'a part'} is at {one.pos} m, expected places up to {_MOST_M:g} m"
+                    )
+            compiled = spec.compile()
+            data = mujoco.MjData(compiled)
+            mujoco.mj_fwdPosition(compiled, data)
         return _told(compiled, data)
+
+
+@contextmanager
+def _no_warnings() -> Iterator[None]:
+    """MuJoCo prints its warnings, and goes on: here they are errors."""
+    said: list[str] = []
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(None)
+    if said:
+        raise ValueError(said[0])
 
 
 def _load(path: Path) -> mujoco.MjSpec:

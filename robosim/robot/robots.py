@@ -140,7 +140,7 @@ class RobotConfig:
 
     def profile(self, displacement: Float[np.ndarray, "3"]) -> SpeedProfile:
         """Fastest motion along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
-        dx, dy, turn = displacement
+        dx, dy, turn = (float(part) for part in displacement)
         length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
         speed_mps = self.max_speed_mps
         if self.max_turn_rate_radps is not None and turn:
