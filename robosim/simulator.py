@@ -79,6 +79,7 @@ class SimulatorConfig:
         LIDAR.check("lidar", self.lidar)
         if self.camera == self.lidar == "none":
             raise ValueError("camera and lidar are 'none': the robot would see nothing. Give it one of them.")
+        RECOGNISER.check("recognition", self.recognition)
 
     def of_robot(self, robot: RobotConfig) -> "SimulatorConfig":
         """The same with another robot, and the sensors that it comes with."""
@@ -91,7 +92,6 @@ class SimulatorConfig:
         ahead_m, height_m = has.camera_m
         image = replace(self.image, ahead_m=ahead_m, height_m=height_m, hfov_deg=has.hfov_deg)
         return replace(self, robot=robot, image=image, lidar=has.lidar, laser=laser)
-        RECOGNISER.check("recognition", self.recognition)
 
 
 @dataclass(frozen=True, eq=False)
