@@ -3,13 +3,13 @@
 MuJoCo reads both. x points ahead and z upwards. The wheels are the hinges around y whose bodies reach down to the
 floor, one on each side; where there are more of the same size, such as of a skid-steered base, the robot turns on an
 axle in their middle. The hull is the convex outline of all that collides, from above: a disk, if it is one to 2 %.
-Sensors are where a link, body, site or camera has such a name. What a description does not state is listed in a warning:
-speeds, and what kind of sensors there are.
+Sensors are where a link, body, site or camera has such a name. What a description does not state is listed in a
+warning: speeds, and what kind of sensors there are.
 
 A robot with one wheel on each side is simulated with its own masses, inertias and wheels (`attach_model`). Contacts are
-those of `robosim.robot.body`: wheels are spheres, a sphere before and one behind stands for all casters, and walls meet the
-outline. Inertias that violate A + B >= C are balanced. Left out: other joints, which are fixed; steered, mecanum and
-omnidirectional wheels; xacro, which must be expanded.
+those of `robosim.robot.body`: wheels are spheres, a sphere before and one behind stands for all casters, and walls meet
+the outline. Inertias that violate A + B >= C are balanced. Left out: other joints, which are fixed; steered, mecanum
+and omnidirectional wheels; xacro, which must be expanded.
 """
 
 import logging
