@@ -1,4 +1,4 @@
-"""The round robots whose sizes and speeds tests reckon with, by name."""
+"""The round robots whose sizes and speeds the tests use, by name."""
 
 from robosim.parts import ROBOT
 

@@ -15,7 +15,7 @@ from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, GoalO
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import NO_OPTIONS, XY, NamedPlace, Pose, Reading, output_folder, read
 from robosim.evaluation.ablations import configured
-from robosim.recording.bag_export import export_bag, require_rosbags
+from robosim.recording.bag_export import BAG, LAYOUT, export_bag, require_rosbags
 from robosim.run import FILES, record_episode
 from robosim.support.checks import ADVANCED, check_number
 from robosim.support.installation import install_first
@@ -103,7 +103,8 @@ def episode(
     )
     console.print(Text.assemble((result["ended"], "bold"), details))
     # An episode that ends where it starts has no video.
-    console.print(f"Wrote {', '.join(name for name in FILES if (folder / name).exists())} in {folder}")
+    names = (*FILES, *((BAG, LAYOUT) if mcap else ()))
+    console.print(f"Wrote {', '.join(name for name in names if (folder / name).exists())} in {folder}")
     true, estimated = (quote(str(folder / f"{name}.tum")) for name in ("trajectory", "estimate"))
     console.print(f"Next: {install_first('evo')}evo_ape tum {true} {estimated}")
     for number in (SIGINT, SIGTERM):

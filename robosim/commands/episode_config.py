@@ -122,14 +122,19 @@ def _rename_fields(values: Any) -> None:
             _rename_fields(value)
 
 
+#: Fields of a robot that are no options: they are in files only.
+_OF_FILES = ("outline_m", "sensors", "model", "odometry")
+
+
 def command_options(config: EpisodeConfig) -> str:
     """Options that differ from the defaults, as typed; without goal and seed.
 
-    A calibrated robot has too many numbers to type: its configuration is in the `settings.json` of a run.
+    A robot with more than the options describe, such as a calibrated one, is in the `settings.json` of a run.
     """
-    calibrated = config.simulator.robot.odometry is not None
+    robot = config.simulator.robot
+    in_file = any(getattr(robot, name) != getattr(RobotConfig, name) for name in _OF_FILES)
     words = _words(config, DEFAULTS, "")
-    if calibrated:
+    if in_file:
         words = ["--config settings.json", *(["--allow-code"] if any(map(names_code, words)) else []), *words]
     return " ".join(words)
 
@@ -142,7 +147,7 @@ def _words(value: Any, default: Any, prefix: str) -> list[str]:
         mine, usual = getattr(value, field.name), getattr(default, field.name)
         if is_part(field) and not isinstance(mine, str):
             mine = part_name(mine)
-        if mine == usual or (prefix, field.name) == ("robot.", "odometry"):
+        if mine == usual or (prefix == "robot." and field.name in _OF_FILES):
             continue
         option = field.name.replace("_", "-")
         if hasattr(mine, "__dataclass_fields__"):

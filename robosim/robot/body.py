@@ -142,7 +142,7 @@ def _add_wheel(
 def _add_tread(
     wheel: mujoco.MjsBody, name: str, place: Any, robot: RobotConfig, physics: PhysicsConfig
 ) -> None:
-    """Add the ball with which a wheel touches the floor, at a place of its body [m]."""
+    """Add the sphere with which a wheel touches the floor, at a place of its body [m]."""
     wheel.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_SPHERE,

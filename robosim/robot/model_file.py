@@ -3,13 +3,13 @@
 MuJoCo reads both. x points ahead and z upwards. The wheels are the hinges around y whose bodies reach down to the
 floor, one on each side; where there are more of the same size, such as of a skid-steered base, the robot turns on an
 axle in their middle. The hull is the convex outline of all that collides, from above: a disk, if it is one to 2 %.
-Sensors are where a link, body, site or camera has such a name. What a description does not tell is listed in a warning:
-speeds, and what kind of sensors there are.
+Sensors are where a link, body, site or camera has such a name. What a description does not state is listed in a
+warning: speeds, and what kind of sensors there are.
 
 A robot with one wheel on each side is simulated with its own masses, inertias and wheels (`attach_model`). Contacts are
-those of `robosim.robot.body`: wheels are balls, a ball before and one behind stands for all casters, and walls meet the
-outline. Inertias that violate A + B >= C are balanced. Left out: other joints, which are fixed; steered, mecanum and
-omnidirectional wheels; xacro, which must be expanded.
+those of `robosim.robot.body`: wheels are spheres, a sphere before and one behind stands for all casters, and walls meet
+the outline. Inertias that violate A + B >= C are balanced. Left out: other joints, which are fixed; steered, mecanum
+and omnidirectional wheels; xacro, which must be expanded.
 """
 
 import logging
@@ -41,7 +41,7 @@ _SIMPLER_M, _ROUND = 0.002, 0.02
 _MOST_M = 100.0
 #: Corners of circles.
 _CORNERS = 64
-#: What is taken where a description does not tell: a lidar, and the field of view of a camera [deg].
+#: What is taken where a description does not state it: a lidar, and the field of view of a camera [deg].
 _SOME_LIDAR, _SOME_HFOV_DEG = "rplidar-a1", 90.0
 
 
@@ -57,7 +57,7 @@ class Wheel(NamedTuple):
 
 
 class Model(NamedTuple):
-    """What a description tells."""
+    """What a description states."""
 
     wheels: tuple[list[Wheel], list[Wheel]]
     """On the left and on the right."""
@@ -92,13 +92,13 @@ def read_model(path: Path) -> RobotConfig:
     wheel_radius_m = model.wheels[0][0].radius_m
     hull = Hull(max(abs(y) for _, y in model.outline_m), model.outline_m)
     is_round = hull.inner_m > (1 - _ROUND) * hull.turning_m
-    untold = [f"speeds ({RobotConfig.max_speed_mps:g} m/s, --robot.max-speed-mps)"]
+    missing = [f"speeds ({RobotConfig.max_speed_mps:g} m/s, --robot.max-speed-mps)"]
     sensors = None
     if model.camera is not None or model.lidar is not None:
         if model.camera is not None and model.hfov_deg is None:
-            untold.append(f"the camera's field of view ({_SOME_HFOV_DEG:g} degrees, --image.hfov-deg)")
+            missing.append(f"the camera's field of view ({_SOME_HFOV_DEG:g} degrees, --image.hfov-deg)")
         if model.lidar is not None:
-            untold.append(f"the kind of lidar ({_SOME_LIDAR}, --lidar)")
+            missing.append(f"the kind of lidar ({_SOME_LIDAR}, --lidar)")
         sensors = Sensors(
             camera_m=None if model.camera is None else _mount(model.camera),
             hfov_deg=model.hfov_deg or _SOME_HFOV_DEG,
@@ -106,8 +106,8 @@ def read_model(path: Path) -> RobotConfig:
             lidar_m=Sensors.lidar_m if model.lidar is None else _mount(model.lidar),
         )
     else:
-        untold.append(f"sensors (a camera at {RobotConfig.mast_m:g} m, --image.height-m)")
-    logger.warning("%s does not tell %s. Give what differs.", path, " and ".join(untold))
+        missing.append(f"sensors (a camera at {RobotConfig.mast_m:g} m, --image.height-m)")
+    logger.warning("%s does not state %s. Give what differs.", path, " and ".join(missing))
     return RobotConfig(
         radius_m=hull.turning_m,
         outline_m=() if is_round else model.outline_m,
@@ -133,7 +133,7 @@ def attach_model(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, robot: R
     wheels = [side[0] for side in model.wheels]
     for geom in child.geoms:
         geom.contype = geom.conaffinity = 0
-    kept = {wheel.joint for wheel in wheels}
+    names = {wheel.joint for wheel in wheels}
     for several in (
         child.actuators,
         child.sensors,
@@ -145,7 +145,7 @@ def attach_model(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, robot: R
         for one in list(several):
             child.delete(one)
     for joint in list(child.joints):
-        if joint.name not in kept:
+        if joint.name not in names:
             child.delete(joint)
     for root in roots:
         body.add_frame(pos=-model.axle).attach_body(root, "model/", "")
@@ -157,7 +157,7 @@ def attach_model(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, robot: R
 
 
 def model_of(path: Path) -> Model:
-    """What a URDF or MJCF file tells of a robot; FileError if it is no differential drive."""
+    """What a URDF or MJCF file states of a robot; FileError if it is no differential drive."""
     remedy = "Give a URDF or MJCF file of a differential drive, xacro expanded, meshes where it says they are"
     with reading(path, "a robot", remedy) as file:
         text = re.sub(r"<!--.*?-->", "", file.read().decode("utf-8", "replace"), flags=re.DOTALL)
@@ -173,7 +173,7 @@ def model_of(path: Path) -> Model:
             compiled = spec.compile()
             data = mujoco.MjData(compiled)
             mujoco.mj_fwdPosition(compiled, data)
-        return _told(compiled, data)
+        return _facts(compiled, data)
 
 
 @contextmanager
@@ -201,8 +201,8 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
     spec.compiler.balanceinertia = True
 
 
-def _told(model: mujoco.MjModel, data: mujoco.MjData) -> Model:
-    """What a compiled description tells."""
+def _facts(model: mujoco.MjModel, data: mujoco.MjData) -> Model:
+    """What a compiled description states."""
     plane = mujoco.mjtGeom.mjGEOM_PLANE
     solid = [
         k
@@ -299,7 +299,7 @@ def _surface(model: mujoco.MjModel, data: mujoco.MjData, k: int) -> Float[np.nda
     geom = mujoco.mjtGeom
     angle = np.arange(_CORNERS) * 2 * math.pi / _CORNERS
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_CORNERS)])
-    ball = np.vstack([ring, ring[:, [2, 0, 1]], ring[:, [0, 2, 1]]])
+    sphere = np.vstack([ring, ring[:, [2, 0, 1]], ring[:, [0, 2, 1]]])
     if kind == geom.mjGEOM_MESH:
         first = model.mesh_vertadr[model.geom_dataid[k]]
         local = model.mesh_vert[first : first + model.mesh_vertnum[model.geom_dataid[k]]]
@@ -308,7 +308,7 @@ def _surface(model: mujoco.MjModel, data: mujoco.MjData, k: int) -> Float[np.nda
     elif kind == geom.mjGEOM_CYLINDER:
         local = np.vstack([size[0] * ring + [0, 0, z] for z in (-size[1], size[1])])
     elif kind == geom.mjGEOM_CAPSULE:
-        local = np.vstack([size[0] * ball + [0, 0, z] for z in (-size[1], size[1])])
+        local = np.vstack([size[0] * sphere + [0, 0, z] for z in (-size[1], size[1])])
     else:
-        local = (size[0] if kind == geom.mjGEOM_SPHERE else size) * ball
+        local = (size[0] if kind == geom.mjGEOM_SPHERE else size) * sphere
     return local @ data.geom_xmat[k].reshape(3, 3).T + data.geom_xpos[k]

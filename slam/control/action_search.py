@@ -2,7 +2,7 @@
 
 A polygon passes a narrow door only from the right place and at the right heading, so that a turn and a straight run do
 not suffice. Nodes are the poses that whole actions lead to; of those in one cell of place and heading the first is
-kept. A node costs its actions, and more where they pass close to obstacles; the rest is estimated by the planner's
+used. A node costs its actions, and more where they pass close to obstacles; the rest is estimated by the planner's
 field, which knows walls but no headings. The search ends at a node from which the rest is shorter by a horizon.
 
 Left out: what lies beyond the horizon, and turns that the field does not foresee.
@@ -27,7 +27,7 @@ from slam.poses import compose
 _CELL_M, _PER_TURN, _REGION_M = 0.02, 2, 3.5
 #: Nodes that are looked at before the best so far has to do.
 _MOST = 30_000
-#: Decisions by which the rest of the way must become shorter, and what is left where the way ends.
+#: Decisions by which the rest of the path must become shorter, and the rest at which the path ends.
 _HORIZON, _END = 8.0, 1.0
 #: How much the rest counts: more finds a sequence sooner, less a shorter one.
 _GREED = 1.5
@@ -48,7 +48,7 @@ def find_actions(
     *,
     forward_m: float,
 ) -> list[Action]:
-    """Actions that bring a polygon forward on its way; none if it cannot get any further.
+    """Actions that bring a polygon forward along its path; none if it cannot get any further.
 
     Args:
         pose: Where the robot stands: x [m], y [m], yaw [rad].

@@ -1,6 +1,6 @@
 """Robots that are sold: how exactly they drive, whether they arrive, and through how narrow doors.
 
-Drives are held against closed forms. In the doors there are two rooms of 4 m by 3.5 m, joined by one door in a wall of
+Drives are compared with closed forms. In the doors there are two rooms of 4 m by 3.5 m, joined by one door in a wall of
 0.1 m or 0.2 m, and tasks from one room to the other. The oracle knows where the target is, but not the building.
 """
 

@@ -1,4 +1,4 @@
-"""Robots from URDF and MJCF: what is told is read, what is no differential drive is rejected."""
+"""Robots from URDF and MJCF: what is stated is read, what is no differential drive is rejected."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def test_a_urdf_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> Non
     robot = read_robot(_write(tmp_path, "cart.urdf", URDF.replace("WHEELS", TWO)))
     assert robot.wheel_radius_m == pytest.approx(0.05, rel=1e-4) and robot.track_m == pytest.approx(0.3)
     assert robot.mass_kg == pytest.approx(3.0)
-    # The box, and wheels 2 cm thick beside it.
+    # The box, and wheels 2 cm thick next to it.
     corners = np.array(robot.outline_m)
     np.testing.assert_allclose(corners.min(axis=0), [-0.1, -0.16], atol=1e-6)
     np.testing.assert_allclose(corners.max(axis=0), [0.3, 0.16], atol=1e-6)
@@ -33,7 +33,7 @@ def test_a_urdf_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> Non
         (0.28, 0.15)
     )
     assert (
-        "does not tell speeds" in caplog.text and "field of view" in caplog.text and "--lidar" in caplog.text
+        "does not state speeds" in caplog.text and "field of view" in caplog.text and "--lidar" in caplog.text
     )
 
 

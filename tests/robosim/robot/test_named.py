@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robosim.commands.episode_config import command_options
 from robosim.episode import EpisodeConfig
 from robosim.parts import ROBOT
 from robosim.robot.calibration import open_floor
@@ -74,3 +75,9 @@ def test_a_robot_brings_its_sensors() -> None:
     assert (waffle.image.ahead_m, waffle.image.height_m, waffle.image.hfov_deg) == (0.069, 0.117, 59.0)
     create = EpisodeConfig().of_robot(ROBOT.make("create3")).simulator
     assert create.image == EpisodeConfig().simulator.image and create.lidar == "none"
+
+
+def test_options_of_a_robot_with_sensors_are_in_the_settings() -> None:
+    options = command_options(EpisodeConfig().of_robot(TURTLEBOT3_BURGER))
+    assert options.startswith("--config settings.json ") and "--lidar lds-01" in options
+    assert "outline" not in options and "sensors" not in options

@@ -105,14 +105,14 @@ def test_a_door_passes_what_is_narrower(world: type, wider_m: float, passes: boo
     robot = RobotConfig(
         outline_m=((-0.3, -half_m), (0.3, -half_m), (0.3, half_m), (-0.3, half_m)), mass_kg=15
     )
-    moved = world(make_building(two_rooms(0.5)), robot=robot)
-    moved.reset(np.array([2.0, 1.5, 0.0]))
-    motion = moved.move(np.array([2.2, 0.0, 0.0]))
+    physics = world(make_building(two_rooms(0.5)), robot=robot)
+    physics.reset(np.array([2.0, 1.5, 0.0]))
+    motion = physics.move(np.array([2.2, 0.0, 0.0]))
     assert motion.collided != passes
     assert motion.pose[0] == (pytest.approx(4.2, abs=1e-3) if passes else pytest.approx(2.7, abs=0.01))
 
 
-def test_a_rectangle_finds_its_way_through_a_door_4_cm_wider() -> None:
+def test_a_rectangle_passes_a_door_4_cm_wider() -> None:
     """The whole system: map, plan and controller, with a lidar whose ranges err by 2 mm near by."""
     robot = replace(JACKAL, sensors=replace(JACKAL.sensors, lidar="rplidar-a1"))
     half_m = 0.22  # of a hull in a door of 0.48 m
