@@ -35,6 +35,18 @@ class MitsubaScene(NamedTuple):
     """Index into `materials`."""
 
 
+def is_mitsuba(path: Path) -> bool:
+    """Whether a file is a scene, by its content; each .xml file counts, to be rejected with the reason."""
+    if path.suffix.lower() == ".xml":
+        return True
+    try:
+        with reading(path, "a scene") as file:
+            _, first = next(iter(ET.iterparse(file, events=("start",))))
+            return bool(first.tag == "scene")
+    except FileError:
+        return False
+
+
 def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = None) -> MitsubaScene:
     """Read a scene (.xml) and its meshes.
 
