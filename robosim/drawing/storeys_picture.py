@@ -82,10 +82,10 @@ def _within(
     start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         enter, leave = np.sort([(low - start) / along, (high - start) / along], axis=0)
-    beside = ((along == 0) & ((start < low) | (start > high))).any(axis=1)
+    apart = ((along == 0) & ((start < low) | (start > high))).any(axis=1)
     first = np.fmax(np.where(along == 0, 0.0, enter).max(axis=1), 0.0)
     last = np.fmin(np.where(along == 0, 1.0, leave).min(axis=1), 1.0)
-    some = ~beside & (first < last)
+    some = ~apart & (first < last)
     ends = np.stack([first, last], axis=1)[some, :, None]
     return start[some, None] + ends * along[some, None]
 
