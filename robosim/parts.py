@@ -187,6 +187,8 @@ READER = Kind(
         "mmwrobotnav": "robosim.plans.formats.mmwrobotnav:read_mmwrobotnav",
         "houseexpo": "robosim.plans.formats.houseexpo:read_houseexpo",
         "mesh": "robosim.plans.formats.mesh_slice:read_mesh",
+        "dxf": "robosim.plans.formats.dxf:read_dxf",
+        "svg": "robosim.plans.formats.svg:read_svg",
     },
     has=("__call__",),
     made_from="nothing",

@@ -20,6 +20,8 @@ EXTRAS = {
     "distributed": "cluster",
     "rerun": "viz",
     "rosbags": "bags",
+    "ezdxf": "dxf",
+    "svgelements": "svg",
 }
 _ROOT = Path(__file__).resolve().parents[2]
 
