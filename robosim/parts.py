@@ -189,6 +189,7 @@ READER = Kind(
         "mesh": "robosim.plans.formats.mesh_slice:read_mesh",
         "dxf": "robosim.plans.formats.dxf:read_dxf",
         "svg": "robosim.plans.formats.svg:read_svg",
+        "ifc": "robosim.plans.formats.ifc:read_ifc",
     },
     has=("__call__",),
     made_from="nothing",

@@ -8,7 +8,8 @@
 - ``.json``: HouseExpo (`robosim.plans.formats.houseexpo`);
 - ``.npy``: NumPy array; needs the resolution (`robosim.plans.formats.plan_array`);
 - ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`);
-- ``.dxf``, ``.svg``: walls of a drawing (`robosim.plans.formats.line_drawing`).
+- ``.dxf``, ``.svg``: walls of a drawing (`robosim.plans.formats.line_drawing`);
+- ``.ifc``: one storey of a building model (`robosim.plans.formats.ifc`).
 
 A bare name is a plan that comes with the package (`robosim.support.installation`). Further readers are those of
 `robosim.parts.READER`. `write_ros` and `write_png` write.
@@ -48,20 +49,21 @@ _READERS = {
     **dict.fromkeys(MESHES, "mesh"),
     ".dxf": "dxf",
     ".svg": "svg",
+    ".ifc": "ifc",
 }
 #: Options of some formats only, the name in messages and the readers of each.
 _OPTIONS_OF_SOME = {
-    "floor_height_m": ("floor height", ("mesh",)),
-    "slice_m": ("slice", ("mesh",)),
+    "floor_height_m": ("floor height", ("mesh", "ifc")),
+    "slice_m": ("slice", ("mesh", "ifc")),
     "up": ("up axis", ("mesh",)),
     "unit_m": ("unit", ("mesh", "dxf", "svg")),
-    "ground_m": ("ground", ("mesh",)),
+    "ground_m": ("ground", ("mesh", "ifc")),
     "thinnest_wall_m": ("thinnest wall", ("image",)),
     "map_reading": ("map reading", ("ros",)),
     "wall_layers": ("wall layers", ("dxf", "svg")),
     "line_thickness_m": ("line thickness", ("dxf", "svg")),
 }
-_KINDS = {"ros": "ROS map", "dxf": "DXF drawing", "svg": "SVG drawing"}
+_KINDS = {"ros": "ROS map", "dxf": "DXF drawing", "svg": "SVG drawing", "ifc": "IFC model"}
 #: Files that are looked at for a hint in a message.
 _FILES_OF_A_HINT = 1000
 

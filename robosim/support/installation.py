@@ -22,6 +22,7 @@ EXTRAS = {
     "rosbags": "bags",
     "ezdxf": "dxf",
     "svgelements": "svg",
+    "ifcopenshell": "ifc",
 }
 _ROOT = Path(__file__).resolve().parents[2]
 

@@ -432,7 +432,7 @@ def drawings(folder: Path) -> None:
     document.saveas(home / "binary.dxf", fmt="bin")
     (home / "house.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" width="600cm" height="400cm" viewBox="0 0 600 400">\n'
-        '<style>.a{fill:#222}</style>\n'
+        "<style>.a{fill:#222}</style>\n"
         '<defs><g id="door"><path d="M0 0c10 20 30 20 40 0s9 9 20 5q5 5 9 1t3 3"/></g></defs>\n'
         '<g id="walls" transform="rotate(5) scale(0.9)"><path class="a" d="M0 0H600V400H0ZM20 20v360h560V20z"/>\n'
         '<use href="#door" x="100" y="50"/><circle cx="200" cy="200" r="30" style="stroke:#000;fill:none"/>\n'
