@@ -43,6 +43,8 @@ SAMPLES = (10_000, 100_000)
 SCENE_HZ, SCENE_SAMPLES = 3.5e9, 1_000_000
 #: Places are in a box of at least and at most these sides, in the middle of a scene [m].
 LEAST_M, MOST_M = 10.0, 200.0
+#: Of so many places the transmitter is at the one with the most paths: others may be within a building.
+TRIED = 10
 FIND_SCENES = (
     "from importlib.util import find_spec; print(find_spec('sionna.rt.scenes').submodule_search_locations[0])"
 )
@@ -129,9 +131,11 @@ def measure_scene(scene: Path, python: str, receivers: int, seed: int, results: 
         max_reflections=1, floor_ceiling=True, diffraction=False, max_transmissions=0, max_paths=ALL
     )
     mesh = read_mitsuba(scene).mesh
-    places = scene_places(mesh.bounds, 1 + receivers, np.random.default_rng(seed))
-    tx, rx = places[:1], places[1:]
-    paths = Tracer.from_mitsuba(scene, frequency_hz=SCENE_HZ, config=config).trace(tx, rx)
+    places = scene_places(mesh.bounds, TRIED + receivers, np.random.default_rng(seed))
+    rx = places[TRIED:]
+    paths = Tracer.from_mitsuba(scene, frequency_hz=SCENE_HZ, config=config).trace(places[:TRIED], rx)
+    best = int(np.argmax(paths.count().sum(axis=1)))
+    paths, tx = paths.select(paths.tx == best), places[best : best + 1]
     power = np.abs(paths.gain[:, 0, 0]) ** 2
     found = _run_worker(python, scene, tx, rx, 1, (SCENE_SAMPLES,), SCENE_HZ)
     delay, theirs, turns = (found[f"{name}_{SCENE_SAMPLES}"] for name in ("delay_s", "power", "turns"))
