@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,17 +67,17 @@ def _write_triangles(content: bytes, path: Path) -> None:
     import ifcopenshell
     import ifcopenshell.geom
 
-    settings = ifcopenshell.geom.settings()
+    settings: Any = ifcopenshell.geom.settings()
     settings.set("use-world-coords", True)
     model = ifcopenshell.file.from_string(content.decode("utf-8", "replace"))
-    shapes = ifcopenshell.geom.iterator(settings, model, 1, exclude=LEFT_OUT)
+    shapes: Any = ifcopenshell.geom.iterator(settings, model, 1, exclude=LEFT_OUT)
     found = [np.empty((0, 3, 3))]
-    more = shapes.initialize()
+    more = bool(shapes.initialize())
     while more:
         geometry = shapes.get().geometry
         corners = np.array(geometry.verts, float).reshape(-1, 3)
         found.append(corners[np.array(geometry.faces, np.int64).reshape(-1, 3)])
-        more = shapes.next()
+        more = bool(shapes.next())
     np.save(path, np.concatenate(found))
 
 

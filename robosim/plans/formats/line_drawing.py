@@ -1,10 +1,10 @@
 """Walls from the lines and areas of a vector drawing, DXF or SVG.
 
 Walls are the shapes of some layers; doors and furniture on other layers are left out, so that doors are openings. Three
-ways of drawing walls are understood, also mixed:
+styles of walls are understood, also mixed:
 
 - areas: hatches, solids, filled shapes, and lines that are drawn wider than a cell;
-- double lines: what lines enclose is a wall where no circle of `MOST_THICK_M` fits in, and a room elsewhere;
+- double lines: what lines enclose is a wall where no circle of `MOST_THICK_M` fits in, and a room otherwise;
 - single lines: all other lines, `ReadingOptions.line_thickness_m` thick or else a cell.
 
 A cell is occupied if its centre is in a wall. Lines whose ends are up to a cell apart enclose walls too. The outside is

@@ -1,4 +1,4 @@
-"""Walls of drawings by three ways of drawing them, against exact areas; layers, sizes and gaps."""
+"""Walls of drawings in three styles, against exact areas; layers, sizes and gaps."""
 
 from pathlib import Path
 
