@@ -69,13 +69,16 @@ def main(
         options: Of every benchmark.
     """
     results = Results()
-    scenes = subprocess.run([python, "-c", FIND_SCENES], capture_output=True, text=True, check=False)
-    if scenes.returncode:
+    try:
+        scenes = subprocess.run(
+            [python, "-c", FIND_SCENES], capture_output=True, text=True, check=True
+        ).stdout
+    except (OSError, subprocess.CalledProcessError):
         console.print(f"tracer_peer is skipped: {python} has no Sionna RT. Give --python one that has.")
         return results
     for plan in plans_of(plans):
         measure(plan, python, receivers, order, options.seed, results)
-    for scene in sorted(Path(scenes.stdout.strip()).glob("*/*.xml")):
+    for scene in sorted(Path(scenes.strip()).glob("*/*.xml")):
         measure_scene(scene, python, receivers, options.seed, results)
     return options.finish("tracer_peer", results)
 
