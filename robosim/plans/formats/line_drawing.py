@@ -1,7 +1,7 @@
 """Walls from the lines and areas of a vector drawing, DXF or SVG.
 
-Walls are the shapes of some layers; doors and furniture on other layers are left out, so that doors are openings. Three
-styles of walls are understood, also mixed:
+Walls are the shapes of some layers, windows included; doors and furniture on other layers are left out, so that doors
+are openings. Three styles of walls are understood, also mixed:
 
 - areas: hatches, solids, filled shapes, and lines that are drawn wider than a cell;
 - double lines: what lines enclose is a wall where no circle of `MOST_THICK_M` fits in, and a room otherwise;
@@ -55,9 +55,11 @@ MARGIN_M, SMALLEST_M = 0.5, 1.5
 ASIDE = 1e-6
 #: More points are not a plan of walls.
 MOST_POINTS = 1_000_000
-#: Names of layers of walls, in six languages.
+#: Names of layers of walls, and of windows and columns, which stop robots too, in six languages.
 WALL_NAME = re.compile(
-    r"wall|(?<![^\W\d_])(wand|wände|waende|murs?|muri|muros?|pareti?|paredes?|pared)(?![^\W\d_])", re.I
+    r"wall|window|glaz|column|fenster|fenêtre|finestr|ventana|janela"
+    r"|(?<![^\W\d_])(cols?|wand|wände|waende|murs?|muri|muros?|pareti?|paredes?|pared)(?![^\W\d_])",
+    re.IGNORECASE,
 )
 _LISTED = 20
 

@@ -115,6 +115,25 @@ def test_layers_called_walls_are_read_and_others_are_not(caplog):
     assert "the layers 'A-WALL', 'Wände innen'. Choose by --wall-layer" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("layer", "is_wall"),
+    [
+        ("A-WALL-FULL", 1),
+        ("a_glaz", 1),
+        ("Fenster", 1),
+        ("A-COLS", 1),
+        ("MUR", 1),
+        ("colour", 0),
+        ("Murphy", 0),
+        ("Türen", 0),
+    ],
+)
+def test_names_of_walls(layer, is_wall):
+    """Walls, windows and columns: a post of 0.5 m x 0.5 m on such a layer is read."""
+    post = shape([(1, 1), (1.5, 1), (1.5, 1.5), (1, 1.5)], layer=layer)
+    assert free_m2(read(shape(OUTER), shape(INNER), post)) == pytest.approx(FREE_M2 - 0.25 * is_wall)
+
+
 def test_chosen_layers():
     table = shape([(1, 1), (2, 1), (2, 2), (1, 2)], layer="Tables", is_area=True)
     plan = read(shape(OUTER, INNER, is_area=True, layer="ARCH_1"), table, wall_layers=("arch*", "TABLES"))
