@@ -132,20 +132,16 @@ def _on_wall_layers(drawn: Sequence[Shape], patterns: tuple[str, ...], path: Pat
         listed += f" and {len(layers) - _LISTED} more"
     if not layers:
         raise MapError("it has no lines or areas. Export the walls as lines, polylines or hatches.")
-    lower = [pattern.lower() for pattern in patterns]
-    if patterns:
-        chosen = [
-            s for s in drawn if any(fnmatchcase(name.lower(), one) for name in s.names for one in lower)
-        ]
-    elif len(layers) == 1:
-        chosen = list(drawn)
-    else:
-        chosen = [s for s in drawn if any(map(WALL_NAME.search, s.names))]
-    if not chosen:
-        which = f"none is called {' or '.join(map(shown, patterns))}" if patterns else "none is called wall"
+    known = {name: name.lower() for shape in drawn for name in shape.names}
+    of = {one: {name for name in known if fnmatchcase(known[name], one.lower())} for one in patterns}
+    wanted = set().union(*of.values()) if patterns else set(filter(WALL_NAME.search, known))
+    is_only = len(layers) == 1 and not patterns
+    chosen = [shape for shape in drawn if is_only or not wanted.isdisjoint(shape.names)]
+    missing = [shown(one) for one in patterns if not of[one]]
+    if missing or not chosen:
         raise MapError(
-            f"its layers are {listed}, and {which}. Name the layer of walls: --wall-layer NAME, as often as there are "
-            "some; * stands for any letters."
+            f"its layers are {listed}, and none is called {' or '.join(missing) or 'wall'}. Name the layer of walls: "
+            "--wall-layer NAME, as often as there are some; * stands for any letters."
         )
     names = sorted({shape.names[0] for shape in chosen})
     if not patterns and len(names) > 1:

@@ -145,7 +145,7 @@ def test_chosen_layers():
     with pytest.raises(
         MapError, match=r"and none is called 'X'\. Name the layer of walls: --wall-layer NAME"
     ):
-        read(shape(OUTER, layer="ARCH"), table, wall_layers=("X",))
+        read(shape(OUTER, layer="ARCH"), table, wall_layers=("ARCH", "X"))
 
 
 def test_a_single_layer_needs_no_name():
