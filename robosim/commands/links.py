@@ -75,7 +75,7 @@ def trace(
     Example: robosim trace canyon.xml --tx -20,0,15 --rx 30,2,1.5 --out out/canyon
 
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; or the
+        plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy; the
             .yaml of a building of several storeys; or a Mitsuba or Sionna RT scene (.xml).
         tx: Transmitter [m] in the plan's frame; can be given several times.
         grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
