@@ -276,7 +276,20 @@ def test_tracer_peer_counts_paths_of_both(tmp_path, monkeypatch):
     assert found["line of sight: both"] > 0 and found["reflections: both"] > 5
     assert [found[f"{kind}: here alone"] for kind in ("line of sight", "reflections")] == [0, 1]
     assert [found[f"{kind}: there alone"] for kind in ("line of sight", "reflections")] == [0, 0]
+    assert found["confirmed"] == 1 and found["there twice"] == 0
     assert found["strength, 95 % within"] == pytest.approx(0.5)
+
+
+def test_tracer_peer_confirms_true_reflections_only():
+    """On the ground: the mirror point, but not one next to it, above it, or behind a wall."""
+    ground = np.array([[[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]])
+    wall = np.array([[[1.0, -5, -1], [1, 5, -1], [1, 0, 5]]])
+    tx, rx = np.array([-2.0, 0, 1]), np.array([2.0, 0, 1])
+    is_reflection = tracer_peer.is_reflection
+    assert is_reflection(ground, tx, np.zeros(3), rx)
+    assert not is_reflection(ground, tx, np.array([0.1, 0, 0]), rx)
+    assert not is_reflection(ground, tx, np.array([0, 0, 0.1]), rx)
+    assert not is_reflection(np.concatenate([ground, wall]), tx, np.zeros(3), rx)
 
 
 def test_the_list_names_all_benchmarks(capsys):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.constants import speed_of_light
 from tyro.conf import OmitArgPrefixes, Positional
 
@@ -23,7 +23,7 @@ from robosim.building.mesh_export import export_mitsuba
 from robosim.plans.floorplan import FloorPlan
 from tests.benchmarks.harness import DEFAULT, Options, alternate, console, free_places, plans_of
 from tests.benchmarks.results import Results
-from wireless.geometry.array_types import Points
+from wireless.geometry.array_types import Point, Points
 from wireless.tracing.mitsuba_scene import read_mitsuba
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -144,24 +144,66 @@ def measure_scene(scene: Path, python: str, receivers: int, seed: int, results: 
     delay, theirs, turns = (found[f"{name}_{SCENE_SAMPLES}"] for name in ("delay_s", "power", "turns"))
     difference: list[float] = []
     for name, order in (("line of sight", 0), ("reflections", 1)):
-        both = n_own = n_peer = 0
+        both = n_own = alone = twice = confirmed = 0
         for k in range(receivers):
-            mine, other = (paths.rx == k) & (paths.order == order), (theirs[k] > 0) & (turns[k] == order)
+            mine = np.flatnonzero((paths.rx == k) & (paths.order == order))
+            mine, other = mine[np.argsort(paths.delay_s[mine])], (theirs[k] > 0) & (turns[k] == order)
             own, peer = (
                 _by_length(paths.delay_s[mine], power[mine]),
                 _by_length(delay[k, other], theirs[k, other]),
             )
             pairs = _matches(own, peer)
-            both, n_own, n_peer = both + len(pairs), n_own + len(own), n_peer + len(peer)
+            both, n_own = both + len(pairs), n_own + len(own)
+            rest = np.delete(peer[:, 0], [j for _, j in pairs])
+            again = np.isclose(rest[:, None], own[:, 0], rtol=0, atol=SAME_M).any(axis=1)
+            alone, twice = alone + int((~again).sum()), twice + int(again.sum())
             difference += [abs(10 * np.log10(own[i, 1] / peer[j, 1])) for i, j in pairs]
+            for path in np.delete(mine, [i for i, _ in pairs]) if order else ():
+                confirmed += is_reflection(mesh.triangles, tx[0], paths.point[path, 0], rx[k])
         results.add("scenes", scene.stem, f"{name}: both", both, digits=0, cases=receivers)
         results.add("scenes", scene.stem, f"{name}: here alone", n_own - both, digits=0)
-        results.add("scenes", scene.stem, f"{name}: there alone", n_peer - both, digits=0)
+        if order:
+            results.add("scenes", scene.stem, "confirmed", confirmed, digits=0)
+        results.add("scenes", scene.stem, f"{name}: there alone", alone, digits=0)
+        if order:
+            results.add("scenes", scene.stem, "there twice", twice, digits=0)
     if difference:
         worst = np.quantile(difference, 0.95)
         results.add(
             "scenes", scene.stem, "strength, 95 % within", worst, "dB", digits=4, cases=len(difference)
         )
+
+
+def is_reflection(triangles: Float[np.ndarray, "n 3 3"], tx: Point, point: Point, rx: Point) -> bool:
+    """Whether a triangle reflects at a point, by the law of reflection, and none is between it and both ends."""
+    ends = np.array([tx, rx])
+    distance = np.linalg.norm(ends - point, axis=1)
+    up = ((ends - point) / distance[:, None]).sum(axis=0)
+    up *= SAME_M / np.linalg.norm(up)
+    mirrors, _ = _crossed(triangles, point + up, point - up)
+    normals = np.cross(*(triangles[mirrors, corner] - triangles[mirrors, 0] for corner in (1, 2)))
+    cosine = np.abs(normals @ up) / (np.linalg.norm(normals, axis=1) * SAME_M)
+    free = [
+        not (_crossed(triangles, end, point)[1] * length < length - SAME_M).any()
+        for end, length in zip(ends, distance, strict=True)
+    ]
+    return bool((cosine > 1 - 1e-6).any() and all(free))
+
+
+def _crossed(
+    triangles: Float[np.ndarray, "n 3 3"], start: Point, end: Point
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Triangles that a straight line crosses, and at which share of it (Möller and Trumbore, 1997)."""
+    along, corner = end - start, triangles[:, 0]
+    first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
+    across = np.cross(along, second)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1 / np.einsum("ni,ni->n", first, across)
+        u = np.einsum("ni,ni->n", start - corner, across) * scale
+        turned = np.cross(start - corner, first)
+        v, share = turned @ along * scale, np.einsum("ni,ni->n", second, turned) * scale
+        hit = np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (share > 0) & (share < 1))
+    return hit, share[hit]
 
 
 def scene_places(bounds: Float[np.ndarray, "2 3"], count: int, rng: np.random.Generator) -> Points:
