@@ -110,7 +110,7 @@ def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) ->
         label, own = values.get(_LABEL), [values.get(name) for name in ("id", "class")]
         if isinstance(one, svgelements.Group | svgelements.Use):
             yield from _shapes(one, (*filter(None, [label, *own]), *names), unit_m, height)
-        elif isinstance(one, svgelements.Shape):
+        elif isinstance(one, svgelements.Shape) and one.values.get("visibility") != "hidden":
             path = svgelements.Path(one)
             lines = tuple(
                 unit_m * np.array([[x, height - y] for x, y in line])

@@ -94,6 +94,14 @@ def test_curves(tmp_path):
         assert free_m2(plan) == pytest.approx(np.pi * 1.495**2, rel=2e-3)
 
 
+def test_what_is_hidden_is_no_wall(tmp_path):
+    hidden = '<g display="none"><rect x="200" y="100" width="50" height="50"/></g>'
+    hidden += '<rect x="100" y="100" width="50" height="50" visibility="hidden"/>'
+    hidden += '<rect x="400" y="100" width="50" height="50" fill-opacity="0"/>'
+    plan = read_plan(save(tmp_path, f'<g fill="black">{WALLS}</g>{hidden}'))
+    assert free_m2(plan) == pytest.approx(FREE_M2)
+
+
 def copies(depth):
     """Groups of ten copies of the next."""
     groups = [
