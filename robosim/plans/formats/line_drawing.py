@@ -121,6 +121,8 @@ def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOption
     outside[:cells] = outside[-cells:] = outside[:, :cells] = outside[:, -cells:] = True
     connected, _ = ndimage.label(outside)
     states = np.where(connected == connected[0, 0], UNKNOWN, plan.occupancy)
+    if not (states == FREE).any():
+        raise MapError("its walls leave no floor free. Check the layers (--wall-layer).")
     return replace(plan, occupancy=states.astype(np.uint8))
 
 

@@ -170,3 +170,8 @@ def test_large_buildings_are_confirmed():
 def test_nothing_drawn_is_rejected():
     with pytest.raises(MapError, match="no lines or areas"):
         read()
+
+
+def test_solid_ground_is_rejected():
+    with pytest.raises(MapError, match="its walls leave no floor free"):
+        read(shape(OUTER, is_area=True))
