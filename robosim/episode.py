@@ -28,6 +28,7 @@ from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_polic
 from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.radio.measurement import Interpreter, bearings_of, check_classifier
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Decision, Step, Truth
 from robosim.support.checks import SEED, STEPS, checked
@@ -82,6 +83,13 @@ class EpisodeConfig:
                     "--mapper classical."
                 )
 
+    def of_robot(self, robot: RobotConfig) -> "EpisodeConfig":
+        """The same with another robot, and the sensors that it comes with; without a camera the classical mapper."""
+        simulator = self.simulator.of_robot(robot)
+        return replace(
+            self, simulator=simulator, mapper="classical" if simulator.camera == "none" else self.mapper
+        )
+
     def in_band(self, name: str) -> "EpisodeConfig":
         """The same in a radio band of `wireless.bands`, with the classifier of link states for it."""
         radio = self.simulator.radio.in_band(name)
@@ -112,7 +120,7 @@ def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarra
     control, fused, cost = control_of(config.simulator), config.fused, config.fused.cost
     # A radius or carrier that differs from the default is deliberate; else those of robot and radio are used.
     if cost.radius_m == CostConfig.radius_m:
-        cost = replace(cost, radius_m=control.radius_m)
+        cost = cost.for_hull(control.hull)
     belief = fused.belief
     if belief.frequency_hz == BeliefConfig.frequency_hz:
         belief = replace(belief, frequency_hz=config.simulator.radio.frequency_hz)
@@ -158,7 +166,7 @@ def drive(
     watch = watch or Stopwatch()
     mapper, planner, controller, _ = navigator
     loop_detector = LoopDetector()
-    avoidance = Avoidance(AvoidanceConfig(radius_m=simulator.config.robot.radius_m))
+    avoidance = Avoidance(AvoidanceConfig(radius_m=simulator.config.robot.hull.turning_m))
     sensed, motion, action, number = simulator.reset(task, rng), None, None, 0
     mapper.reset(task.start)
     while True:
@@ -232,7 +240,8 @@ def run_episode(
     radio = simulator.radio
     interpreter = Interpreter(radio, config.link_states) if radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
-    coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
+    image = config.simulator.image
+    coverage = Coverage(building.plan, floor, np.radians(image.hfov_deg), image.ahead_m)
     rng = np.random.default_rng([config.seed, 1])
     known_places = {anchor.name: anchor.place for anchor in task.anchors if anchor.known}
 

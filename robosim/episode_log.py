@@ -153,7 +153,7 @@ class EpisodeLog:
             "position_error_last_m": float(error[-1]),
             "start": self.task.start,
             "target": self.task.target,
-            "simulated_s": float(self._times()[-1]),
+            "simulated_s": float(self.times()[-1]),
             **_contact_result(self.contacts),
             **_radio_result(self.links),
             **(self._where_found("target", self.task.target) if self.links else {}),
@@ -208,9 +208,9 @@ class EpisodeLog:
     def save_trajectories(self, folder: Path) -> None:
         """Write `trajectory.tum` (true) and `estimate.tum` (estimated)."""
         for name, poses in (("trajectory", self.poses), ("estimate", self.estimates)):
-            write_tum(Path(folder) / f"{name}.tum", self._times(), np.array(poses))
+            write_tum(Path(folder) / f"{name}.tum", self.times(), np.array(poses))
 
-    def _times(self) -> Float[np.ndarray, " n"]:
+    def times(self) -> Float[np.ndarray, " n"]:
         """Simulated time at each pose [s]."""
         # evo requires increasing times, also where a blocked robot gave up at once.
         steps = [max(motion.duration_s, 1e-3) for motion in self.motions]

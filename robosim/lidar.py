@@ -34,6 +34,7 @@ from robosim.camera.rendering.merged_meshes import merge
 from robosim.support.checks import LEVEL, Range, checked
 from robosim.support.ray_casting import make_ray_scene
 from robosim_support.compiled import compiled
+from slam.poses import moved_ahead
 from slam.sensing.laser import LaserScan
 
 #: Rays of a beam that is a cone.
@@ -47,6 +48,8 @@ class LidarConfig:
 
     height_m: Annotated[float, Range(0.001, 100, "m")] = 0.2
     """Height of the beams above the floor [m]."""
+    ahead_m: Annotated[float, Range(-10, 10, "m")] = 0.0
+    """How far the scanner is ahead of the robot's centre [m]."""
     level: Annotated[float, LEVEL] = 1.0
     """Scale of its errors and of the part of beams that return nothing: 0 none, 1 as in its data sheet."""
 
@@ -154,12 +157,14 @@ class EmbreeLidar:
             range_m=range_m,
             max_range_m=self.model.max_range_m,
             height_m=self.config.height_m,
+            ahead_m=self.config.ahead_m,
         )
 
     def _cast(
         self, pose: Float[np.ndarray, "3"], moving: Moving | None
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Ranges [m], inf where nothing is within reach, and angles from the normals [rad]."""
+        pose = moved_ahead(pose, self.config.ahead_m)
         half = math.radians(self.model.cone_deg) / 2
         rays = np.linspace(-half, half, _RAYS) if half else np.zeros(1)
         angle = (self._bearing[:, None] + rays + pose[2]).ravel()

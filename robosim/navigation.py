@@ -51,14 +51,17 @@ def make_navigator(
     controller: Part = "planned",
 ) -> Navigator:
     """The navigator of the simulated robot, of classical parts where no others are named."""
-    radius_m = config.robot.radius_m
+    hull = config.robot.hull
     odometry = _odometry(config)
-    cost = CostConfig(radius_m=radius_m)
+    cost = CostConfig().for_hull(hull)
+    look_room_m = PlannerConfig.look_room_m + hull.turning_m - hull.radius_m
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
-    camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
+    image = config.image
+    camera = CameraModel(hfov_deg=image.hfov_deg, height_m=image.height_m, ahead_m=image.ahead_m)
     mapping = MapperConfig(
-        radius_m=radius_m,
+        radius_m=hull.radius_m,
+        outline_m=hull.outline_m,
         camera=camera,
         odometry=odometry,
         band=Band(high_m=top_m),
@@ -66,7 +69,7 @@ def make_navigator(
     )
     return Navigator(
         MAPPER.make(mapper, mapping, field="mapper"),
-        Planner(PlannerConfig(cost=cost)),
+        Planner(PlannerConfig(cost=cost, look_room_m=look_room_m)),
         CONTROLLER.make(controller, control_of(config), field="controller"),
         EXPLORER.make(explorer, ExplorerConfig(cost=cost), field="explorer"),
     )
@@ -75,7 +78,8 @@ def make_navigator(
 def control_of(config: SimulatorConfig) -> ControlConfig:
     """How the robot that is simulated is steered: its hull, and what its actions do."""
     motions = tuple(error.motion for error in _odometry(config).of_actions)
-    return ControlConfig(radius_m=config.robot.radius_m, motions=motions)
+    hull = config.robot.hull
+    return ControlConfig(radius_m=hull.radius_m, outline_m=hull.outline_m, motions=motions)
 
 
 def _odometry(config: SimulatorConfig) -> OdometryConfig:

@@ -94,11 +94,16 @@ ROBOT = Kind(
     {
         "turtlebot": "robosim.robot.robots:TURTLEBOT",
         "locobot": "robosim.robot.robots:LOCOBOT",
+        "turtlebot3_burger": "robosim.robot.named:TURTLEBOT3_BURGER",
+        "turtlebot3_waffle": "robosim.robot.named:TURTLEBOT3_WAFFLE",
+        "turtlebot4": "robosim.robot.named:TURTLEBOT4",
+        "create3": "robosim.robot.named:CREATE3",
+        "jackal": "robosim.robot.named:JACKAL",
     },
-    has=("radius_m", "mast_m", "height_m", "hull_m", "profile", "within_reach"),
+    has=("radius_m", "mast_m", "height_m", "hull", "hull_m", "profile", "within_reach"),
     made_from="nothing",
-    suffixes=(".yaml", ".yml", ".json"),
-    from_file="robosim.robot.robots:read_robot",
+    suffixes=(".yaml", ".yml", ".json", ".urdf", ".xml"),
+    from_file="robosim.robot.robot_files:read_robot",
 )
 CAMERA = Kind(
     "camera",

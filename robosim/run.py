@@ -82,7 +82,7 @@ def record_episode(
         with watch.stage("scene"):
             building = make_building(plan, config=config.building)
             robot = config.simulator.robot
-            places = reach(building, robot.radius_m, robot.height_m)
+            places = reach(building, *robot.hull_m)
             task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
             task = with_anchors(task, places, anchors)
         _print_cut_off(places, task.start, console)
@@ -159,7 +159,9 @@ def _write_files(
         }
         row = {"plan": plan.name, "policy": goal, "seed": config.seed, **plain(scores)}
         head = Head(row=row, seeks_target=log.seeks_target, timing=plain(seconds))
-        write_whole(out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate))
+        write_whole(
+            out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times())
+        )
         write_ros(built_plan(estimate, plan.name), out / "map.yaml")
         plot_episode(out / "map.png", building, log, estimate)
         write_json(out / "result.json", plain(result))  # the last: it shows that all files are there

@@ -7,7 +7,7 @@ for judging only.
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -79,6 +79,18 @@ class SimulatorConfig:
         LIDAR.check("lidar", self.lidar)
         if self.camera == self.lidar == "none":
             raise ValueError("camera and lidar are 'none': the robot would see nothing. Give it one of them.")
+
+    def of_robot(self, robot: RobotConfig) -> "SimulatorConfig":
+        """The same with another robot, and the sensors that it comes with."""
+        has = robot.sensors
+        if has is None:
+            return replace(self, robot=robot)
+        laser = replace(self.laser, ahead_m=has.lidar_m[0], height_m=has.lidar_m[1])
+        if has.camera_m is None:
+            return replace(self, robot=robot, camera="none", lidar=has.lidar, laser=laser)
+        ahead_m, height_m = has.camera_m
+        image = replace(self.image, ahead_m=ahead_m, height_m=height_m, hfov_deg=has.hfov_deg)
+        return replace(self, robot=robot, image=image, lidar=has.lidar, laser=laser)
         RECOGNISER.check("recognition", self.recognition)
 
 
@@ -130,7 +142,7 @@ class Simulator:
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
-            self.movers = make_movers(self.config.movers, building, self.config.robot.radius_m)
+            self.movers = make_movers(self.config.movers, building, self.config.robot.hull.turning_m)
             self.world = self._make_world()
             # Light takes a second in a large building; it cuts walls into pieces.
             plain = self.config.camera in ("none", "plan")
@@ -156,7 +168,7 @@ class Simulator:
         """A second robot, alone in the same building; both share what is built for the building."""
         other = copy(self)
         again = getattr(self.world, "clone", None)
-        other.movers = make_movers(self.config.movers, self.building, self.config.robot.radius_m)
+        other.movers = make_movers(self.config.movers, self.building, self.config.robot.hull.turning_m)
         other.world = again() if again and other.movers is None else other._make_world()
         other.radio = None if self.radio is None else self.radio.clone()
         other.anchors, other._anchor_rngs = {}, {}
@@ -257,8 +269,10 @@ class Simulator:
         with self.watch.stage("recognition"):
             target = None
             if self._recogniser is not None and self._target is not None:
-                place = between(self.pose, np.array([*self._target, 0.0]))[:2]
-                target = self._recogniser.find(frame._replace(depth=measured), place)
+                ahead = np.array([self.config.image.ahead_m, 0.0])
+                place = between(self.pose, np.array([*self._target, 0.0]))[:2] - ahead
+                found = self._recogniser.find(frame._replace(depth=measured), place)
+                target = None if found is None else found + ahead
         time_s = None if self.movers is None or motion is None else motion.duration_s
         return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser, time_s)
 

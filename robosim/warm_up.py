@@ -69,7 +69,7 @@ def call_loops(part: int = 0) -> None:
     if part == 0:
         _trace(building)
     robot = EpisodeConfig().simulator.robot
-    places = reach(building, robot.radius_m, robot.height_m)
+    places = reach(building, *robot.hull_m)
     task = make_task(places, np.random.default_rng(0))
     for goal in ("explore", "fused"):
         run_episode(building, places, task, EpisodeConfig(max_steps=3, goal=goal))

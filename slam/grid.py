@@ -18,6 +18,7 @@ from numpy.typing import DTypeLike
 
 from robosim_support.axes import axes_in_metres
 from robosim_support.checks import shown
+from slam.hull import Hull
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,6 +104,23 @@ class GridFrame:
         rows, columns, frame = self.window((x - radius_m, y - radius_m), (x + radius_m, y + radius_m))
         cx, cy = frame.axes()
         return rows, columns, (cx - x) ** 2 + (cy - y)[:, None] ** 2 < radius_m**2
+
+    def under(
+        self, pose: Float[np.ndarray, "3"], hull: Hull, margin_m: float = 0.0
+    ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
+        """Rows and columns around a hull at a pose, and which of their cells have their centres under it.
+
+        Those nearer than a margin [m] to its edge are left out.
+        """
+        if not hull.outline_m:
+            return self.disc(pose[:2], hull.radius_m - margin_m)
+        reach = hull.turning_m
+        low, high = pose[:2] - reach, pose[:2] + reach
+        rows, columns, frame = self.window((low[0], low[1]), (high[0], high[1]))
+        x, y = np.meshgrid(*frame.axes())
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        local = np.stack([x - pose[0], y - pose[1]], axis=-1) @ np.array([[c, -s], [s, c]])
+        return rows, columns, hull.covers(local, margin_m)
 
     def part(self, rows: slice, columns: slice) -> "GridFrame":
         """Frame of some rows and columns."""

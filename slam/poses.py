@@ -25,6 +25,11 @@ def compose(pose: Float[np.ndarray, "3"], displacement: Float[np.ndarray, "3"]) 
     return np.array([pose[0] + c * dx - s * dy, pose[1] + s * dx + c * dy, wrap(pose[2] + turn)])
 
 
+def moved_ahead(pose: Float[np.ndarray, "3"], distance_m: float) -> Float[np.ndarray, "3"]:
+    """A pose as far ahead of another [m], such as that of a sensor."""
+    return compose(pose, np.array([distance_m, 0.0, 0.0])) if distance_m else pose
+
+
 def between(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
     """Displacement, in the robot's frame at `start`, that leads from `start` to `end`."""
     c, s = math.cos(start[2]), math.sin(start[2])

@@ -22,9 +22,9 @@ def turned(plan: FloorPlan, degrees: float) -> FloorPlan:
     return replace(plan, origin=(*plan.origin[:2], plan.origin[2] + math.radians(degrees)))
 
 
-def two_rooms(door_m: float, wall_m: float = 0.2) -> FloorPlan:
+def two_rooms(door_m: float, wall_m: float = 0.2, resolution_m: float = 0.05) -> FloorPlan:
     """Two rooms of 3 m by 3 m, side by side, joined by a door in the middle of the wall between them."""
-    r = 0.05
+    r = resolution_m
     occupancy = np.full((round(3 / r), round((6 + wall_m) / r)), FREE, np.uint8)
     wall = slice(round(3 / r), round((3 + wall_m) / r))
     occupancy[:, wall] = OCCUPIED

@@ -1,10 +1,17 @@
 """Places that a robot's hull can reach, the distances to drive, and rooms that it cannot enter.
 
-The hull is a disk: its centre may be on the free floor shrunk by the hull's radius. That set is sampled at the centres
-of the plan's cells, and the hull can drive within its 4-connected parts.
+The centre of a disk may be on the free floor shrunk by its radius. That set is sampled at the centres of the plan's
+cells, and the hull can drive within its 4-connected parts. The middle of the axle of a hull with an outline may be
+where no wall meets the outline, at some of `HEADINGS` headings: exactly, where it is not in the convex hulls of the
+walls' ends moved by the reversed outline (Lozano-Perez 1983). Parts are connected over places and headings: a
+differential drive can follow any path through open space as closely as it likes, if need be by manoeuvres (Laumond et
+al. 1998).
 Distances are travel times of a front that moves at unit speed from a cell through such a part (fast
 marching, exact to a fraction of a cell). Left out: turning, and passages narrower than a cell beyond the
-hull, which the sampling may close.
+hull, or than the next heading needs, which the sampling may close.
+References: Lozano-Perez, Spatial planning: a configuration space approach, IEEE Trans. Computers 32(2), 1983; Laumond,
+Sekhavat and Lamiraux, Guidelines in nonholonomic motion planning for mobile robots, in Robot Motion Planning and
+Control, Springer, 1998.
 """
 
 import math
@@ -16,14 +23,21 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from robosim.building.building import Building
+from robosim.building.extrusion import wall_segments
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.outside import outside_of
 from robosim.support.checks import RADIUS_M, check_number
 from robosim_support.compiled import compiled
+from slam.hull import Hull, Outline
 from slam.planning.marching import march
+from slam.poses import to_map
 
+#: Headings at which a hull with an outline is placed.
+HEADINGS = 72
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
 #: Cells whose places are computed at once, which bounds memory.
@@ -46,7 +60,7 @@ class Reach:
     """The places of a hull of one radius in one building."""
 
     plan: FloorPlan
-    radius_m: float
+    hull: Hull
     parts: Int[np.ndarray, "ny nx"]
     """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1; floor outside
     of the building does not count."""
@@ -58,6 +72,11 @@ class Reach:
     """Free cells on which nothing stops the robot."""
     overhung: Bool[np.ndarray, "ny nx"]
     """Those of them with something above."""
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the hull, or half its width [m]."""
+        return self.hull.radius_m
 
     @cached_property
     def n_parts(self) -> int:
@@ -74,7 +93,7 @@ class Reach:
     def roomy(self) -> Bool[np.ndarray, "ny nx"]:
         """Cells where the hull's centre can be with room to turn; all where it can be if there are none."""
         cells = self.parts > 0
-        wide = _on(self.plan, cells, self.free.buffer(-self.radius_m - TURNING_M))
+        wide = _on(self.plan, cells, self.free.buffer(-self.hull.turning_m - TURNING_M))
         return wide if wide.any() else cells
 
     def check_room(self) -> None:
@@ -176,18 +195,27 @@ class Reach:
         return sorted(rooms, key=lambda room: -room.area_m2)
 
 
-def reach(building: Building, radius_m: float, height_m: float | None = None) -> Reach:
-    """Where the centre of a disk-shaped hull can be in a building.
+def reach(
+    building: Building, radius_m: float, height_m: float | None = None, outline_m: Outline = ()
+) -> Reach:
+    """Where the middle of a hull's axle can be in a building.
 
     Args:
         building: The walls and furnishings.
-        radius_m: Radius of the hull [m].
+        radius_m: Radius of the hull, or half its width [m].
         height_m: Height of the robot [m], which drives under higher things; None for that of the ceiling.
+        outline_m: Corners of the hull, see `slam.hull`; empty for a disk.
     """
     check_number("radius_m", radius_m, *RADIUS_M)
     plan, free = building.plan, building.floor(building.height_m if height_m is None else height_m)
-    labels, n = ndimage.label(_on(plan, plan.free, free.buffer(-radius_m)))
+    hull = Hull(radius_m, outline_m)
+    labels = (
+        _parts_of_outline(plan, free, hull)
+        if outline_m
+        else ndimage.label(_on(plan, plan.free, free.buffer(-radius_m)))[0]
+    )
     outside = outside_of(plan)
+    n = int(labels.max())
     size = np.bincount(labels[~outside], minlength=n + 1)[1:]
     rank = np.zeros(n + 1, labels.dtype)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
@@ -195,7 +223,41 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
     if building.furnishings:
         floor, open_above = (_on(plan, plan.free, one) for one in (free, building.floor(building.height_m)))
         overhung = floor & ~open_above
-    return Reach(plan, radius_m, rank[labels], free, outside, floor, overhung)
+    return Reach(plan, hull, rank[labels], free, outside, floor, overhung)
+
+
+def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> Int[np.ndarray, "ny nx"]:
+    """Number of the largest part, over places and headings, that each cell belongs to; 0 where the hull cannot be."""
+    inner = _on(plan, plan.free, free.buffer(-hull.inner_m))
+    open_floor = inner & _on(plan, inner, free.buffer(-hull.turning_m))  # there it fits at every heading
+    tight = np.argwhere(inner & ~open_floor)
+    walls = wall_segments(free)
+    tree = shapely.STRtree(shapely.points(plan.centres(inner & ~open_floor)))
+    fits = np.repeat(open_floor[None], HEADINGS, axis=0)
+    for k, yaw in enumerate(np.arange(HEADINGS) * 2 * np.pi / HEADINGS):
+        reversed_outline = -to_map(np.array([0.0, 0.0, yaw]), hull.corners)
+        swept = (walls[:, :, None] + reversed_outline).reshape(len(walls), -1, 2)
+        meets = tree.query(
+            shapely.convex_hull(shapely.multipoints(list(swept))), predicate="contains_properly"
+        )[1]
+        free_there = np.ones(len(tight), bool)
+        free_there[meets] = False
+        rows, columns = tight[free_there].T
+        fits[k, rows, columns] = True
+    labels, n = ndimage.label(fits)
+    # The last heading is next to the first.
+    pairs = np.column_stack([labels[0].ravel(), labels[-1].ravel()])
+    pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)
+    joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n + 1, n + 1))
+    part = connected_components(joined, directed=False)[1][labels]
+    part[labels == 0] = -1
+    size = np.bincount(part[part >= 0])
+    # By falling size, so that the least number of a cell is that of its largest part.
+    rank = np.empty(len(size) + 1, np.int64)
+    rank[np.argsort(-size, kind="stable")] = np.arange(1, len(size) + 1)
+    rank[-1] = len(size) + 1
+    numbers = rank[part].min(axis=0)
+    return np.where(numbers > len(size), 0, numbers)
 
 
 @compiled

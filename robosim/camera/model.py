@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from robosim.support.checks import SIZE_PX, Range, checked
+from slam.poses import moved_ahead
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,8 @@ class CameraConfig:
     """Horizontal field of view, between the outer edges of the first and last column [deg]."""
     height_m: Annotated[float, Range(-100, 100, "m")] = 1.25
     """Height above the floor [m]."""
+    ahead_m: Annotated[float, Range(-10, 10, "m")] = 0.0
+    """How far it is ahead of the robot's centre [m]."""
     near_m: Annotated[float, Range(1e-4, 1e4, "m")] = 0.05
     """Nearer things are not seen [m along the view]."""
     far_m: Annotated[float, Range(1e-3, 1e5, "m")] = 50.0
@@ -101,8 +104,8 @@ class ClosingCamera(AbstractContextManager["ClosingCamera"]):
 
 
 def camera_pose(robot_pose: Float[np.ndarray, "3"], config: CameraConfig) -> Float[np.ndarray, "4 4"]:
-    """Pose T_map_camera of the camera above the robot's centre, x [m], y [m], yaw [rad] in `map`, looking ahead."""
-    x, y, yaw = robot_pose
+    """Pose T_map_camera of the camera of a robot at x [m], y [m], yaw [rad] in `map`, looking ahead."""
+    x, y, yaw = moved_ahead(robot_pose, config.ahead_m)
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array(
         [[s, 0.0, c, x], [-c, 0.0, s, y], [0.0, -1.0, 0.0, config.height_m], [0.0, 0.0, 0.0, 1.0]]

@@ -153,7 +153,7 @@ class Recogniser(Protocol):
     """Finds the target in a picture."""
 
     def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
-        """Place of the target x ahead, y left [m] of the robot; None if it is not found.
+        """Place of the target x ahead, y left [m] of the camera; None if it is not found.
 
         The frame has depths as measured; `target` is the true place, only for perfect recognisers.
         """
@@ -175,7 +175,7 @@ class MarkerRecogniser:
         self._k[:2, 2] -= 0.5  # OpenCV counts from the centre of the first pixel
 
     def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
-        """Place of the target x ahead, y left [m] of the robot; None if its marker is not found."""
+        """Place of the target x ahead, y left [m] of the camera; None if its marker is not found."""
         found, ids, _ = self._detector.detectMarkers(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY))
         if ids is None:
             return None

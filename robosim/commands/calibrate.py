@@ -16,7 +16,7 @@ from robosim.commands.output import console, emit_result, emit_result_file
 from robosim.commands.shared_options import NO_OPTIONS, Reading, read, results_folder
 from robosim.plans.floorplan import FloorPlan
 from robosim.robot.calibration import open_floor, read_runs, run_actions
-from robosim.robot.robots import write_robot
+from robosim.robot.robot_files import write_robot
 from robosim.support.checks import FREQUENCY_HZ, SEED, Range
 
 #: Minima of the fit to powers are reported up to this difference of logarithms of the posterior.

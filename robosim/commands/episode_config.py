@@ -7,7 +7,7 @@ the others start from.
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
@@ -43,7 +43,7 @@ class StartingPoint:
     band: BandName = "28ghz"
     """Radio band: carrier, power, waveform, antennas of both ends, and the link-state classifier for them."""
     robot: RobotPart = "turtlebot"
-    """Robot: turtlebot (hull of radius 0.10 m), locobot (0.18 m), or a file with fields such as radius_m: 0.25."""
+    """Robot: by name, with its hull, speeds and sensors; or a file: URDF, MJCF, or fields such as radius_m: 0.25."""
 
 
 #: From the defaults.
@@ -64,7 +64,7 @@ def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Cal
         config = config.in_band(band)
     if robot is not None:
         made: RobotConfig = ROBOT.make(robot, field="robot")
-        config = replace(config, simulator=replace(config.simulator, robot=made))
+        config = config.of_robot(made)
     changes: dict[str, dict[str, Any]] = {"settings": {"default": config}}
     if file is not None:
         # Commands without a default seed, such as evaluate, keep their own.

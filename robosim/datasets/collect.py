@@ -141,7 +141,7 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
         building, SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise)
     )
     robot = simulator.config.robot
-    places = reach(building, robot.radius_m, robot.height_m)
+    places = reach(building, *robot.hull_m)
     truth = TruePatches(building, hfov_deg=simulator.config.image.hfov_deg, height_m=robot.height_m)
     rng = np.random.default_rng([config.seed, seed, 1])
     rows: list[dict[str, Any]] = []

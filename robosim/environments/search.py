@@ -84,7 +84,7 @@ def draw_text(plan: FloorPlan, pose: Float[np.ndarray, "3"], target: Float[np.nd
     return "\n".join("".join(row).rstrip() for row in letters[::-1]) + "\n"
 
 
-#: Full scale of continuous actions, and their duration.
+#: Full scale of `continuous` actions, and duration of all velocity actions.
 MAX_SPEED_MPS = 0.5
 MAX_TURN_RADPS = float(np.pi / 2)
 STEP_S = 0.5
@@ -143,7 +143,9 @@ class Search:
         self._coverage: Coverage | None = None
         if self.config.uses_coverage:
             image = self.simulator_config.image
-            self._coverage = Coverage(place.plan, place.reach.floor, float(np.radians(image.hfov_deg)))
+            self._coverage = Coverage(
+                place.plan, place.reach.floor, float(np.radians(image.hfov_deg)), image.ahead_m
+            )
             self._look(pose)
         self._worth, self._snr = self._link()
         info = self._info(pose, collided=False, arrived=False)
@@ -151,8 +153,8 @@ class Search:
 
     def step(self, action: Any) -> Outcome:
         """Do one action."""
-        if self.config.continuous:
-            v, w = np.clip(np.asarray(action, float), -1, 1) * (MAX_SPEED_MPS, MAX_TURN_RADPS)
+        if (scale := velocity_scale(self.config, self.simulator_config)) is not None:
+            v, w = np.clip(np.asarray(action, float), -1, 1) * scale
             self._view, motion = self._simulator.drive(float(v), float(w), STEP_S)
         else:
             self._view, motion = self._simulator.step(discrete_actions(self.simulator_config)[int(action)])
@@ -309,10 +311,18 @@ def make_spaces(
     observed = senses.observation_space(config, simulator, lidar)
     actions: spaces.Space[Any] = (
         spaces.Box(-1.0, 1.0, (2,), np.float32)
-        if config.continuous
+        if velocity_scale(config, simulator) is not None
         else spaces.Discrete(len(discrete_actions(simulator)))
     )
     return observed, actions
+
+
+def velocity_scale(config: SearchConfig, simulator: SimulatorConfig) -> tuple[float, float] | None:
+    """Full scale of velocity actions [m/s, rad/s]; None if actions are discrete."""
+    if config.continuous:
+        return MAX_SPEED_MPS, MAX_TURN_RADPS
+    robot = simulator.robot
+    return (robot.max_speed_mps, robot.turn_rate_radps) if config.actions == "velocity" else None
 
 
 def discrete_actions(simulator: SimulatorConfig) -> tuple[Action, ...]:

@@ -164,7 +164,7 @@ class Place:
         """Build it."""
         self.plan, self.config, self.uses_radio = plan, config, uses_radio
         self.building = make_building(plan)
-        self.reach = places = reach(self.building, config.robot.radius_m, config.robot.height_m)
+        self.reach = places = reach(self.building, *config.robot.hull_m)
         self._simulator = Simulator(self.building, config, uses_radio=uses_radio)
         # The cached functions do not refer to this object, so that it is freed with its last reference.
         self._travel_m = lru_cache(_DRIVES)(lambda x, y: places.travel_m(np.array([x, y])))

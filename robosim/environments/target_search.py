@@ -17,8 +17,9 @@ class TargetSearch(gymnasium.Env):
 
     ## Action space
     Discrete (default): 0 forward 0.25 m, 1 left 10 degrees, 2 right 10 degrees (among people also 3, wait), each
-    subject to actuation noise. With `continuous=True`: Box (2,), forward speed [-1, 1] as a fraction of 0.5 m/s and
-    turn rate [-1, 1] as a fraction of 90 degrees/s, held for 0.5 s.
+    subject to actuation noise. With `actions="velocity"`: Box (2,), forward speed [-1, 1] as a fraction of the robot's
+    `max_speed_mps` and turn rate [-1, 1] as a fraction of its `turn_rate_radps`, held for 0.5 s; the wheels reduce what
+    they cannot do along the same arc. With `continuous=True` the same as fractions of 0.5 m/s and 90 degrees/s.
 
     ## Observation space
     Dict of the senses in `observe`, all in the robot's own frame: rgb, depth, lidar, odometry, radio, map, pose. By

@@ -29,12 +29,14 @@ from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
 from robosim.recording.episode_file import EpisodeWriter, Head, RecordedEpisode, read_episode, read_head
+from robosim.robot.collision import depth_in
 from robosim.support.files import plain, write_whole
 from robosim.support.parts import place_in_part
 from robosim.support.progress import unit_progress
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.support.workers import Workers
 from robosim.task.tasks import Task, make_task
+from slam.hull import Outline
 
 #: Columns that are looked at by name. All others are numbers, or null where there is none.
 _TEXT, _WHOLE = ("plan", "policy", "ended"), ("task", "repeat", "seed", "steps", "collisions")
@@ -231,7 +233,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
     row = _row(job, log, building)
     head = Head(row=row, seeks_target=log.seeks_target, timing=timing, made_by=job.made_by)
-    return steps.content(head, log.poses[-1], log.coverage[-1], estimate)
+    return steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times())
 
 
 def draw_plan(
@@ -241,7 +243,7 @@ def draw_plan(
     count: int,
     seed: int,
     building: BuildingConfig,
-    hull_m: tuple[float, float],
+    hull_m: tuple[float, float, Outline],
 ) -> list[SuiteTask]:
     """Tasks in one plan, for a process of its own."""
     return draw_tasks(plan, scene(file, reader, building, hull_m)[1], count, seed)
@@ -249,7 +251,7 @@ def draw_plan(
 
 @lru_cache(maxsize=1)
 def scene(
-    plan_file: Path, reader: str, config: BuildingConfig, hull_m: tuple[float, float]
+    plan_file: Path, reader: str, config: BuildingConfig, hull_m: tuple[float, float, Outline]
 ) -> tuple[Building, Reach]:
     """The building of a plan and what a robot of a radius and a height can reach in it; the last one is cached."""
     building = make_building(read_plan(plan_file, reader=reader), config=config)
@@ -269,10 +271,13 @@ def task_of(places: Reach, task: SuiteTask) -> Task:
 def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
     """Identity and scores; all values of the log's result are included."""
     robot = job.config.simulator.robot
-    walls = building.floor(robot.height_m).boundary
-    clearance = shapely.distance(shapely.points(np.array(log.poses)[:, :2]), walls)
+    walls, poses = building.floor(robot.height_m).boundary, np.array(log.poses)
+    clearance = shapely.distance(shapely.points(poses[:, :2]), walls)
     seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
     deepest = max(0.0, robot.radius_m - float(clearance.min()))
+    if robot.outline_m:
+        near = poses[clearance < robot.hull.turning_m]
+        deepest = max((depth_in(walls, robot.hull, pose) for pose in near), default=0.0)
     return {
         **job.identity,
         "seed": job.config.seed,

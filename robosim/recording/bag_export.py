@@ -6,7 +6,8 @@
     /camera/...               image, depth [mm] and camera_info
     /map, /plan, /goal        the robot's map, path and goal
     /belief                   levels of the logarithm of the probability, 0 to 100
-    /link_state, /arrivals    estimated link state; an arrow for each estimated path
+    /link_state, /arrivals    estimated link state; an arrow for each estimated path, longer by its additional
+                              length, fainter if it is weaker
     /true_pose                ground truth
 
 Times are simulated times, from 0. A layout for Foxglove lies next to the bag.
@@ -23,6 +24,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.constants import speed_of_light
 
 from robosim.camera.model import CameraConfig
 from robosim.layers import FREE, GUESS, TOP_LEVEL, UNKNOWN, Layer
@@ -39,8 +41,10 @@ from slam.sensing.laser import LaserScan
 
 #: Name of the bag, a folder with an MCAP file, and of the layout.
 BAG, LAYOUT = "episode_bag", "foxglove.json"
-#: Length of an arrow of a path [m], and its thickness.
+#: Length of the arrow of a path without additional delay [m], and its thickness.
 _ARROW_M, _SHAFT_M = 0.6, 0.03
+#: An arrow of a path this much weaker than the strongest is as faint as it gets [dB], and its opacity.
+_FAINT_DB, _FAINT = 30.0, 0.2
 #: A camera's axes (x right, y down, z ahead) in those of the base, as a quaternion x, y, z, w.
 _OPTICAL = (-0.5, 0.5, -0.5, 0.5)
 
@@ -56,7 +60,8 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     episode = read_episode(folder)
-    times, _ = read_tum(folder / "trajectory.tum")
+    # Files of earlier versions have no times.
+    times = read_tum(folder / "trajectory.tum")[0] if episode.times is None else episode.times
     bag = (out or folder) / BAG
     partial = partial_path(bag)
     shutil.rmtree(partial, ignore_errors=True)
@@ -104,13 +109,13 @@ class _Messages:
     ) -> Iterator[tuple[str, float, Any]]:
         """Topics, times [s] and messages."""
         odometry = list(accumulate(episode.columns["odometry"][1:], compose, initial=np.zeros(3)))
-        place = self._pose((0.0, 0.0, camera.height_m), _OPTICAL)
+        place = self._pose((camera.ahead_m, 0.0, camera.height_m), _OPTICAL)
         yield "/tf_static", 0.0, self._tf(0.0, "base_link", "camera", place)
         map_: Layer | None = None
         for step, odom, time_s in zip(episode.steps(), odometry, times, strict=False):
             laser, estimate = step.sensed.laser, step.estimated.pose
             if step.number == 0 and laser is not None:
-                raised = self._pose((0.0, 0.0, laser.height_m))
+                raised = self._pose((laser.ahead_m, 0.0, laser.height_m))
                 yield "/tf_static", 0.0, self._tf(0.0, "base_link", "laser", raised)
             correction = compose(estimate, between(odom, np.zeros(3)))
             for parent, child, pose in (
@@ -275,24 +280,35 @@ class _Messages:
         return self._make("nav_msgs/msg/Path", header=self._header(time_s, "map"), poses=poses)
 
     def _arrivals(self, time_s: float, step: Step) -> Any:
-        """Arrows from where each path arrives, the strongest first."""
+        """Arrows to where each path arrives from, the strongest first; a delay that is not resolved adds no length."""
         measured = step.estimated.measurement
         assert measured is not None
         red, green, blue = (value / 255 for value in STATE_COLOURS[measured.state])
         zero = self._make("builtin_interfaces/msg/Duration", sec=0, nanosec=0)
-        clear = {"type": 0, "action": 3, "id": 0, "pose": self._pose((0.0, 0.0, 0.0))}
-        arrows = [clear]
-        for number, azimuth in enumerate(measured.aoa_rad[measured.directed].tolist(), 1):
-            x, y, _ = measured.pose.tolist()
+        arrows: list[tuple[dict[str, Any], float, float]] = [
+            (
+                {"action": 3, "id": 0, "pose": self._pose((0.0, 0.0, 0.0))},
+                _ARROW_M,
+                1.0,
+            )  # deletes those before
+        ]
+        delay_s = np.nan_to_num(measured.delay_s)
+        for number, k in enumerate(measured.directed.tolist(), 1):
+            azimuth, (x, y, _) = float(measured.aoa_rad[k]), measured.pose.tolist()
+            length_m = _ARROW_M + speed_of_light * float(delay_s[k] - delay_s.min())
+            weaker_db = float(measured.snr_db[0] - measured.snr_db[k])
+            alpha = max(1.0 - (1 - _FAINT) * weaker_db / _FAINT_DB, _FAINT)
             turn = (0.0, 0.0, math.sin(azimuth / 2), math.cos(azimuth / 2))
-            arrows.append({"type": 0, "action": 0, "id": number, "pose": self._pose((x, y, 1.0), turn)})
+            arrow = {"action": 0, "id": number, "pose": self._pose((x, y, 1.0), turn)}
+            arrows.append((arrow, length_m, alpha))
         markers = [
             self._make(
                 "visualization_msgs/msg/Marker",
                 header=self._header(time_s, "map"),
                 ns="arrivals",
-                scale=self._make("geometry_msgs/msg/Vector3", x=_ARROW_M, y=_SHAFT_M, z=_SHAFT_M),
-                color=self._make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
+                type=0,
+                scale=self._make("geometry_msgs/msg/Vector3", x=length_m, y=_SHAFT_M, z=_SHAFT_M),
+                color=self._make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
                 lifetime=zero,
                 frame_locked=False,
                 points=[],
@@ -313,7 +329,7 @@ class _Messages:
                 mesh_use_embedded_materials=False,
                 **arrow,
             )
-            for arrow in arrows
+            for arrow, length_m, alpha in arrows
         ]
         return self._make("visualization_msgs/msg/MarkerArray", markers=markers)
 

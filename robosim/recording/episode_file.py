@@ -46,6 +46,8 @@ EPISODE = "episode.npz"
 #: Number of this format; earlier versions of robosim wrote files without one.
 _FORMAT = 2
 _WHAT, _REMEDY = "a recorded episode", "Delete it and run the episode again."
+#: Simulated time of each pose [s]; not in files of earlier versions.
+TIMES = "time_s"
 #: Columns with an additional entry for the end of the episode.
 _TO_THE_END = ("pose", "estimate", "coverage", "map_frame", "map_corner", "map")
 #: Integer columns of fixed length.
@@ -95,8 +97,15 @@ class EpisodeWriter:
         self._belief = belief
         self._rows.append(row)
 
-    def content(self, head: Head, pose: Float[np.ndarray, "3"], coverage: float, end: MapEstimate) -> bytes:
-        """Content of the file, with the final true pose, coverage and map."""
+    def content(
+        self,
+        head: Head,
+        pose: Float[np.ndarray, "3"],
+        coverage: float,
+        end: MapEstimate,
+        times: Float[np.ndarray, " m"] | None = None,
+    ) -> bytes:
+        """Content of the file, with the final true pose, coverage and map, and the simulated times of all poses [s]."""
         last = {"pose": pose, "estimate": end.pose, "coverage": coverage}
         last |= encode_map(layer_of_map(end), self._map)
         rows = {name: [row[name] for row in self._rows] for name in (*FIXED, *TEXTS, *RAGGED)}
@@ -111,6 +120,8 @@ class EpisodeWriter:
         for name, shape in RAGGED.items():
             if name not in OPTIONAL or any(map(len, rows[name])):
                 arrays |= ragged(name, rows[name], shape)
+        if times is not None:
+            arrays[TIMES] = times
         return npz_bytes(arrays)
 
 
@@ -143,6 +154,11 @@ class RecordedEpisode:
     def estimates(self) -> Float[np.ndarray, "n_poses 3"]:
         """Estimated poses."""
         return self.columns["estimate"]
+
+    @property
+    def times(self) -> Float[np.ndarray, " n_poses"] | None:
+        """Simulated time of each pose [s]; None in files of earlier versions."""
+        return self.columns.get(TIMES)
 
     @property
     def goals(self) -> Float[np.ndarray, "n 2"]:
@@ -233,7 +249,7 @@ def _expected() -> dict[str, Array]:
     for name, shape in FIXED.items():
         axes = " ".join(["m" if name in _TO_THE_END else "n", *map(str, shape)])
         expected[name] = Array("i" if name in _INTEGERS else "f", axes, None if name in _MAY_LACK else FAR)
-    expected |= {name: Array("U", "n") for name in TEXTS}
+    expected |= {name: Array("U", "n") for name in TEXTS} | {TIMES: Array("f", "m", FAR)}
     for name, shape in RAGGED.items():
         axes = " ".join([f"{name}s", *map(str, shape[1:])])
         most = None if name in _MAY_LACK else FAR
@@ -266,9 +282,9 @@ def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) 
     with reading(path, _WHAT, _REMEDY) as file:
         head = _head(file, check)
         file.seek(0)
-        optional = {f"{name}{end}" for name in OPTIONAL for end in ("", "_count")}
+        optional = {TIMES, *(f"{name}{end}" for name in OPTIONAL for end in ("", "_count"))}
         arrays = read_npz(file, _expected(), optional=optional)
-        columns: dict[str, Any] = {name: arrays[name] for name in (*FIXED, *TEXTS)}
+        columns: dict[str, Any] = {name: arrays[name] for name in (*FIXED, *TEXTS, TIMES) if name in arrays}
         columns |= {
             name: parts(arrays, name) for name in RAGGED if name in arrays and f"{name}_count" in arrays
         }
@@ -311,6 +327,8 @@ def _check(episode: RecordedEpisode) -> None:
     columns = episode.columns
     if len(columns["pose"]) != len(episode) + 1:
         raise ValueError(f"it has {len(columns['pose'])} poses, but {len(episode)} goals")
+    if (times := episode.times) is not None and (np.diff(times, prepend=0.0) < 0).any():
+        raise ValueError("times do not increase")
     for name in ("pose", "estimate", "goal", "path", "bodies"):
         some = columns.get(name, []) if name in RAGGED else [columns[name]]
         if any(np.abs(part[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for part in some):

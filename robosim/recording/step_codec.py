@@ -34,7 +34,7 @@ TEXTS = ("goal_kind", "because")
 #: Columns of entries of any length, with the shape of an empty one.
 RAGGED: dict[str, tuple[int, ...]] = {
     "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,), "bodies": (0, 4),
-    "laser": (0, 2), "laser_limits": (0, 2),
+    "laser": (0, 2), "laser_limits": (0, 3),
 }  # fmt: skip
 #: Those of them that a file lacks where they are empty in all steps.
 OPTIONAL = ("bodies", "laser", "laser_limits")
@@ -43,6 +43,7 @@ NO_RADIO = -1
 NO_FRAME: Float[np.ndarray, "5"] = np.full(5, np.nan)
 NO_BODIES: Float[np.ndarray, "0 4"] = np.zeros((0, 4))
 NO_SCAN: Float[np.ndarray, "0 2"] = np.zeros((0, 2))
+NO_LIMITS: Float[np.ndarray, "0 3"] = np.zeros((0, 3))
 NO_BYTES: UInt8[np.ndarray, "0"] = np.zeros(0, np.uint8)
 _MOST_PIXELS = 4096**2
 
@@ -88,7 +89,7 @@ def encode_without_pictures(step: Step) -> dict[str, Any]:
         "arrival": _arrivals(step)[:1],
         "bodies": true.bodies,
         "laser": NO_SCAN,
-        "laser_limits": NO_SCAN,
+        "laser_limits": NO_LIMITS,
         "rgb": NO_BYTES,
         "depth": NO_BYTES,
         "belief": NO_BYTES,
@@ -105,17 +106,17 @@ def _arrivals(step: Step) -> Float[np.ndarray, "n 5"]:
 
 
 def _laser_columns(laser: LaserScan | None) -> dict[str, Any]:
-    """Bearings [rad] and ranges [m], 0 for none, and the largest range and the height [m]."""
+    """Bearings [rad] and ranges [m], 0 for none; the largest range, the height, and how far it is ahead [m]."""
     if laser is None:
-        return {"laser": NO_SCAN, "laser_limits": NO_SCAN}
+        return {"laser": NO_SCAN, "laser_limits": NO_LIMITS}
     ranges = np.where(laser.hit, laser.range_m, 0.0)
-    limits = np.array([[laser.max_range_m, laser.height_m]])
+    limits = np.array([[laser.max_range_m, laser.height_m, laser.ahead_m]])
     return {"laser": np.column_stack([laser.bearing_rad, ranges]), "laser_limits": limits}
 
 
 def _decode_laser(row: Row) -> LaserScan | None:
     """The scan of a row; None without one."""
-    scan, limits = row.get("laser", NO_SCAN), row.get("laser_limits", NO_SCAN)
+    scan, limits = row.get("laser", NO_SCAN), row.get("laser_limits", NO_LIMITS)
     if len(scan) < 2 or len(limits) != 1:
         return None
     bearing, ranges = scan.T
@@ -124,6 +125,7 @@ def _decode_laser(row: Row) -> LaserScan | None:
         range_m=np.where(ranges > 0, ranges, np.inf),
         max_range_m=float(limits[0, 0]),
         height_m=float(limits[0, 1]),
+        ahead_m=float(limits[0, 2]),
     )
 
 

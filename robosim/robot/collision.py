@@ -34,6 +34,8 @@ from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.index_ranges import index_ranges
+from slam.hull import Hull
+from slam.poses import to_map
 
 # Both diagonals cut a square into four quarters, named by the side that they touch.
 EAST, NORTH, WEST, SOUTH = range(4)
@@ -225,20 +227,40 @@ def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
     return solids
 
 
-def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
+def check_pose(free: shapely.Geometry, pose: Float[np.ndarray, "3"], hull: Hull) -> None:
     """Raise ValueError if a hull would be in a wall by more than `FIT_M` at a pose, or the pose is not finite."""
     if not np.isfinite(pose).all():
         raise ValueError(f"pose = {pose}, expected finite x [m], y [m], yaw [rad].")
+    where = f"pose = ({pose[0]:.3f}, {pose[1]:.3f}"
+    if hull.outline_m:
+        if not shapely.covers(free, hull_at(hull, pose).buffer(-FIT_M)):
+            raise ValueError(
+                f"{where}, {pose[2]:.3f}) has a part of the hull in a wall, expected it on free floor. Draw poses from "
+                "what the hull can reach, with room to turn."
+            )
+        return
     centre = shapely.Point(pose[0], pose[1])
     gap_m = (
         shapely.distance(centre, shapely.boundary(free)) if shapely.intersects_xy(free, *pose[:2]) else 0.0
     )
-    if gap_m < radius_m - FIT_M:
-        where = f"{gap_m:.3f} m from the nearest wall" if gap_m else "not in free space"
+    if gap_m < hull.radius_m - FIT_M:
+        gap = f"{gap_m:.3f} m from the nearest wall" if gap_m else "not in free space"
         raise ValueError(
-            f"pose = ({pose[0]:.3f}, {pose[1]:.3f}) is {where}, expected at least the hull's radius, "
-            f"{radius_m:g} m. Draw poses from what the hull can reach."
+            f"{where}) is {gap}, expected at least the hull's radius, {hull.radius_m:g} m. Draw poses from what the "
+            "hull can reach."
         )
+
+
+def hull_at(hull: Hull, pose: Float[np.ndarray, "3"]) -> shapely.Polygon:
+    """The polygon of a hull with an outline at a pose x [m], y [m], yaw [rad]."""
+    return shapely.Polygon(to_map(pose, hull.corners))
+
+
+def depth_in(walls: shapely.Geometry, hull: Hull, pose: Float[np.ndarray, "3"]) -> float:
+    """How deep walls reach into a hull with an outline at a pose [m]."""
+    polygon = hull_at(hull, pose)
+    corners = shapely.get_coordinates(shapely.intersection(walls, polygon))
+    return float(shapely.distance(shapely.points(corners), polygon.exterior).max(initial=0.0))
 
 
 def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> WallSolids | None:

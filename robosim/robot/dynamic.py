@@ -19,10 +19,19 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.movers.movers import Movers
+from robosim.robot.body import add_robot
 from robosim.robot.collision import check_pose, solids
-from robosim.robot.motion import BLOCKED_M, BLOCKED_RAD, Motion, PlannedMove, check_displacement, check_drive
+from robosim.robot.motion import (
+    BLOCKED_M,
+    BLOCKED_RAD,
+    CommandQueue,
+    Motion,
+    PlannedMove,
+    check_displacement,
+    check_drive,
+)
 from robosim.robot.physics import PhysicsConfig, add_floor, add_movers, add_walls, new_spec
-from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
+from robosim.robot.robots import SERVO_LAG_S, RobotConfig
 from slam.poses import wrap
 
 __all__ = ["Motion", "PhysicsConfig", "World"]
@@ -63,6 +72,7 @@ class World:
         """Build the model; takes some tenths of a second on a large plan. `movers` move while the robot does."""
         self.building = building
         self.robot = robot or RobotConfig()
+        self._turning_m = self.robot.hull.turning_m
         self._stall_slip_mps = self.robot.stall_slip_mps  # used thirty times a motion
         self.config = config or PhysicsConfig()
         xmin, ymin, xmax, ymax = building.free.bounds
@@ -100,13 +110,14 @@ class World:
         self._floor = self.data.qpos[floor_at.qposadr[0] :][:2]  # and of the floor likewise
         self._slide = self.data.qvel[floor_at.dofadr[0] :][:2]
         self._touch = self.data.sensordata[self.model.sensor("touch").adr[0] :][:2]
+        self._commands = CommandQueue(round(self.robot.latency_s / self.config.timestep_s))
         self._commanded = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] of the last command to the wheels
         self._steps, self._moved, self._deepest_m = 0, 0, 0.0  # steps of the robot, and of movers
         self._touched = self._at_wall = False  # during this motion, in its last control period
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose in `map`, at rest; ValueError if the hull does not fit there."""
-        check_pose(self._room, pose, self.robot.radius_m)
+        check_pose(self._room, pose, self.robot.hull)
         self._place(pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2])
 
     @property
@@ -133,16 +144,18 @@ class World:
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
         """Drive with a speed and a turn rate, and roll on: the next `drive` continues at full speed.
 
-        Speeds that a wheel cannot have are reduced, along the same arc, and change within the robot's bounds. The time
-        is rounded to physics steps. The motion collided if the hull touched a wall.
+        Speeds beyond the robot's limits are reduced, along the same arc, and change within the bounds of its wheels.
+        Times are rounded to physics steps. The motion collided if the hull touched a wall.
         """
         check_drive(v_mps, w_radps, duration_s)
         self._begin()
         steps = round(duration_s / self.config.timestep_s)
-        wanted = self.robot.within_reach(v_mps, w_radps)
-        while self._steps < steps:
-            self._command(*self._towards(*wanted), self._pose()[2])
-            self._advance(min(self.config.control_steps, steps - self._steps))
+        for speeds, duration in self._commands.during(self.robot.within_reach(v_mps, w_radps), steps):
+            end = self._steps + round(duration)
+            while self._steps < end:
+                period = min(self.config.control_steps, end - self._steps)
+                self._command(*self._towards(*speeds, period), self._pose()[2])
+                self._advance(period)
         return self._motion(self._touched)
 
     def _place(self, x: float, y: float, yaw: float) -> None:
@@ -150,6 +163,7 @@ class World:
         mujoco.mj_resetData(self.model, self.data)
         self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
         self._commanded, self._at_wall = (0.0, 0.0), False
+        self._commands.clear()
         self._place_movers()
         mujoco.mj_forward(self.model, self.data)
 
@@ -175,7 +189,7 @@ class World:
             late, turned = time_s >= end_s, off_rad < ARRIVED_RAD
             if late and ((turned and (self._touched or off_m < ARRIVED_M)) or time_s >= end_s + SETTLE_S):
                 return
-            left_m = off_m + self.robot.radius_m * off_rad
+            left_m = off_m + self._turning_m * off_rad
             if left_m < best_m - GAIN_M:
                 best_m, best_s = left_m, time_s
             elif self._at_wall and time_s - best_s > STALL_S:
@@ -229,19 +243,20 @@ class World:
         self.data.ctrl[1] = (v + rim) / robot.wheel_radius_m
         self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
 
-    def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
-        """Speeds towards target speeds, as far as a wheel's acceleration allows in one control period."""
+    def _towards(self, v_mps: float, w_radps: float, steps: int) -> tuple[float, float]:
+        """Speeds towards target speeds, as far as a wheel's acceleration allows in some physics steps."""
         v, w = self._commanded
         dv, dw = v_mps - v, w_radps - w
         change = abs(dv) + abs(dw) * self.robot.track_m / 2
-        most = self.robot.max_accel_mps2 * self.config.control_steps * self.config.timestep_s
+        most = self.robot.max_accel_mps2 * steps * self.config.timestep_s
         part = min(1.0, most / change) if change > 0 else 1.0
         return v + part * dv, w + part * dw
 
     def _halt(self) -> None:
         """Stop the wheels, and wait for the robot to come to rest."""
+        self._commands.clear()
         while self._commanded != (0.0, 0.0):
-            self._command(*self._towards(0.0, 0.0), self._pose()[2])
+            self._command(*self._towards(0.0, 0.0, self.config.control_steps), self._pose()[2])
             self._advance(self.config.control_steps)
         self._slide[:] = 0.0
         last = self._steps + round(REST_S / self.config.timestep_s)

@@ -1,10 +1,12 @@
-"""The kinematic twin of `dynamic`: a disk that goes where it is sent, and stops at walls.
+"""The kinematic twin of `dynamic`: a hull that goes where it is sent, and stops at walls.
 
-The disk has neither mass nor wheels. Its centre moves along straight lines (arcs are cut into short ones), and stops
-one radius from a wall. That place is exact: a disk meets a wall where its centre meets the lines at one radius from the
-wall, or the circles around the wall's ends. Rotation is free. Tiles list all walls near enough to matter, so that a
-move takes some tens of microseconds on any plan. It replaces `World` where speed matters more than forces, such as in
-training. Left out: acceleration, friction, slip other than what is commanded.
+The robot has neither mass nor wheels. The centre of a disk moves along straight lines (arcs are cut into short ones),
+and stops one radius from a wall. That place is exact: a disk meets a wall where its centre meets the lines at one
+radius from the wall, or the circles around the wall's ends. Its rotation is free. Tiles list all walls near enough to
+matter, so that a move takes some tens of microseconds on any plan. A polygon moves and turns in short steps until it
+meets a wall, and by halves of the last one up to there, which takes a millisecond. This world replaces `World` where
+speed matters more than forces, such as in training. Left out: acceleration, friction, slip other than what is
+commanded.
 """
 
 import math
@@ -17,11 +19,18 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.movers.movers import Movers
-from robosim.robot.collision import check_pose
-from robosim.robot.motion import BLOCKED_M, Motion, check_displacement, check_drive
+from robosim.robot.collision import FIT_M, check_pose
+from robosim.robot.motion import (
+    BLOCKED_M,
+    BLOCKED_RAD,
+    CommandQueue,
+    Motion,
+    check_displacement,
+    check_drive,
+)
 from robosim.robot.robots import RobotConfig
 from robosim_support.compiled import compiled
-from slam.poses import wrap
+from slam.poses import to_map, wrap
 
 #: Side of the tiles that walls are sorted into [m].
 TILE_M = 0.5
@@ -31,6 +40,8 @@ PIECE_M = 0.3
 PIECE_S = 0.1
 #: Largest turn within one straight piece of an arc [rad].
 ARC_RAD = math.radians(5.0)
+#: Steps of a polygon [m], [rad], and halves of the last one.
+STEP_M, STEP_RAD, HALVES = 0.01, math.radians(2.0), 10
 #: The disk is stopped this far before a wall [m], so that rounding never puts it inside.
 GAP_M = 1e-9
 #: Moving along a wall this exactly is not moving into it (sine of the angle).
@@ -49,19 +60,28 @@ class KinematicWorld:
         self._room = building.floor(self.robot.height_m)
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
-        self._walls = _Tiles(wall_segments(self._room) - self._origin, self.robot.radius_m + GAP_M)
+        walls = wall_segments(self._room) - self._origin
+        self._polygon: _PolygonWalls | None = None
+        if self.robot.outline_m:
+            self._polygon = _PolygonWalls(walls, self.robot.hull.corners)
+        else:
+            self._walls = _Tiles(walls, self.robot.radius_m + GAP_M)
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
+        self._commands = CommandQueue(self.robot.latency_s)
         self._movers = movers
 
     def clone(self) -> "KinematicWorld":
         """The same building with another robot in it, independent of the first."""
-        return copy(self)
+        other = copy(self)
+        other._commands = CommandQueue(self.robot.latency_s)
+        return other
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose x [m], y [m], yaw [rad] in `map`; ValueError if the hull does not fit there."""
-        check_pose(self._room, pose, self.robot.radius_m)
+        check_pose(self._room, pose, self.robot.hull)
         self._x, self._y = float(pose[0] - self._origin[0]), float(pose[1] - self._origin[1])
         self._yaw = wrap(float(pose[2]))
+        self._commands.clear()
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:
@@ -72,11 +92,13 @@ class KinematicWorld:
         """Go to a pose near by, or to where walls stop the disk: dx [m], dy [m], dyaw [rad] in the robot's frame.
 
         It moves forward first, then sideways, so that slip into a wall does not stop a robot along it. The motion
-        collided if a wall left the robot off its goal by more than `BLOCKED_M`.
+        collided if a wall left the robot off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
         """
         check_displacement(displacement)
+        self._commands.clear()
         dx, dy, turn = (float(part) for part in displacement)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
+        goal_yaw = self._yaw + turn
         goal_x, goal_y = self._x + c * dx - s * dy, self._y + s * dx + c * dy
         profile = self.robot.profile(displacement)
         pieces = self._pieces(profile.duration_s)
@@ -85,19 +107,26 @@ class KinematicWorld:
             share = profile.fraction(profile.duration_s * piece / pieces) - done
             self._go(share * c * dx, share * s * dx)
             self._go(-share * s * dy, share * c * dy)
-            self._yaw = wrap(self._yaw + share * turn)
+            self._turn(share * turn)
             self._let_pass(profile.duration_s / pieces)
             done += share
-        blocked = math.hypot(goal_x - self._x, goal_y - self._y) > BLOCKED_M
+        off_m, off_rad = math.hypot(goal_x - self._x, goal_y - self._y), abs(wrap(goal_yaw - self._yaw))
+        blocked = off_m > BLOCKED_M or off_rad > BLOCKED_RAD
         return Motion(self.pose, blocked, profile.duration_s)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
-        """Drive along an arc for a while, at once at full speed; collided if a wall shortened the arc.
+        """Drive along an arc for a while, at full speed after the latency; collided if a wall shortened it.
 
-        Speeds that a wheel cannot have are reduced, along the same arc.
+        Speeds beyond the robot's limits are reduced, along the same arc.
         """
         check_drive(v_mps, w_radps, duration_s)
-        v, w = self.robot.within_reach(v_mps, w_radps)
+        blocked = False
+        for (v, w), time_s in self._commands.during(self.robot.within_reach(v_mps, w_radps), duration_s):
+            blocked |= self._follow_arc(v, w, time_s)
+        return Motion(self.pose, blocked, duration_s)
+
+    def _follow_arc(self, v: float, w: float, duration_s: float) -> bool:
+        """Move along an arc as far as walls allow; whether one stopped the disk."""
         pieces = max(math.ceil(abs(w) * duration_s / ARC_RAD), self._pieces(duration_s))
         turn = w * duration_s / pieces
         half = turn / 2
@@ -106,9 +135,9 @@ class KinematicWorld:
         for _ in range(pieces):
             direction = self._yaw + half
             blocked |= self._go(chord * math.cos(direction), chord * math.sin(direction))
-            self._yaw = wrap(self._yaw + turn)
+            blocked |= self._turn(turn)
             self._let_pass(duration_s / pieces)
-        return Motion(self.pose, blocked, duration_s)
+        return blocked
 
     def _pieces(self, duration_s: float) -> int:
         """Pieces of a motion between which movers move."""
@@ -119,8 +148,16 @@ class KinematicWorld:
         if self._movers is not None:
             self._movers.advance(duration_s, self.pose)
 
+    def _turn(self, turn: float) -> bool:
+        """Turn on the spot as far as walls allow; whether one stopped it."""
+        share = 1.0
+        if self._polygon is not None:
+            share = self._polygon.share_free((self._x, self._y, self._yaw), (0.0, 0.0, turn))
+        self._yaw = wrap(self._yaw + share * turn)
+        return share < 1
+
     def _go(self, dx: float, dy: float) -> bool:
-        """Move the disk straight as far as walls allow; whether one stopped it."""
+        """Move the hull straight as far as walls allow; whether one stopped it."""
         pieces = max(1, math.ceil(math.hypot(dx, dy) / PIECE_M))
         blocked = False
         for _ in range(pieces):
@@ -130,12 +167,45 @@ class KinematicWorld:
         return blocked
 
     def _go_piece(self, dx: float, dy: float) -> bool:
-        walls = self._walls.near(self._x, self._y)
-        share = 1.0 if walls is None else walls.meet(self._x, self._y, dx, dy)
+        if self._polygon is not None:
+            share = self._polygon.share_free((self._x, self._y, self._yaw), (dx, dy, 0.0))
+        else:
+            walls = self._walls.near(self._x, self._y)
+            share = 1.0 if walls is None else walls.meet(self._x, self._y, dx, dy)
         if self._movers is not None:
             share = min(share, self._movers.share_free(self.pose[:2], np.array([dx, dy])))
         self._x, self._y = self._x + share * dx, self._y + share * dy
         return share < 1
+
+
+class _PolygonWalls:
+    """Walls that a polygon may meet."""
+
+    def __init__(self, walls: Float[np.ndarray, "n 2 2"], corners: Float[np.ndarray, "k 2"]) -> None:
+        # By as much as a robot may be placed in a wall.
+        inner = shapely.Polygon(corners).buffer(-FIT_M, join_style="mitre")
+        self._corners = shapely.get_coordinates(inner.exterior)
+        self._tree = shapely.STRtree(shapely.linestrings(walls))
+
+    def share_free(self, pose: tuple[float, float, float], step: tuple[float, float, float]) -> float:
+        """Share of a step dx, dy [m], dyaw [rad] from a pose that is done before a wall is met."""
+        pieces = math.ceil(max(math.hypot(*step[:2]) / STEP_M, abs(step[2]) / STEP_RAD))
+        for piece in range(1, pieces + 1):
+            if self._meets(pose, step, piece / pieces):
+                free, share = (piece - 1) / pieces, 1 / pieces
+                for _ in range(HALVES):
+                    share /= 2
+                    free += 0.0 if self._meets(pose, step, free + share) else share
+                return free
+        return 1.0
+
+    def _meets(
+        self, pose: tuple[float, float, float], step: tuple[float, float, float], share: float
+    ) -> bool:
+        there = np.array(pose) + share * np.array(step)
+        return (
+            self._tree.query(shapely.Polygon(to_map(there, self._corners)), predicate="intersects").size > 0
+        )
 
 
 class _Tiles:

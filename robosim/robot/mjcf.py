@@ -17,9 +17,10 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.building.reach import reach
 from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.robot.body import add_robot
 from robosim.robot.collision import check_pose, placed_solids, wall_solids
 from robosim.robot.physics import PhysicsConfig, add_floor_box, add_walls, new_spec
-from robosim.robot.robots import RobotConfig, add_robot
+from robosim.robot.robots import RobotConfig
 from robosim.support.files import whole_file
 
 #: Floor beyond the walls [m].
@@ -43,8 +44,8 @@ def export_mjcf(
     """
     robot, config = robot or RobotConfig(), config or PhysicsConfig()
     if pose is None:
-        pose = np.array([*reach(building, robot.radius_m, robot.height_m).widest(), 0.0])
-    check_pose(building.floor(robot.height_m), pose, robot.radius_m)
+        pose = np.array([*reach(building, *robot.hull_m).widest(), 0.0])
+    check_pose(building.floor(robot.height_m), pose, robot.hull)
     low, high = np.reshape(building.free.bounds, (2, 2))
     # MJCF is written with six digits: of places around the middle of the building they are a tenth of a millimetre.
     origin = np.round((low + high) / 2, 1)

@@ -7,6 +7,8 @@ Left out: bounds on jerk.
 """
 
 import math
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -103,6 +105,34 @@ class PlannedMove:
         x, y, yaw = self.start
         gap = math.hypot(x + self.shift[0] - pose[0], y + self.shift[1] - pose[1])
         return gap, abs(wrap(yaw + self.turn_rad - pose[2]))
+
+
+class CommandQueue:
+    """Commanded speeds, each in force from one latency after its command until the next one is."""
+
+    def __init__(self, latency: float) -> None:
+        """Begin at rest; the unit of times is that of the latency."""
+        self._latency = latency
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all commands."""
+        self._speeds = (0.0, 0.0)
+        self._waiting: deque[tuple[float, tuple[float, float]]] = deque()
+
+    def during(
+        self, speeds: tuple[float, float], duration: float
+    ) -> Iterator[tuple[tuple[float, float], float]]:
+        """Command speeds, and let a time pass: the speeds in force, and how long each is."""
+        self._waiting.append((self._latency, speeds))
+        now: float = 0
+        while now < duration:
+            while self._waiting and self._waiting[0][0] <= now:
+                self._speeds = self._waiting.popleft()[1]
+            end = min(self._waiting[0][0], duration) if self._waiting else duration
+            yield self._speeds, end - now
+            now = end
+        self._waiting = deque((left - duration, later) for left, later in self._waiting)
 
 
 def check_displacement(displacement: Float[np.ndarray, "3"]) -> None:

@@ -22,13 +22,18 @@ VISION_RANGE_M = 3.2
 class Coverage:
     """Counts the cells of a region of a plan that a camera has seen."""
 
-    def __init__(self, plan: FloorPlan, region: Bool[np.ndarray, "ny nx"], hfov_rad: float):
-        """Begin with nothing seen of a region of a plan; the camera's field of view is horizontal [rad]."""
+    def __init__(
+        self, plan: FloorPlan, region: Bool[np.ndarray, "ny nx"], hfov_rad: float, ahead_m: float = 0.0
+    ):
+        """Begin with nothing seen of a region of a plan.
+
+        The camera's field of view is horizontal [rad]; it is as far ahead of the robot's centre [m].
+        """
         self.plan = plan
         self._region = np.array(region)
         self._unseen = self._region.copy()
         self._n_region, self._n_seen = int(self._region.sum()), 0
-        self._tan_half = float(np.tan(hfov_rad / 2))
+        self._tan_half, self._ahead_m = float(np.tan(hfov_rad / 2)), ahead_m
         # Half a cell: the wall that a border cell touches may lie before that cell's centre.
         self._slack_m = plan.resolution_m / 2
 
@@ -38,7 +43,7 @@ class Coverage:
         depth: Float[np.ndarray, "h w"] | None,
         laser: LaserScan | None = None,
     ) -> None:
-        """Add what one frame shows from a true pose in `map`, with the camera above the robot's centre.
+        """Add what one frame shows from a true pose of the robot in `map`.
 
         Depth is along the camera's axis [m], 0 where nothing was hit; `laser` is without error. None if there is none.
         """
@@ -56,8 +61,9 @@ class Coverage:
         cells, ahead, left = cells[near], ahead[near], left[near]
         seen = np.zeros(len(cells), bool)
         if depth is not None:
-            seen |= self._before(ahead, left, depth)
+            seen |= self._before(ahead - self._ahead_m, left, depth)
         if laser is not None:
+            ahead = ahead - laser.ahead_m
             beam = laser.nearest(np.arctan2(left, ahead))
             seen |= (beam >= 0) & (laser.range_m[beam] + self._slack_m >= np.hypot(ahead, left))
         cells = cells[seen]

@@ -82,7 +82,7 @@ def walk_home(
     robot = SimulatorConfig().robot
     walk = GridWalk(
         building,
-        reach(building, robot.radius_m, robot.height_m),
+        reach(building, *robot.hull_m),
         np.random.default_rng([recipe.seed, home, 2]),
         np.radians(SimulatorConfig().image.hfov_deg),
     )

@@ -101,7 +101,7 @@ def drive_home(home: int, recipe: SteeringRecipe, controller: Controller) -> dic
     building = home_building(CollectConfig(seed=recipe.seed), home)
     config = SimulatorConfig(physics="kinematic", noise=recipe.noise)
     rng = np.random.default_rng([recipe.seed, home, 6])
-    task = make_task(reach(building, config.robot.radius_m, config.robot.height_m), rng, min_path_m=2.0)
+    task = make_task(reach(building, *config.robot.hull_m), rng, min_path_m=2.0)
     navigator = make_navigator(config)._replace(controller=controller)
     log = EpisodeLog(task)
 

@@ -28,7 +28,9 @@ from jaxtyping import Float, Int
 
 from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action
+from slam.control.action_search import find_actions, is_clear
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
+from slam.hull import Hull, Outline
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
@@ -40,7 +42,9 @@ class ControlConfig:
     """How actions are chosen."""
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the hull [m]."""
+    """Radius of the hull [m]; of a polygon half its width."""
+    outline_m: Outline = ()
+    """Corners of the hull, see `slam.hull`; empty for a disk."""
     slacks_m: Annotated[tuple[float, ...], Range(-1, 1, "m")] = (-0.02, 0.01, 0.03, 0.06, 0.1)
     """Space that a run leaves around the hull [m], in rising order ..."""
     slack_prices: Annotated[tuple[float, ...], Range(0, 1e6, "decisions")] = (20.0, 12.0, 6.0, 2.0, 0.0)
@@ -69,6 +73,11 @@ class ControlConfig:
     turn_rate_radps: Annotated[float, Range(0.001, 20, "rad/s")] = 1.0
     """Greatest turn rate of the continuous controller [rad/s]."""
 
+    @property
+    def hull(self) -> Hull:
+        """The hull."""
+        return Hull(self.radius_m, self.outline_m)
+
     def __post_init__(self) -> None:
         if len(self.motions) not in (len(PUBLISHED), len(MOVES)):
             raise ValueError(
@@ -84,6 +93,9 @@ class ControlConfig:
 
 #: Recent decisions examined for wavering, and changes of side among their turns that are too many.
 HISTORY, MOST_REVERSALS = 16, 4
+
+#: Actions of a search that are done before the next search.
+_COURSE = 6
 
 #: Number of actions in the mean displacement of a calibration, and least number for a reliable mean.
 _CALIBRATED, _SURE = 50, 5
@@ -101,7 +113,7 @@ class Controller:
     """Chooses actions; remembers bumps and lack of progress, and learns what its actions do."""
 
     def __init__(self, config: ControlConfig = ControlConfig()):
-        self.config = config
+        self.config, self.hull = config, config.hull
         half = math.ceil(math.pi / config.turn_rad)
         # No turn first, then pairs: of equal prices the smaller turn wins.
         self._turns = np.array(sorted(range(-half, half + 1), key=lambda k: (abs(k), k)))
@@ -125,6 +137,8 @@ class Controller:
         self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the path at which it looks around,
         self._aside_m = 0.0  # and how far looking around may lead from there
         self._recent: deque[Action] = deque(maxlen=HISTORY)
+        self._course: deque[Action] = deque()  # of a polygon, and where it leads
+        self._course_goal: Float[np.ndarray, 2] = np.zeros(2)
         self._committed: deque[Action] = deque()
 
     def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
@@ -155,6 +169,7 @@ class Controller:
         """The last action was not done, as when the robot waits instead: nothing is learned from it."""
         self._last = None
         self._committed.clear()
+        self._course.clear()
 
     def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
@@ -183,7 +198,8 @@ class Controller:
         steps = action in STEPS
         known = steps or (swing_m > SWING_M and self._motions[action] >= _SURE)
         if known and ahead_m < (0.6 if steps else 0.4) * swing_m:
-            touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
+            space = float(clearance.space(self.hull, after[:2], float(after[2])))
+            touch = float(np.clip(space + 0.002, 0, 0.025))
             heading = float(before[2]) + math.atan2(self.motion[action][1], self.motion[action][0])
             self._bumps.append((float(after[0]), float(after[1]), heading, touch))
             if steps:
@@ -203,8 +219,10 @@ class Controller:
         )
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
-        """First action of the cheapest turn and run."""
+        """First action of the cheapest turn and run; of a polygon, of a search."""
         config = self.config
+        if self.hull.outline_m and (course := self._searched(pose, plan)):
+            return course.popleft()
         turned = self._turned(pose)
         stride = math.hypot(*self.motion[Action.FORWARD, :2])
         headings = turned[:, 2] + math.atan2(self.motion[Action.FORWARD, 1], self.motion[Action.FORWARD, 0])
@@ -219,7 +237,8 @@ class Controller:
         # look cheaper than one made now.
         price = np.arange(1, config.reach_steps + 1) + left
         price += off / config.turn_rad * np.minimum(left, 1.0)
-        price += self._tightness(points, distance, plan.clearance)
+        yaws = np.broadcast_to(turned[:, 2:], points.shape[:2])
+        price += self._tightness(points, yaws, distance, plan.clearance)
         price += (np.abs(self._turns) + self._reluctance(pose, headings))[:, None]
         price += self._pushing(pose, plan.clearance)[:, None]
         cheapest = price.min(axis=1)
@@ -233,6 +252,20 @@ class Controller:
             self._recent.clear()
             return self._committed.popleft()
         return self._turning(pose, turns, plan.clearance)
+
+    def _searched(self, pose: Float[np.ndarray, "3"], plan: Plan) -> deque[Action]:
+        """Actions that bring a polygon forward: those found before, as long as they are clear, or new ones."""
+        same_goal = np.hypot(*(plan.asked_xy - self._course_goal)) < self.config.arrived_m
+        if not (
+            same_goal
+            and self._course
+            and is_clear(pose, list(self._course), self.motion, self.hull, plan.clearance)
+        ):
+            found = find_actions(
+                pose, self.motion, self.hull, plan.clearance, plan.field, forward_m=self.config.forward_m
+            )
+            self._course, self._course_goal = deque(found[:_COURSE]), plan.asked_xy
+        return self._course
 
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
         """First of some turns, or of what goes before them where that spares the hull pushes."""
@@ -264,7 +297,7 @@ class Controller:
             turns,
             clearance,
             self.motion,
-            radius_m=config.radius_m,
+            hull=self.hull,
             push_price=config.push_price,
             steps=STEPS if config.reverses else (Action.FORWARD,),
             around=around,
@@ -274,11 +307,12 @@ class Controller:
         self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance
     ) -> Int[np.ndarray, " n"]:
         """How many of 0, 1, ... turns, positive to the left, push the hull against something."""
-        return pushes_of(pose, turns, clearance, self.motion, self.config.radius_m)
+        return pushes_of(pose, turns, clearance, self.motion, self.hull)
 
     def _tightness(
         self,
         points: Float[np.ndarray, "k n 2"],
+        headings: Float[np.ndarray, "k n"],
         distance: Float[np.ndarray, " n"],
         clearance: Clearance,
     ) -> Float[np.ndarray, "k m"]:
@@ -286,7 +320,7 @@ class Controller:
         config = self.config
         # Where the hull touched although the map left space, the map is off by that much.
         touched = [t for x, y, _, t in self._bumps if np.hypot(*(points[0, 0] - (x, y))) < 0.3]
-        space = clearance.at(points) - config.radius_m - max(touched, default=0.0)
+        space = clearance.space(self.hull, points, headings) - max(touched, default=0.0)
         least = config.slacks_m[0]
         # Where the hull is already closer than it should be, it may still move away, or turn.
         here = space[0, 0]
@@ -362,7 +396,7 @@ class Controller:
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Drive away: turn to the direction with most room, and go there."""
         headings = self._turned(pose)[:, 2]
-        room = plan.clearance.free_run_m(pose[:2], headings, self.config.radius_m)
+        room = plan.clearance.free_run_m(pose[:2], headings, self.hull)
         decisions = np.abs(self._turns) + self._pushing(pose, plan.clearance)
         worth = np.minimum(room, 1.0) - 0.02 * decisions - 0.1 * self._reluctance(pose, headings)
         action = first_of(int(self._turns[int(np.argmax(worth))]))
@@ -380,7 +414,7 @@ class Controller:
         off = wrap(math.atan2(y, x) - pose[2])
         if abs(off) > math.radians(50):
             return 0.0, math.copysign(config.turn_rate_radps, off)
-        room = plan.clearance.free_run_m(pose[:2], pose[2:], config.radius_m)[0]
+        room = plan.clearance.free_run_m(pose[:2], pose[2:], self.hull)[0]
         curvature = 2 * math.sin(off) / distance
         speed = config.speed_mps * max(0.0, math.cos(off)) * min(1.0, room / 0.3, distance / 0.15)
         speed = min(speed, config.turn_rate_radps / max(abs(curvature), 1e-6))

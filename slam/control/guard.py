@@ -22,7 +22,7 @@ class Guard:
 
     def __init__(self, control: ControlConfig) -> None:
         """Take hull and motions from a controller's configuration."""
-        self._radius_m = control.radius_m
+        self._hull = control.hull
         self._turns = {
             action: np.array(motion)
             for action, motion in zip(PUBLISHED, control.motions, strict=False)
@@ -31,12 +31,12 @@ class Guard:
 
     def bumps(self, estimate: MapEstimate) -> Bool[np.ndarray, "3"]:
         """Whether each of the published actions would end at something."""
-        near = Clearance.around(estimate, FORWARD_M + 2 * self._radius_m)
-        gap_m = float(near.at(estimate.pose[:2]))
-        space_m = max(min(gap_m - _ERROR_M, self._radius_m + _MARGIN_M), self._radius_m - _ERROR_M)
-        ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], space_m)
+        near = Clearance.around(estimate, FORWARD_M + 2 * self._hull.turning_m)
+        here_m = float(near.space(self._hull, estimate.pose[:2], float(estimate.pose[2])))
+        space_m = max(min(here_m - _ERROR_M, _MARGIN_M), -_ERROR_M)
+        ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], self._hull, space_m)
         found = np.zeros(len(PUBLISHED), bool)
         found[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
         for action, motion in self._turns.items():
-            found[action] = pushes(swung(estimate.pose, motion, 1), near, self._radius_m)[1]
+            found[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull)[1]
         return found

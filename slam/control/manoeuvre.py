@@ -1,10 +1,11 @@
 """Manoeuvre before turns that would push the hull against something: leave the niche or the wall, and turn there.
 
-A base that does not turn about its middle moves on a circle as it turns on the spot: a LoCoBot by 2 cm to its left
-with each turn of 11 degrees to the left, once round a circle of 20 cm. A turn pushes if it brings the hull nearer to
-an obstacle than the room that it needs, as in a gap hardly wider than the hull. A few turns, and steps back or forward
-in the heading reached, may lead to a place with room. The cost of each such manoeuvre is counted in decisions, with a
-penalty for turns that push, and the cheapest is chosen; none, if turning here is cheapest.
+A base whose hull is no disk sweeps a larger circle as it turns. One that does not turn about its middle moves on a
+circle as it turns on the spot: a LoCoBot by 2 cm to its left with each turn of 11 degrees to the left, once round a
+circle of 20 cm. A turn pushes if it brings the hull nearer to an obstacle than the room that it needs, as in a gap
+hardly wider than the hull. A few turns, and steps back or forward in the heading reached, may lead to a place with
+room. The cost of each such manoeuvre is counted in decisions, with a penalty for turns that push, and the cheapest is
+chosen; none, if turning here is cheapest.
 """
 
 import math
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from slam.actions import STEPS, Action
+from slam.hull import Hull
 from slam.planning.clearance import Clearance
 from slam.poses import to_map
 
@@ -51,9 +53,9 @@ def swung(
     return np.column_stack([x, y, yaw])
 
 
-def pushes(poses: Float[np.ndarray, "n 3"], clearance: Clearance, radius_m: float) -> Int[np.ndarray, " n"]:
+def pushes(poses: Float[np.ndarray, "n 3"], clearance: Clearance, hull: Hull) -> Int[np.ndarray, " n"]:
     """How many of the turns up to each pose push the hull against an obstacle."""
-    room = clearance.at(poses[:, :2]) - radius_m
+    room = clearance.space(hull, poses[:, :2], poses[:, 2])
     pushed = (room[1:] < _ROOM_M) & (room[1:] < room[:-1] - _LESS_M)
     return np.append(0, np.cumsum(pushed))
 
@@ -69,7 +71,7 @@ def easier(
     clearance: Clearance,
     motion: Float[np.ndarray, "4 3"],
     *,
-    radius_m: float,
+    hull: Hull,
     push_price: float,
     steps: Sequence[Action] = STEPS,
     around: bool = False,
@@ -81,27 +83,27 @@ def easier(
         turns: What it is about to turn by; positive to the left.
         clearance: Distances to obstacles around.
         motion: What each action does, in the order of `Action`: x, y [m], yaw [rad].
-        radius_m: Radius of the hull [m].
+        hull: Hull of the robot.
         push_price: What each turn that pushes costs extra [decisions].
         steps: Which steps it may make.
         around: Whether it turns to look around, so as much there as here.
     """
     found = Manoeuvre([], turns)
-    least = push_price * float(pushes_of(pose, turns, clearance, motion, radius_m)[-1])
+    least = push_price * float(pushes_of(pose, turns, clearance, motion, hull)[-1])
     if not least:
         return found
     for sign in (1, -1):
         turned = swung(pose, motion[first_of(sign)], _MOST_ASIDE)
-        pushed = push_price * pushes_of(pose, sign * _MOST_ASIDE, clearance, motion, radius_m)
+        pushed = push_price * pushes_of(pose, sign * _MOST_ASIDE, clearance, motion, hull)
         for count in range(0 if sign == 1 else 1, _MOST_ASIDE + 1):
             rest = turns if around else turns - sign * count
             price = pushed[count] + count + abs(rest) - abs(turns)
             for step in steps:
-                places = _along(turned[count], motion[step], clearance, radius_m)
+                places = _along(turned[count], motion[step], clearance, hull)
                 for number, there in enumerate(places, 1):
                     whole = price + number
                     if whole < least:
-                        whole += push_price * pushes_of(there, rest, clearance, motion, radius_m)[-1]
+                        whole += push_price * pushes_of(there, rest, clearance, motion, hull)[-1]
                     if whole < least:
                         least = whole
                         found = Manoeuvre([first_of(sign)] * count + [step] * number, rest)
@@ -113,13 +115,13 @@ def pushes_of(
     turns: int,
     clearance: Clearance,
     motion: Float[np.ndarray, "4 3"],
-    radius_m: float,
+    hull: Hull,
 ) -> Int[np.ndarray, " n"]:
-    """How many of 0, 1, ... turns, positive to the left, push the hull; none of a base that turns in place."""
+    """How many of 0, 1, ... turns, positive to the left, push the hull; none of a disk that turns in place."""
     turn = motion[first_of(turns)]
-    if not turns or np.hypot(*turn[:2]) < SWING_M:
+    if not turns or (not hull.outline_m and np.hypot(*turn[:2]) < SWING_M):
         return np.zeros(abs(turns) + 1, int)
-    return pushes(swung(pose, turn, abs(turns)), clearance, radius_m)
+    return pushes(swung(pose, turn, abs(turns)), clearance, hull)
 
 
 def first_of(turns: int) -> Action:
@@ -130,12 +132,12 @@ def first_of(turns: int) -> Action:
 
 
 def _along(
-    pose: Float[np.ndarray, "3"], step: Float[np.ndarray, "3"], clearance: Clearance, radius_m: float
+    pose: Float[np.ndarray, "3"], step: Float[np.ndarray, "3"], clearance: Clearance, hull: Hull
 ) -> Float[np.ndarray, "n 3"]:
     """Poses after one, two, ... steps, as far as the hull stays clear of obstacles."""
     part = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
     points = to_map(pose, part * step[:2])
-    room = clearance.at(points) - radius_m
+    room = clearance.space(hull, points, float(pose[2]))
     clear = np.minimum.accumulate(room[1:])[PARTS - 1 :: PARTS] > min(room[0] - _ERROR_M, _CLEAR_M)
     places = points[PARTS::PARTS][: int(clear.sum())]
     return np.column_stack([places, np.full(len(places), pose[2])])

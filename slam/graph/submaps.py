@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from robosim_support.compiled import compiled
 from slam.matching.levels import SurfaceLevels, Surfaces, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
-from slam.poses import between, compose, to_map
+from slam.poses import between, compose, moved_ahead, to_map
 
 #: Part of the strongest curvature of a fit that the noise of normals adds in every direction.
 _OF_NORMALS = 0.02
@@ -43,15 +43,17 @@ class View:
     """How far one scan saw in each direction."""
 
     bearing_rad: Float[np.ndarray, " w"]
-    """Directions in the robot's frame [rad], rising, from -pi or more on; a full turn may end beyond pi."""
+    """Directions, 0 straight ahead [rad], rising, from -pi or more on; a full turn may end beyond pi."""
     range_m: Float[np.ndarray, " w"]
     """How far away the surface seen is [m]; negative where there is none: nothing up to that range then."""
+    ahead_m: float = 0.0
+    """How far ahead of the robot's centre it looks from [m]."""
 
     def ends(self) -> Float[np.ndarray, "n 2"]:
         """Points (x, y) [m] of the robot's frame at which a surface was seen, with a normal or without."""
         seen = np.flatnonzero(self.range_m > 0)
         bearing, reached = self.bearing_rad[seen], self.range_m[seen]
-        return np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
+        return np.column_stack([reached * np.cos(bearing) + self.ahead_m, reached * np.sin(bearing)])
 
 
 class Submap:
@@ -246,7 +248,7 @@ class Views(NamedTuple):
     def of(cls, views: Sequence[tuple[Float[np.ndarray, "3"], View]]) -> "Views":
         """From poses and what was seen there."""
         return cls(
-            np.array([pose for pose, _ in views]).reshape(-1, 3),
+            np.array([moved_ahead(pose, view.ahead_m) for pose, view in views]).reshape(-1, 3),
             np.cumsum([0, *(len(view.range_m) for _, view in views)]),
             np.concatenate([[], *(view.bearing_rad for _, view in views)]),
             np.concatenate([[], *(view.range_m for _, view in views)]),

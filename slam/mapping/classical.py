@@ -30,6 +30,7 @@ from slam.graph.submaps import View
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
 from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull, Outline
 from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.mapping.moving import MovingConfig, MovingThings
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
@@ -71,7 +72,9 @@ class MapperConfig:
     max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 1e6
     """Area to which the map may grow [m^2]; bounds the memory."""
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the robot's hull [m]."""
+    """Radius of the robot's hull [m]; of a polygon half its width."""
+    outline_m: Outline = ()
+    """Corners of the hull, see `slam.hull`; empty for a disk."""
     camera: CameraModel = field(default_factory=CameraModel)
     """The depth camera."""
     band: Band = field(default_factory=Band)
@@ -167,6 +170,7 @@ class ClassicalMapper:
             matcher: Finds the pose; scan matching if None.
         """
         self.config = config
+        self.hull = Hull(config.radius_m, config.outline_m)
         self._matcher = matcher
         self.reset(np.zeros(3))
 
@@ -179,7 +183,8 @@ class ClassicalMapper:
         self.frame = frame
         self.occupancy = OccupancyGrid(frame, config.occupancy)
         self.surfaces = SurfaceGrid(frame)
-        self.marks = CollisionMarks(frame, CollisionConfig(radius_m=config.radius_m))
+        hull = CollisionConfig(radius_m=config.radius_m, outline_m=config.outline_m)
+        self.marks = CollisionMarks(frame, hull)
         self.odometry = OdometryCorrector(config.odometry)
         self.relocalizer = Relocalizer(config.relocalization)
         tracking = replace(config.tracking, cell_m=cell, match=config.match)
@@ -228,6 +233,7 @@ class ClassicalMapper:
             scan, laser = self.moving.leave_out(scan, laser, predicted, grid.probability, self.frame, time_s)
         self.scan = scan
         points = points_of_scan(scan, self.config.match, self.config.resolution_m)
+        points = _ahead(points, scan.ahead_m)
         drawn, view = points.within(_DRAWN_M), view_of_scan(scan)
         if laser is not None:
             beams = points_of_beams(
@@ -237,6 +243,7 @@ class ClassicalMapper:
                 self.config.resolution_m,
                 self.config.match.sigma_m,
             )
+            beams = _ahead(beams, laser.ahead_m)
             points, drawn, view = points.with_more(beams), drawn.with_more(beams), view_of_laser(laser)
         match = (
             self._matcher.match(scan, self.occupancy, predicted, prior)
@@ -355,7 +362,7 @@ class ClassicalMapper:
             surfaces.clear(*occupancy.integrate_laser(frame.laser, pose))
         placed = frame.points.at(pose)
         surfaces.add(placed.points, placed.normals, placed.weights)
-        occupancy.stand(pose, self.config.radius_m - 0.5 * self.config.resolution_m)
+        occupancy.stand(pose, self.hull, 0.5 * self.config.resolution_m)
 
     def _rearrange(self) -> None:
         """Move the scans whose poses the graph has changed by enough; their places on the map become stale."""
@@ -419,7 +426,7 @@ class ClassicalMapper:
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Mark the cells under the hull as free."""
-        self.occupancy.stand(pose, self.config.radius_m - 0.5 * self.config.resolution_m)
+        self.occupancy.stand(pose, self.hull, 0.5 * self.config.resolution_m)
 
     def _make_room_for(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
         """Grow the map, as far as allowed, until it holds a scan at a pose."""
@@ -470,6 +477,7 @@ def view_of_laser(scan: LaserScan) -> View:
     return View(
         bearing_rad=scan.bearing_rad,
         range_m=np.where(scan.hit, scan.range_m, -np.maximum(scan.clear_m, 1e-9)),
+        ahead_m=scan.ahead_m,
     )
 
 
@@ -477,4 +485,10 @@ def view_of_scan(scan: Scan) -> View:
     """Range of a depth camera's scan in each direction."""
     slant = np.hypot(1.0, scan.left)
     reach = np.where(scan.hit, scan.depth_m, -scan.clear_m) * slant
-    return View(bearing_rad=np.arctan(scan.left)[::-1].astype(float), range_m=reach[::-1].astype(float))
+    bearing = np.arctan(scan.left)[::-1].astype(float)
+    return View(bearing_rad=bearing, range_m=reach[::-1].astype(float), ahead_m=scan.ahead_m)
+
+
+def _ahead(points: ScanPoints, distance_m: float) -> ScanPoints:
+    """Points of a sensor that is as far ahead of the robot's centre [m]."""
+    return points.at(np.array([distance_m, 0.0, 0.0])) if distance_m else points

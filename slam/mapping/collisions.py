@@ -18,6 +18,7 @@ from jaxtyping import Float, Float32
 from robosim_support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action
 from slam.grid import GridFrame, enlarged, zeros
+from slam.hull import Hull, Outline
 from slam.poses import to_map
 
 
@@ -27,7 +28,9 @@ class CollisionConfig:
     """When a step counts as stopped, and which cells are marked."""
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the hull [m]."""
+    """Radius of the hull [m]; of a polygon half its width."""
+    outline_m: Outline = ()
+    """Corners of the hull, see `slam.hull`; empty for a disk."""
     short_m: Annotated[float, Range(1e-6, FORWARD_M, "m", "That is the length of a step.")] = 0.8 * FORWARD_M
     """A step measured shorter than this was stopped [m]."""
     touch_m: Annotated[float, Range(0, 1, "m")] = 0.05
@@ -48,6 +51,7 @@ class CollisionMarks:
     def __init__(self, frame: GridFrame, config: CollisionConfig = CollisionConfig()):
         self.frame = frame
         self.config = config
+        self._hull = Hull(config.radius_m, config.outline_m)
         self.blocked = zeros(frame.shape, bool)
         self._bumps = zeros(frame.shape, np.uint8)
         self._until = zeros(frame.shape, np.int32)
@@ -82,27 +86,36 @@ class CollisionMarks:
             self._width_m, self._stops = 0.0, 0
             return False
         stuck = math.hypot(displacement[0], displacement[1]) < 0.2 * FORWARD_M
+        reach_m = self._hull.ahead_m
         self._stops = self._stops + 1 if stuck else 1
         if action is Action.BACKWARD:
             pose = np.array([pose[0], pose[1], pose[2] + math.pi])  # it met something behind it
-        if self._stops >= self.config.patience or not self._explained(pose, probability):
+            reach_m = self._hull.behind_m
+        if self._stops >= self.config.patience or not self._explained(pose, reach_m, probability):
             cell = self.frame.resolution_m
             self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell
-            self._mark(step, pose)
+            self._mark(step, pose, reach_m)
         return True
 
-    def _explained(self, pose: Float[np.ndarray, "3"], probability: Float32[np.ndarray, "ny nx"]) -> bool:
-        """Whether an obstacle of the map touches the front half of the hull."""
-        reach = self.config.radius_m + self.config.touch_m + 0.5 * self.frame.resolution_m
+    def _explained(
+        self, pose: Float[np.ndarray, "3"], reach_m: float, probability: Float32[np.ndarray, "ny nx"]
+    ) -> bool:
+        """Whether an obstacle of the map touches the half of the hull that goes ahead."""
+        margin = self.config.touch_m + 0.5 * self.frame.resolution_m
+        reach = self._hull.turning_m + margin
         x, y, yaw = pose
         rows, columns, frame = self.frame.window((x - reach, y - reach), (x + reach, y + reach))
         offset = frame.centres(probability[rows, columns] > 0.5) - pose[:2]
         ahead = offset @ np.array([math.cos(yaw), math.sin(yaw)])
-        return bool(((ahead > 0) & (np.hypot(*offset.T) < reach)).any())
+        touches = (ahead > 0) & (np.hypot(*offset.T) < reach)
+        if self.config.outline_m:
+            aside = offset @ np.array([-math.sin(yaw), math.cos(yaw)])
+            touches &= (ahead < reach_m + margin) & (np.abs(aside) < self._hull.radius_m + margin)
+        return bool(touches.any())
 
-    def _mark(self, step: int, pose: Float[np.ndarray, "3"]) -> None:
+    def _mark(self, step: int, pose: Float[np.ndarray, "3"], reach_m: float) -> None:
         config, cell = self.config, self.frame.resolution_m
-        ahead = config.radius_m + 0.5 * cell + np.arange(0, config.depth_m - 1e-9, 0.5 * cell)
+        ahead = reach_m + 0.5 * cell + np.arange(0, config.depth_m - 1e-9, 0.5 * cell)
         side = np.arange(-0.5 * self._width_m, 0.5 * self._width_m + 1e-9, 0.5 * cell)
         a, s = np.meshgrid(ahead, side)
         iy, ix = self.frame.index(to_map(pose, np.column_stack([a.ravel(), s.ravel()])))
@@ -126,11 +139,5 @@ class CollisionMarks:
 
     def stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Take marks off the cells whose centres the hull covers."""
-        r = self.config.radius_m
-        x, y, _ = pose
-        rows, columns, frame = self.frame.window((x - r, y - r), (x + r, y + r))
-        if not self.blocked[rows, columns].any():
-            return
-        iy, ix = np.nonzero(self.blocked[rows, columns])
-        under = np.hypot(*(frame.to_points(np.column_stack([ix, iy]) + 0.5) - pose[:2]).T) < r
-        self.blocked[rows, columns][iy[under], ix[under]] = False
+        rows, columns, under = self.frame.under(pose, self._hull)
+        self.blocked[rows, columns][under] = False

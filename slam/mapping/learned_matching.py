@@ -22,7 +22,7 @@ from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match
 from slam.networks.features import Features
 from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork
-from slam.poses import compose
+from slam.poses import compose, moved_ahead
 from slam.sensing.egocentric import cut_ahead
 from slam.sensing.projection import Scan
 
@@ -55,7 +55,8 @@ class LearnedMatcher:
     ) -> Match:
         """The pose between what odometry predicts and what frame and map say."""
         unmatched = Match(pose=predicted.copy(), information=np.zeros((3, 3)), paired=np.zeros(0, bool))
-        belief = cut_ahead(occupancy.probability, occupancy.frame, predicted)
+        eye = moved_ahead(predicted, scan.ahead_m)
+        belief = cut_ahead(occupancy.probability, occupancy.frame, eye)
         if np.mean(belief != 0.5) < self.config.known:
             return unmatched
         patches = np.empty((1, INPUTS, *belief.shape), np.float32)
@@ -71,7 +72,8 @@ class LearnedMatcher:
         pull = self.config.trust * posterior @ (offset_mean * UNIT)
         offset = np.linalg.solve(likelihood + prior, pull)
         information = turn @ likelihood @ turn.T
-        return Match(pose=compose(predicted, offset), information=information, paired=np.zeros(0, bool))
+        pose = moved_ahead(compose(eye, offset), -scan.ahead_m)
+        return Match(pose=pose, information=information, paired=np.zeros(0, bool))
 
 
 def _positive(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:

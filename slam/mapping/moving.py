@@ -163,11 +163,12 @@ class MovingThings:
     ) -> tuple[Scan, LaserScan | None]:
         """Track what moves in the scans of a camera and a laser; returns them without it. See `update`."""
         with np.errstate(invalid="ignore"):  # where nothing was hit
-            points = np.column_stack([scan.depth_m, scan.depth_m * scan.left])
+            points = np.column_stack([scan.depth_m + scan.ahead_m, scan.depth_m * scan.left])
         views = [np.where(scan.hit[:, None], points, np.nan).astype(float)]
         if laser is not None:
             angle = laser.bearing_rad
             points = laser.range_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+            points += [laser.ahead_m, 0.0]
             views.append(np.where(laser.hit[:, None], points, np.nan))
         masks = self.update(views, pose, probability, frame, time_s)
         return scan.without(masks[0]), laser if laser is None else laser.without(masks[1])

@@ -58,9 +58,11 @@ class NeuralMapper:
         """Make a mapper."""
         self.classical = ClassicalMapper(config or MapperConfig())
         self.fusion = fusion or FusionConfig()
-        self.patch = patch
         self.network = network
         self._predictor = MapPredictor(network, patch)
+        # What the network predicts lies ahead of the camera; from here on, in the robot's frame.
+        x, y = patch.origin_xy
+        self.patch = replace(patch, origin_xy=(x + self.classical.config.camera.ahead_m, y))
         self.reset(np.zeros(3))
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -243,8 +245,7 @@ class NeuralMapper:
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Where the hull is, nothing else stands."""
-        radius_m = self.classical.config.radius_m - 0.5 * self.frame.resolution_m
-        rows, columns, under = self.frame.disc(pose[:2], radius_m)
+        rows, columns, under = self.frame.under(pose, self.classical.hull, 0.5 * self.frame.resolution_m)
         self._log_odds[rows, columns][under] = np.minimum(self._log_odds[rows, columns][under], -1.0)
         for known in (self._is_predicted, self._viewed):
             known[rows, columns] |= under

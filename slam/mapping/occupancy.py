@@ -18,7 +18,8 @@ from jaxtyping import Bool, Float, Float32, Int
 from robosim_support.checks import Range, checked
 from robosim_support.compiled import compiled
 from slam.grid import GridFrame, enlarged, zeros
-from slam.poses import to_map
+from slam.hull import Hull
+from slam.poses import moved_ahead, to_map
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
 
@@ -75,6 +76,7 @@ class OccupancyGrid:
         self, scan: Scan, pose: Float[np.ndarray, "3"]
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         """Lower-left and upper-right corner (x, y) [m] of what a scan can change at a pose."""
+        pose = moved_ahead(pose, scan.ahead_m)
         deepest = (
             min(float(scan.clear_m.max(initial=0.0)), self.config.free_range_m) + self.frame.resolution_m
         )
@@ -94,7 +96,7 @@ class OccupancyGrid:
         rows, columns, frame = self.frame.window(*self.view_box(scan, pose))
         top_m, cleared = self.top_m[rows, columns], np.zeros(frame.shape, bool)
         hit = np.zeros(frame.shape, bool)
-        x, y, yaw = (float(value) for value in pose)
+        x, y, yaw = (float(value) for value in moved_ahead(pose, scan.ahead_m))
         place, range_m = _Place(x, y, yaw, *frame.origin_xy, frame.resolution_m), self.config.free_range_m
         _mark(scan.left, scan.depth_m, scan.top_m, range_m, place, hit, top_m)
         # A surface seen behind a low one is at least as high as the camera.
@@ -124,6 +126,7 @@ class OccupancyGrid:
         Below its beams it sees nothing: what is lower than they are stays as it was.
         """
         rows, columns, frame = self.frame.window(*self.laser_box(scan, pose))
+        pose = moved_ahead(pose, scan.ahead_m)
         away, beam = _beams(frame, pose, scan)
         seen = beam >= 0
         clear, half = scan.clear_m, 0.5 * self.frame.resolution_m
@@ -149,14 +152,15 @@ class OccupancyGrid:
         self, scan: LaserScan, pose: Float[np.ndarray, "3"]
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         """Lower-left and upper-right corner (x, y) [m] of what a laser's scan can change at a pose."""
+        pose = moved_ahead(pose, scan.ahead_m)
         angle = scan.bearing_rad + pose[2]
         ends = scan.clear_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) + pose[:2]
         low, high = ends.min(axis=0) - 0.15, ends.max(axis=0) + 0.15
         return (low[0], low[1]), (high[0], high[1])
 
-    def stand(self, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
-        """Clear the cells whose centres the hull covers: the robot stands there, so nothing else does."""
-        rows, columns, under = self.frame.disc(pose[:2], radius_m)
+    def stand(self, pose: Float[np.ndarray, "3"], hull: Hull, margin_m: float = 0.0) -> None:
+        """Clear the cells that the hull covers but for a margin: the robot stands there, so nothing else does."""
+        rows, columns, under = self.frame.under(pose, hull, margin_m)
         log_odds = self.log_odds[rows, columns]
         log_odds[under & (log_odds > -self.config.miss)] = -self.config.miss
         self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))

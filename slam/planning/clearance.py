@@ -2,8 +2,9 @@
 
 Distances are measured to the surface inside each obstacle cell, where a mapper knows it, or else to its centre: in a
 doorway 5 cm wider than the hull this decides whether the robot passes. For points, the obstacle cells within the
-largest possible distance are searched. For whole maps a distance transform suffices, except where the hull just fits
-or just does not: there the obstacles around are searched too. Distances are clipped to `LIMIT_M`.
+largest possible distance are searched, as they are around a polygon. For whole maps a distance transform suffices,
+except where the hull just fits or just does not: there the obstacles around are searched too. Distances are clipped to
+`LIMIT_M`.
 Reference: Borgefors, Distance transformations in digital images, CVGIP 34, 1986.
 """
 
@@ -15,9 +16,14 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 from robosim_support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
 
 #: Largest distance reported [m]; more than any hull needs.
 LIMIT_M = 0.4
+
+
+#: Obstacle cells, steps of a king to the nearest one, surfaces in them, and corner x, y and side of cells [m].
+Surfaces = tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, float, float]]
 
 
 class Clearance:
@@ -45,6 +51,12 @@ class Clearance:
         """Steps of a king from each cell to the nearest obstacle."""
         return _steps(self._obstacle)
 
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """What the loops take."""
+        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
+        return self._obstacle, self._steps, self._offset_m, (float(x), float(y), float(cell_m))
+
     @classmethod
     def around(cls, estimate: MapEstimate, half_side_m: float, bumps: bool = True) -> "Clearance":
         """Clearance in a square window of a map estimate around the robot."""
@@ -61,23 +73,48 @@ class Clearance:
         """Distance [m] from points (x, y) [m] to the nearest obstacle of the window, at most `LIMIT_M`."""
         every = np.asarray(points, float).reshape(-1, 2)
         gap = np.empty(len(every))
-        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
-        grid = float(x), float(y), float(cell_m)
-        _gaps(every, self._obstacle, self._steps, self._offset_m, grid, LIMIT_M, gap)
+        _gaps(every, *self.surfaces, LIMIT_M, gap)
         return gap.reshape(np.shape(points)[:-1])
 
-    def free_run_m(
-        self, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
-    ) -> Float[np.ndarray, " k"]:
-        """Distance that a disk moves from a point in each direction before it meets an obstacle [m], at most 1.5 m.
+    def space(
+        self,
+        hull: Hull,
+        points: Float[np.ndarray, "*batch 2"],
+        yaw: float | Float[np.ndarray, "*batch"],
+    ) -> Float[np.ndarray, "*batch"]:
+        """Distance [m] of a hull at points (x, y) [m] and headings [rad] from the nearest obstacle.
 
-        A disk that is nearer to an obstacle than its radius may still move away from it.
+        At most `LIMIT_M`, of a disk less its radius. Negative where an obstacle lies inside: of a polygon, minus the
+        shortest move of one side that would let it out.
+        """
+        if not hull.outline_m:
+            return np.asarray(self.at(points) - hull.radius_m)
+        points = np.asarray(points, float)
+        poses = np.concatenate([points, np.broadcast_to(yaw, points.shape[:-1])[..., None]], axis=-1)
+        every = poses.reshape(-1, 3)
+        gap = np.empty(len(every))
+        _gaps_of_outline(every, hull.corners, self.surfaces, LIMIT_M, gap)
+        return gap.reshape(points.shape[:-1])
+
+    def free_run_m(
+        self,
+        start: Float[np.ndarray, "2"],
+        headings: Float[np.ndarray, " k"],
+        hull: Hull,
+        space_m: float = 0.0,
+    ) -> Float[np.ndarray, " k"]:
+        """Distance that a hull drives ahead from a point until it has less than some space [m], at most 1.5 m.
+
+        One that has less space from the beginning may still move away from the obstacle.
         """
         distance = np.arange(1, 31) * 0.05
         directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
-        room = self.at(start + directions[:, None, :] * distance[None, :, None])
-        need = np.minimum(radius_m, float(self.at(start)) + 0.3 * distance - 1e-3)
-        return 0.05 * np.logical_and.accumulate(room >= need, axis=1).sum(axis=1)
+        points = start + directions[:, None, :] * distance[None, :, None]
+        yaw = np.broadcast_to(headings[:, None], points.shape[:2])
+        here = self.space(hull, np.broadcast_to(start, (len(headings), 2)), headings)
+        need = np.minimum(space_m, here[:, None] + 0.3 * distance - 1e-3)
+        enough = self.space(hull, points, yaw) >= need
+        return 0.05 * np.logical_and.accumulate(enough, axis=1).sum(axis=1)
 
     def cells(self, sharp_m: float) -> Float32[np.ndarray, "ny nx"]:
         """Distance [m] from each cell to the nearest obstacle, at most `LIMIT_M`.
@@ -199,3 +236,59 @@ def _gaps(
                     dy = y - ((iy + 0.5) * cell + y0 + offset[iy, ix, 1])
                     found = min(found, dx * dx + dy * dy)
         gap[k] = min(np.sqrt(found), limit)
+
+
+@compiled
+def _gaps_of_outline(
+    poses: np.ndarray, corners: np.ndarray, surfaces: Surfaces, limit: float, gap: np.ndarray
+) -> None:
+    """Distance of a convex polygon at poses from the nearest surface, at most `limit`."""
+    for k in range(len(poses)):
+        gap[k] = gap_of_outline(poses[k, 0], poses[k, 1], poses[k, 2], corners, surfaces, limit)
+
+
+@compiled
+def gap_of_outline(
+    x: float, y: float, yaw: float, corners: np.ndarray, surfaces: Surfaces, limit: float
+) -> float:
+    """Distance of a convex polygon at a pose from the nearest surface, at most `limit`; all lengths in metres."""
+    obstacle, steps, offset, (x0, y0, cell) = surfaces
+    ny, nx = obstacle.shape
+    reach = 0.0
+    for i in range(len(corners)):
+        reach = max(reach, np.hypot(corners[i, 0], corners[i, 1]))
+    c, s = np.cos(yaw), np.sin(yaw)
+    column, row = (x - x0) / cell, (y - y0) / cell
+    half = (reach + limit) / cell + _OFF
+    # NaN fails the comparisons.
+    if not (-half < column < nx + half and -half < row < ny + half):
+        return limit
+    own_y, own_x = int(np.floor(row)), int(np.floor(column))
+    inside = 0 <= own_y < ny and 0 <= own_x < nx
+    if inside and (float(steps[own_y, own_x]) - 1.02) * cell > reach + limit:
+        return limit
+    gap = limit
+    for iy in range(max(int(np.floor(row - half)), 0), min(int(row + half), ny - 1) + 1):
+        for ix in range(max(int(np.floor(column - half)), 0), min(int(column + half), nx - 1) + 1):
+            if obstacle[iy, ix]:
+                dx = (ix + 0.5) * cell + x0 + offset[iy, ix, 0] - x
+                dy = (iy + 0.5) * cell + y0 + offset[iy, ix, 1] - y
+                gap = min(gap, _from_polygon(c * dx + s * dy, c * dy - s * dx, corners))
+    return gap
+
+
+@compiled
+def _from_polygon(x: float, y: float, corners: np.ndarray) -> float:
+    """Distance of a point from a convex polygon with counter-clockwise corners; negative inside."""
+    outer, square = -np.inf, np.inf
+    n = len(corners)
+    for i in range(n):
+        ax, ay = corners[i]
+        bx, by = corners[(i + 1) % n]
+        ex, ey = bx - ax, by - ay
+        px, py = x - ax, y - ay
+        length = np.hypot(ex, ey)
+        outer = max(outer, (ey * px - ex * py) / length)
+        along = min(max((px * ex + py * ey) / (length * length), 0.0), 1.0)
+        square = min(square, (px - along * ex) ** 2 + (py - along * ey) ** 2)
+    return np.sqrt(square) if outer > 0 else outer

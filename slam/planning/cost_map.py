@@ -1,4 +1,4 @@
-"""Cost per metre in each cell of a map, for a robot with a round hull.
+"""Cost per metre in each cell of a map, for a robot with a round hull, or for the disk of half a hull's width.
 
 The cost is 1 on open floor, higher near walls (so that paths keep to the middle of doors) and in unknown cells. Cells
 where the hull does not fit are impassable. A passage that is one or two centimetres too narrow on the map stays
@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Float32
 
 from robosim_support.checks import Range, checked
 from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
 from slam.planning.clearance import Clearance
 from slam.planning.travel_time import TravelTime, travel_time
 
@@ -50,6 +51,11 @@ class CostConfig:
     anticipated_weight: Annotated[float, Range(0, 1e4)] = 20.0
     """Extra cost per metre through unknown cells where the anticipated map is sure of an obstacle; none where it is
     undecided, linear in between."""
+
+    def for_hull(self, hull: Hull) -> "CostConfig":
+        """The same for a hull: where it cannot turn on the spot, walls cost something."""
+        comfort_m = self.comfort_m + hull.turning_m - hull.radius_m
+        return replace(self, radius_m=hull.radius_m, comfort_m=comfort_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

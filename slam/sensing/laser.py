@@ -20,7 +20,7 @@ _MISSING = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaserScan:
-    """One turn of a planar laser scanner above the robot's centre."""
+    """One turn of a planar laser scanner above the robot's middle line."""
 
     bearing_rad: Float[np.ndarray, " n"]
     """Directions of the beams in the robot's frame [rad], rising in equal steps, counter-clockwise, 0 ahead."""
@@ -30,6 +30,8 @@ class LaserScan:
     """Farther surfaces are not measured [m]."""
     height_m: float
     """Height of the beams above the floor [m]."""
+    ahead_m: float = 0.0
+    """How far the scanner is ahead of the robot's centre [m]; bearings are from there."""
 
     @cached_property
     def hit(self) -> Bool[np.ndarray, " n"]:

@@ -30,12 +30,14 @@ _BEFORE_M = 0.1
 @dataclass(frozen=True, kw_only=True)
 @checked
 class CameraModel:
-    """A level pinhole camera with square pixels, above the centre of the robot and looking forward."""
+    """A level pinhole camera with square pixels that looks forward from above the robot's middle line."""
 
     hfov_deg: Annotated[float, Range(1, 179, "degrees", "The angle is in degrees, not in radians.")] = 90.0
     """Horizontal field of view [deg]."""
     height_m: Annotated[float, Range(0.01, 100, "m")] = 1.25
     """Height above the floor [m]."""
+    ahead_m: Annotated[float, Range(-10, 10, "m")] = 0.0
+    """How far it is ahead of the robot's centre [m]."""
     min_depth_m: Annotated[float, Range(0, 100, "m")] = 0.05
     """Nearer depths count as missing [m]."""
     max_depth_m: Annotated[float, Range(0.01, 1000, "m")] = 10.0
@@ -89,6 +91,8 @@ class Scan:
     far_m: Float32[np.ndarray, " w"]
     """Depth of the surface behind, where the nearest is lower than the camera and something taller follows [m];
     else inf."""
+    ahead_m: float = 0.0
+    """How far the camera is ahead of the robot's centre [m]."""
 
     @property
     def hit(self) -> Bool[np.ndarray, " w"]:
@@ -101,6 +105,7 @@ class Scan:
             return self
         nothing = np.float32(np.inf)
         return Scan(
+            ahead_m=self.ahead_m,
             left=self.left,
             depth_m=np.where(columns, nothing, self.depth_m),
             clear_m=np.where(columns, np.maximum(self.clear_m - _BEFORE_M, 0), self.clear_m).astype(
@@ -160,6 +165,7 @@ def scan_from_depth(
         clear_m=np.where(hit, depth_m, reach).astype(np.float32),
         top_m=np.where(hit, np.minimum(top_m, band.high_m), 0.0).astype(np.float32),
         far_m=far_m,
+        ahead_m=camera.ahead_m,
     )
 
 

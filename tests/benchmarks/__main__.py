@@ -17,7 +17,7 @@ BENCHMARKS = (
     "tracing", "estimation", "labels", "edges", "positioning", "render", "physics", "episode", "search", "belief",
     "exploration", "mapping", "robot_logs", "warsaw_flat", "warsaw_powers", "warsaw_places", "measured_hall",
     "endurance", "environment", "live", "plans", "start", "tracer_peer", "mapex", "senses", "people", "blockage",
-    "readme",
+    "robots", "readme",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
 

@@ -58,7 +58,7 @@ def main(
 def run(plan: FloorPlan, settings: Settings, seed: int) -> Results:
     """Drive, and add a row for each tenth of the decisions."""
     building, config = make_building(plan), settings.simulator
-    task = settings.task(reach(building, config.robot.radius_m, config.robot.height_m), seed)
+    task = settings.task(reach(building, *config.robot.hull_m), seed)
     navigator = make_navigator(config, mapper=settings.mapper)
     wanderer = Wanderer(navigator.explorer, np.random.default_rng([seed, 2]))
     watch, results, turns = Stopwatch(), Results(), settings.steps // PARTS

@@ -100,7 +100,7 @@ def drive(path: Path, config: EpisodeConfig) -> dict[str, Any]:
     """One episode: its result, coverage held to the end, how deep the hull was in a wall, decisions a second."""
     plan, robot = read_plan(path), config.simulator.robot
     building = make_building(plan, config=config.building)
-    places = reach(building, robot.radius_m, robot.height_m)
+    places = reach(building, *robot.hull_m)
     task = make_task(places, np.random.default_rng([config.seed, 0]))
     log, _ = run_episode(building, places, task, config)
     poses = np.array(log.poses)

@@ -216,7 +216,7 @@ def measure(floor: Floor, settings: Settings, seed: int) -> dict[str, Any]:
     plan = floor.plan()
     building = make_building(plan)
     robot = settings.simulator.robot
-    places = reach(building, robot.radius_m, robot.height_m)
+    places = reach(building, *robot.hull_m)
     config = settings.episode(_without_radio, plan.name, seed)
     if settings.transmitters:
         config = replace(config, goal=_ExploreWithRadio)

@@ -32,6 +32,7 @@ from robosim.support.from_dict import from_dict
 from robosim.support.run_folder import SETTINGS
 from robosim.support.text_in import read_json
 from robosim_support.reading import FileError, shown
+from slam.hull import Outline
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
 from wireless.paths import LinkState
@@ -151,7 +152,7 @@ def progress(
     rows: Sequence[Mapping[str, Any]],
     suite: Suite,
     building: BuildingConfig,
-    hull_m: tuple[float, float],
+    hull_m: tuple[float, float, Outline],
 ) -> dict[str, list[float]]:
     """How much shorter the rest of the route is later [m], by link state, and of exploring under `EXPLORED`.
 
@@ -160,7 +161,7 @@ def progress(
         rows: Its episodes.
         suite: What was searched.
         building: How plans became buildings.
-        hull_m: Radius and height of the robot [m].
+        hull_m: Radius, height and outline of the robot [m].
     """
     gained: dict[str, list[float]] = defaultdict(list)
     for row in sorted((r for r in rows if r["policy"] in FOLLOWERS), key=lambda r: (r["plan"], r["task"])):

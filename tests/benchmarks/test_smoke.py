@@ -25,6 +25,7 @@ from tests.benchmarks import (
     plans,
     positioning,
     render,
+    robots,
     tracer_peer,
     tracing,
 )
@@ -175,6 +176,14 @@ def test_endurance(pair, options):
     assert set(column(results, "endurance", "not finite").values()) == {0}
     assert max(column(results, "endurance", "largest").values()) < 20
     assert len(set(list(column(results, "endurance", "cells of the map").values())[5:])) == 1
+
+
+def test_robots(pair, options):
+    """A task each: every robot arrives, and the rectangles pass a door 4 cm wider."""
+    results = robots.main([pair], tasks=1, options=options)
+    assert max(column(results, "drives", "arc, place").values()) < 1
+    assert set(column(results, "tasks", "arrived").values()) == {100}
+    assert set(column(results, "doors", "arrived").values()) == {100}
 
 
 def test_environment(pair, options, monkeypatch):

@@ -38,7 +38,8 @@ from robosim.published.measured_powers import COLUMNS as POWERS
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs
-from robosim.robot.robots import TURTLEBOT, write_robot
+from robosim.robot.robot_files import write_robot
+from robosim.robot.robots import TURTLEBOT
 from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import to_dict
@@ -51,6 +52,7 @@ from tests import stored_episodes
 from tests.fuzz.bag_seeds import bags
 from tests.fuzz.checkpoint_seeds import checkpoints
 from tests.fuzz.trees import CANARY
+from tests.made_robots import MJCF, TWO, URDF
 from tests.plans import two_rooms
 from tests.robosim.plans.formats import test_polygons
 from tests.robot_logs import ROUTE, Drive
@@ -449,6 +451,8 @@ def robots(folder: Path) -> None:
     (home / "runs.csv").write_text(text)
     found = calibrated(*read_runs(home / "runs.csv"))
     write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
+    (home / "robot.urdf").write_text(URDF.replace("WHEELS", TWO))
+    (home / "robot.xml").write_text(MJCF)
     crowd = pa.table(
         {"time": [0.0, 2, 1, 3], "id": ["a", "a", "b", "b"], "x": [0.0, 2, 5, 5], "y": [0.0, 0, 5, 6]}
     )

@@ -39,7 +39,7 @@ from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
-from robosim.robot.robots import read_robot
+from robosim.robot.robot_files import read_robot
 from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume

@@ -18,6 +18,7 @@ from robosim.movers.movers import MoversConfig
 from robosim.plans.files import write_ros
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from tests.plans import two_rooms
 
@@ -34,7 +35,7 @@ def made(plan=PLAN, **options) -> TargetSearch:
     [
         {},
         {"observe": ("lidar", "radio", "pose")},
-        {"observe": ALL, "continuous": True},
+        {"observe": ALL, "actions": "velocity"},
         {"observe": ("radio", "map")},
     ],
 )
@@ -43,6 +44,22 @@ def test_gymnasium_and_stable_baselines_accept_it(options):
     env = gymnasium.make("robosim/TargetSearch-v1", plan=PLAN, targets=2, render_mode="rgb_array", **options)
     check_env(env.unwrapped)
     check_env_sb3(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("kind", ["velocity", "former"])
+def test_velocity_actions_are_fractions_of_what_the_robot_can_do(kind):
+    """Speed and turn rate of a step of 0.5 s, exactly; `continuous` has 0.5 m/s and 90 degrees/s with any robot."""
+    robot = RobotConfig(max_speed_mps=1.2, max_turn_rate_radps=0.8)
+    config = SimulatorConfig(physics="kinematic", camera="plan", robot=robot)
+    options = {"actions": "velocity"} if kind == "velocity" else {"continuous": True}
+    env = made(config=config, observe=("depth",), **options)
+    v, w = (1.2, 0.8) if kind == "velocity" else (0.5, np.pi / 2)
+    env.reset(seed=1, options={"start": (1.5, 1.5, 0.0), "target": (4.5, 1.5)})
+    info = env.step(np.array([0.5, 0.0], np.float32))[4]
+    np.testing.assert_allclose(info["pose"], [1.5 + 0.25 * v, 1.5, 0.0], atol=1e-9)
+    info = env.step(np.array([0.0, 0.5], np.float32))[4]
+    assert info["pose"][2] == pytest.approx(0.25 * w)
     env.close()
 
 

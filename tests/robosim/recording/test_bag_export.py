@@ -1,6 +1,7 @@
 """Episodes as ROS 2 bags in MCAP: opened by rosbags and mcap, and mapped again by `robosim slam`."""
 
 import json
+import shutil
 from dataclasses import replace
 from itertools import accumulate, pairwise
 
@@ -13,9 +14,10 @@ from robosim.logs.bag import BagTopics, read_bag
 from robosim.logs.log_mapping import map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.recording.bag_export import BAG, LAYOUT, export_bag
-from robosim.recording.episode_file import read_episode
+from robosim.recording.episode_file import EPISODE, read_episode
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
+from robosim_support.reading import FileError
 from slam.poses import between, compose, wrap
 from tests.plans import two_rooms
 
@@ -61,6 +63,7 @@ def test_all_topics_are_in_the_bag(folder, messages):
     assert set(messages) == TOPICS
     times = np.loadtxt(folder / "trajectory.tum")[:, 0]
     assert [t for t, _ in messages["/odom"]] == pytest.approx(times[:-1], abs=1e-8)
+    assert read_episode(folder).times == pytest.approx(times, abs=1e-8)
     assert json.loads((folder / LAYOUT).read_text())["layout"]
 
 
@@ -95,8 +98,37 @@ def test_map_and_pictures_are_those_of_the_episode(folder, messages):
     assert (picture.data.reshape(128, 128, 3) == steps[3].sensed.rgb).all()
     assert depth.data.view("<u2").reshape(128, 128) == pytest.approx(1000 * steps[3].sensed.depth, abs=0.01)
     assert messages["/link_state"][0][1].data == steps[0].estimated.measurement.state.name.lower()
-    arrows = messages["/arrivals"][0][1].markers
-    assert len(arrows) == 1 + len(steps[0].estimated.measurement.aoa_rad)
+
+
+def test_arrows_of_paths_have_their_direction_additional_length_and_strength(folder, messages):
+    """From the robot, where the strongest path is opaque and 30 dB less are as faint as it gets."""
+    steps = list(read_episode(folder).steps())
+    several = max(range(len(steps)), key=lambda k: len(steps[k].estimated.measurement.aoa_rad))
+    measured, arrows = steps[several].estimated.measurement, messages["/arrivals"][several][1].markers
+    assert arrows[0].action == 3 and len(arrows) == 1 + len(measured.aoa_rad) > 2
+    assert [arrow.scale.x - 0.6 for arrow in arrows[1:]] == pytest.approx(
+        299792458.0 * (measured.delay_s - measured.delay_s.min()), abs=1e-6
+    )
+    strength = [arrow.color.a for arrow in arrows[1:]]
+    assert strength[0] == 1.0 and np.all(np.diff(strength) <= 0) and min(strength) >= 0.2
+    for arrow, azimuth in zip(arrows[1:], measured.aoa_rad, strict=True):
+        assert wrap(yaw_of(arrow.pose.orientation) - azimuth) == pytest.approx(0, abs=1e-9)
+        assert (arrow.pose.position.x, arrow.pose.position.y) == tuple(measured.pose[:2])
+
+
+def test_an_episode_of_an_earlier_version_has_its_times_from_the_trajectory(folder, tmp_path):
+    """Without times in episode.npz: the same bag; with times that decrease: FileError."""
+    for name in ("result.json", "trajectory.tum"):
+        shutil.copy(folder / name, tmp_path)
+    arrays = dict(np.load(folder / EPISODE))
+    times = arrays.pop("time_s")
+    np.savez(tmp_path / EPISODE, **arrays)
+    assert read_episode(tmp_path).times is None
+    again = export_bag(tmp_path) / f"{BAG}.mcap"
+    assert again.stat().st_size == (folder / BAG / f"{BAG}.mcap").stat().st_size
+    np.savez(tmp_path / EPISODE, **arrays, time_s=times[::-1])
+    with pytest.raises(FileError, match="times do not increase"):
+        read_episode(tmp_path)
 
 
 def direct_log(folder):

@@ -10,7 +10,8 @@ from robosim.navigation import CALIBRATION_RUNS, _shipped_odometry, calibrate_od
 from robosim.robot.calibration import COLUMNS, open_floor, read_runs, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
-from robosim.robot.robots import LOCOBOT, read_robot
+from robosim.robot.robot_files import read_robot
+from robosim.robot.robots import LOCOBOT
 from robosim_support.reading import FileError
 from slam.actions import MOVES, Action
 from slam.mapping.odometry import calibrated

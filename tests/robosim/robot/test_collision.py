@@ -13,6 +13,7 @@ from robosim.building.extrusion import wall_segments
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.collision import check_pose, free_quarters, wall_solids
+from slam.hull import Hull
 from tests.outlines import free_polygons
 from tests.plans import room
 
@@ -139,11 +140,11 @@ def test_fewer_pieces_than_walls_on_cell_edges(shared):
 
 def test_a_pose_in_a_wall_is_an_error():
     free = free_polygons(room())
-    check_pose(free, np.array([0.1, 1.0, 0.0]), 0.1)
-    check_pose(free, np.array([0.0992, 1.0, 0.0]), 0.1)  # within the tolerance of offset polygons
+    check_pose(free, np.array([0.1, 1.0, 0.0]), Hull(0.1))
+    check_pose(free, np.array([0.0992, 1.0, 0.0]), Hull(0.1))  # within the tolerance of offset polygons
     with pytest.raises(ValueError, match=r"0\.097 m from the nearest wall"):
-        check_pose(free, np.array([0.097, 1.0, 0.0]), 0.1)
+        check_pose(free, np.array([0.097, 1.0, 0.0]), Hull(0.1))
     with pytest.raises(ValueError, match="not in free space"):
-        check_pose(free, np.array([-1.0, 1.0, 0.0]), 0.1)
+        check_pose(free, np.array([-1.0, 1.0, 0.0]), Hull(0.1))
     with pytest.raises(ValueError, match="finite"):
-        check_pose(free, np.array([1.0, np.nan, 0.0]), 0.1)
+        check_pose(free, np.array([1.0, np.nan, 0.0]), Hull(0.1))

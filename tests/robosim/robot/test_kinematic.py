@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from robosim.building.building import Building, make_building
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import GAP_M, KinematicWorld
+from robosim.robot.robots import RobotConfig
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.poses import between, compose
 from tests.plans import room
@@ -150,6 +151,45 @@ def test_driving_follows_the_arc():
     before, robot = world.pose, world.robot
     cut = between(before, world.drive(5.0, 0.0, 1.0).pose)
     np.testing.assert_allclose(cut, [robot.max_speed_mps, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [KinematicWorld, World])
+@pytest.mark.parametrize("latency_s", [0.0, 0.2, 0.33])
+def test_speeds_follow_their_commands_after_the_latency(kind, latency_s):
+    """Commands of 0.1 s: up to 0.4 m/s for 2 s and back to rest, within 1 mm of the trapezium, late by the latency.
+
+    The distance is 0.8 m in all. After 2 s, it lacks what the latency and, with wheels, the ramp cost.
+    """
+    robot = RobotConfig(latency_s=latency_s, max_accel_mps2=0.5)
+    world = kind(make_building(room(8, 8)), robot=robot)
+    for _ in range(2):  # a reset forgets what was commanded
+        world.reset(np.array([1.0, 4.0, 0.0]))
+        ahead_m = [world.drive(v, 0.0, 0.1).pose[0] - 1 for v in [0.4] * 20 + [0.0] * 15]
+    ramp_m = 0.4**2 / (2 * 0.5) if kind is World else 0.0
+    assert ahead_m[19] == pytest.approx(0.4 * (2 - latency_s) - ramp_m, abs=1e-3)
+    assert ahead_m[-1] == pytest.approx(0.8, abs=1e-3)
+    still = int(10 * latency_s)
+    assert max(ahead_m[:still], default=0.0) < 1e-4 < ahead_m[still]
+    world.drive(0.4, 0.0, 0.1)
+    end = world.move(np.zeros(3)).pose  # which stops, and clears the queue
+    np.testing.assert_allclose(world.drive(0.0, 0.0, 1.0).pose, end, atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", [KinematicWorld, World])
+def test_turn_rates_are_limited_along_the_arc(kind):
+    """0.3 m/s and 2 rad/s with at most 1 rad/s: an arc of 0.15 m and 1 rad in a second, within 0.4 mm.
+
+    A turn on the spot, as an action, takes its angle over 1 rad/s, and its ramps.
+    """
+    robot = RobotConfig(max_turn_rate_radps=1.0)
+    assert robot.turn_rate_radps == 1.0 and RobotConfig().turn_rate_radps == pytest.approx(6.25)
+    world = kind(make_building(room(8, 8)), robot=robot)
+    world.reset(np.array([4.0, 4.0, 0.0]))
+    before = world.drive(0.3, 2.0, 1.0).pose
+    arc = between(before, world.drive(0.3, 2.0, 1.0).pose)
+    np.testing.assert_allclose(arc, [0.15 * np.sin(1), 0.15 * (1 - np.cos(1)), 1.0], atol=4e-4)
+    ramp_s = 1.0 * robot.track_m / 2 / robot.max_accel_mps2
+    assert robot.profile(np.array([0.0, 0.0, 2.0])).duration_s == pytest.approx(2.0 + ramp_s)
 
 
 @pytest.mark.parametrize("name", sorted(ROBOTS))

@@ -7,10 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from robosim.robot.body import add_robot
 from robosim.robot.collision import WallSolids
 from robosim.robot.motion import SpeedProfile
 from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
-from robosim.robot.robots import RobotConfig, add_robot
+from robosim.robot.robots import RobotConfig
 from tests.robots import ROBOTS
 
 ROBOT_NAMES = sorted(ROBOTS)

@@ -5,6 +5,7 @@ import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.control.manoeuvre import easier
+from slam.hull import Hull
 from slam.planning.clearance import Clearance
 from tests.slam.floors import floor
 
@@ -18,7 +19,7 @@ DEAD_END = [(-0.4, 0.14, 0.2, 0.2), (-0.4, -0.2, 0.2, -0.14), (0.15, -0.2, 0.2, 
 def _easier(walls, turns, motion=MOTION, **options):
     estimate = floor(walls=walls)
     around = Clearance.around(estimate, 2.0)
-    return easier(np.zeros(3), turns, around, motion, radius_m=RADIUS_M, push_price=PRICE, **options)
+    return easier(np.zeros(3), turns, around, motion, hull=Hull(RADIUS_M), push_price=PRICE, **options)
 
 
 class _ByCells:

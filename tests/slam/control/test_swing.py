@@ -8,6 +8,7 @@ import pytest
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.control.controller import ControlConfig, Controller
 from slam.control.manoeuvre import pushes, swung, turns_round
+from slam.hull import Hull
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Planner
 from tests.slam.floors import floor
@@ -53,10 +54,12 @@ def test_turns_push_where_they_bring_the_hull_nearer_than_its_room():
     wall = np.column_stack([np.arange(-0.975, 1.0, 0.05), np.full(40, 0.175)])
     room = np.hypot(*(poses[:, None, :2] - wall).transpose(2, 0, 1)).min(axis=1) - 0.1
     expected = [room[k + 1] < 0.005 and room[k + 1] < room[k] - 0.002 for k in range(18)]
-    pushed = pushes(poses, _around(estimate), 0.1)
+    pushed = pushes(poses, _around(estimate), Hull(0.1))
     assert np.array_equal(np.diff(pushed), expected)
     assert 4 <= sum(expected[:10]) == sum(expected)
-    assert not pushes(swung(estimate.pose, np.array(SWINGS[Action.RIGHT]), 18), _around(estimate), 0.1).any()
+    assert not pushes(
+        swung(estimate.pose, np.array(SWINGS[Action.RIGHT]), 18), _around(estimate), Hull(0.1)
+    ).any()
 
 
 def test_it_looks_around_to_the_side_that_is_free():
@@ -70,7 +73,7 @@ def test_it_looks_around_to_the_side_that_is_free():
         estimate = floor(pose, walls=wall)
         action = controller.act(pose, Planner().plan(estimate, np.zeros(2)))
         turned = swung(pose, np.array(SWINGS[action]), 1)
-        assert not pushes(turned, _around(estimate), 0.1)[-1]
+        assert not pushes(turned, _around(estimate), Hull(0.1))[-1]
         pose = turned[-1]
         seen.add(round(pose[2] / TURN_RAD) % 36)
     assert len(seen) == 36
@@ -98,7 +101,7 @@ def _leaves(reverses: bool, motions=SWINGS) -> tuple[list[Action], int]:
         done.append(action)
         turned = swung(pose, np.array(motions[action]), 1)
         if action in (Action.LEFT, Action.RIGHT):
-            pushed += int(pushes(turned, _around(estimate), 0.1)[-1])
+            pushed += int(pushes(turned, _around(estimate), Hull(0.1))[-1])
         pose = turned[-1]
         if np.hypot(*(pose[:2] - (-2.0, 0.0))) < 0.3:
             break

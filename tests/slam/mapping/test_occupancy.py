@@ -8,6 +8,7 @@ import pytest
 from scipy.special import expit
 
 from slam.grid import GridFrame
+from slam.hull import Hull
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
 from slam.poses import to_map
 from slam.sensing.projection import CameraModel, Scan, scan_from_depth
@@ -131,7 +132,7 @@ def test_a_grown_map_is_the_map_that_was_large_from_the_start():
         if grid is grown:
             grid.grow(large, 80, 160)
         _enter(grid, scan_from_depth(room.depth((0.0, -1.0, -1.5)), CAMERA), (0.0, -1.0, -1.5))
-        grid.stand(np.array([0.0, -1.0, -1.5]), 0.1)
+        grid.stand(np.array([0.0, -1.0, -1.5]), Hull(0.1))
     assert grown.frame == whole.frame
     # Before it grew, the small map could not hold what lies outside of it.
     old = np.s_[160:260, 80:210]
@@ -163,7 +164,7 @@ def test_where_the_robot_stands_nothing_else_does():
     grid.log_odds[:] = 2.0
     grid.probability[:] = expit(2.0)
     pose = np.array([0.713, -1.234, 0.6])
-    grid.stand(pose, 0.18)
+    grid.stand(pose, Hull(0.18))
     centres = FRAME.centres(np.ones(FRAME.shape, bool)).reshape(*FRAME.shape, 2)
     under = np.hypot(*(centres - pose[:2]).transpose(2, 0, 1)) < 0.18
     assert under.sum() > 30

@@ -1,0 +1,96 @@
+"""Robots from URDF and MJCF: what is stated is read, what is no differential drive is rejected."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robosim.robot.calibration import open_floor
+from robosim.robot.dynamic import World
+from robosim.robot.robot_files import read_robot, write_robot
+from robosim_support.reading import FileError
+from slam.poses import between
+from tests.made_robots import MJCF, TWO, URDF, WHEEL
+
+
+def _write(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_a_urdf_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    robot = read_robot(_write(tmp_path, "cart.urdf", URDF.replace("WHEELS", TWO)))
+    assert robot.wheel_radius_m == pytest.approx(0.05, rel=1e-4) and robot.track_m == pytest.approx(0.3)
+    assert robot.mass_kg == pytest.approx(3.0)
+    # The box, and wheels 2 cm thick next to it.
+    corners = np.array(robot.outline_m)
+    np.testing.assert_allclose(corners.min(axis=0), [-0.1, -0.16], atol=1e-6)
+    np.testing.assert_allclose(corners.max(axis=0), [0.3, 0.16], atol=1e-6)
+    assert robot.radius_m == pytest.approx(0.16) and robot.mast_m == pytest.approx(0.16)
+    assert robot.sensors is not None and robot.sensors.camera_m is not None
+    assert robot.sensors.lidar_m == pytest.approx((0.2, 0.25)) and robot.sensors.camera_m == pytest.approx(
+        (0.28, 0.15)
+    )
+    assert (
+        "does not state speeds" in caplog.text and "field of view" in caplog.text and "--lidar" in caplog.text
+    )
+
+
+@pytest.mark.parametrize(("name", "text"), [("cart.urdf", URDF.replace("WHEELS", TWO)), ("disk.xml", MJCF)])
+def test_mujoco_drives_the_model_itself(tmp_path: Path, name: str, text: str) -> None:
+    robot = read_robot(_write(tmp_path, name, text))
+    world = World(open_floor(), robot=robot)
+    mass = sum(
+        world.model.body(k).mass[0] for k in range(world.model.nbody) if "model/" in world.model.body(k).name
+    )
+    assert mass == pytest.approx(3.4 if name == "cart.urdf" else 4.22)
+    start = np.array([2.0, 2.0, 0.3])
+    for wanted in ((0.5, 0.0, 0.0), (0.0, 0.0, 1.0), (-0.25, 0.0, 0.0), (0.0, 0.0, -0.175)):
+        world.reset(start)
+        assert not world.move(np.array(wanted)).collided
+        np.testing.assert_allclose(between(start, world.pose), wanted, atol=1e-3)
+
+
+def test_a_disk_in_mjcf_stays_a_disk(tmp_path: Path) -> None:
+    robot = read_robot(_write(tmp_path, "disk.xml", MJCF))
+    assert robot.outline_m == () and robot.radius_m == pytest.approx(0.2, rel=0.01)
+    assert robot.sensors is not None and robot.sensors.camera_m == pytest.approx((0.1, 0.35))
+    assert robot.sensors.hfov_deg == 75.0 and robot.sensors.lidar == "none"
+
+
+def test_four_wheels_turn_on_an_axle_between(tmp_path: Path) -> None:
+    four = "".join(
+        WHEEL.format(side=f"{end}_{side}", x=x, y=y, axis=1)
+        for end, x in (("front", 0.2), ("rear", 0.0))
+        for side, y in (("left", 0.15), ("right", -0.15))
+    )
+    robot = read_robot(_write(tmp_path, "four.urdf", URDF.replace("WHEELS", four)))
+    assert robot.model is None and robot.track_m == pytest.approx(0.3)
+    np.testing.assert_allclose(
+        np.array(robot.outline_m)[:, 0].max(), 0.2, atol=1e-3
+    )  # 0.3 m, of an axle at 0.1 m
+
+
+def test_a_robot_that_was_read_is_written_and_read(tmp_path: Path) -> None:
+    robot = read_robot(_write(tmp_path, "cart.urdf", URDF.replace("WHEELS", TWO)))
+    write_robot(tmp_path / "robot.json", robot)
+    assert read_robot(tmp_path / "robot.json") == robot
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (URDF.replace("WHEELS", ""), "expected as many on the left as on the right"),
+        (URDF.replace("WHEELS", WHEEL.format(side="left", x=0, y=0.15, axis=1)), "left_joint at y = 0.15 m"),
+        (URDF.replace("WHEELS", TWO.replace("0.02", "${width}")), "expand it with the program xacro first"),
+        (URDF.replace("WHEELS", TWO).replace("collision>", "visual>"), "nothing of it collides"),
+        (URDF[:300], "not readable as a robot"),
+        ("<mujoco/>", "nothing of it collides"),
+    ],
+)
+def test_what_is_no_differential_drive_is_an_error(tmp_path: Path, text: str, reason: str) -> None:
+    path = _write(tmp_path, "robot.urdf", text)
+    with pytest.raises(FileError, match=reason) as error:
+        read_robot(path)
+    assert "robot.urdf" in str(error.value) and "\n" not in str(error.value)
