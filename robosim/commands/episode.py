@@ -50,7 +50,7 @@ def episode(
     Example: robosim episode flat --goal explore --seed 3 --robot.radius-m 0.18 --out out/explore
 
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
+        plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy.
         target: Place of the target [m] in the plan's frame; by default drawn from the seed.
         start: Start pose of the robot [m, m, degrees from +x]; by default drawn from the seed.
         anchor: Additional transmitter by name, at a place that the robot knows [m]; can be given several times.

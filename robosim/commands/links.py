@@ -16,7 +16,7 @@ from robosim.commands.shared_options import (
     DEFAULT_WAVEFORM,
     NO_OPTIONS,
     OnePlace,
-    Place,
+    PlanOptions,
     RadioOptions,
     Reading,
     WaveformOptions,
@@ -29,13 +29,18 @@ from robosim.commands.shared_options import (
 from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import ADVANCED, Range
 from robosim.support.installation import install_first
+from robosim_support.reading import expanded
 from wireless.bands import BandName
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     from robosim.plans.floorplan import FloorPlan
     from robosim.plans.storey_plans import OneStorey
+    from robosim.radio.mesh_scene import MeshScene
     from wireless.paths import Paths
+
+#: Options of the radio that a scene decides itself.
+PLAN_ONLY = ("material", "tolerance", "wall_thickness", "wall_gap", "floor_ceiling")
 
 
 def trace(
@@ -43,7 +48,7 @@ def trace(
     *,
     tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
     grid: float | None = None,
-    rx: Place = None,
+    rx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction] = (),
     along: Path | None = None,
     rate: Annotated[float, Range(1e-3, 1e6, "Hz"), ADVANCED] = 100.0,
     csi: str | None = None,
@@ -58,21 +63,23 @@ def trace(
     work: Work = ALL_CORES,
     out: Path | None = None,
 ) -> None:
-    """Trace radio paths from transmitters to receivers all over a floor plan.
+    """Trace radio paths from transmitters to receivers all over a floor plan, or in a Mitsuba or Sionna RT scene.
 
     Writes paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/), NAME_Tx_K.csv in the format of mmwRobotNav, and
     pictures of each transmitter: power, link state and direction of arrival of the strongest path, and the rays of one
-    link. The same command resumes an interrupted run, with the same result. With --rx and without --grid, one link is
-    traced.
+    link. The same command resumes an interrupted run, with the same result. If receivers are given without a grid, only
+    the links to them are traced. A scene needs receivers or a trajectory; all of its surfaces reflect, level ones too.
 
     Example: robosim trace office --tx 6.5,13 --grid 0.15 --out out/radio
 
+    Example: robosim trace canyon.xml --tx -20,0,15 --rx 30,2,1.5 --out out/canyon
+
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; or the
-            .yaml of a building of several storeys.
+        plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy; the
+            .yaml of a building of several storeys; or a Mitsuba or Sionna RT scene (.xml).
         tx: Transmitter [m] in the plan's frame; can be given several times.
         grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
-        rx: Receiver whose rays are drawn [m]; without --grid the only one.
+        rx: Receiver [m]; can be given several times. With a grid, the one whose rays are drawn.
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.
         rate: Impulse responses per second, with --along.
@@ -94,15 +101,25 @@ def trace(
     """
     from robosim.datasets.csi import parse_csi, write_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
+    from robosim.radio.mesh_scene import MeshScene
     from robosim.radio.receivers import check_step
+    from wireless.tracing.mitsuba_scene import is_mitsuba
 
     config = radio.config(polarisation)
+    file = expanded(plan)
+    is_scene = is_mitsuba(file)
+    if is_scene:
+        _check_scene(plan, grid, rx, along, storey, radio, reading)
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
-    if along is not None and (grid is not None or rx is not None or csi is not None):
+    if along is not None and (grid is not None or rx or csi is not None):
         raise ValueError(
             "along is given with grid, rx or csi: give either a trajectory or places of receivers."
+        )
+    if grid is not None and len(rx) > 1:
+        raise ValueError(
+            f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
         )
     if csi is None and not tx_antenna == rx_antenna == "isotropic":
         raise ValueError(
@@ -110,39 +127,38 @@ def trace(
         )
     antennas = {"tx_antenna": tx_antenna, "rx_antenna": rx_antenna}
     responses = None if csi is None else parse_csi(csi, config.frequency_hz, polarisation, antennas)
-    alone = grid is None and rx is not None
+    alone = grid is None and len(rx) > 0
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
-    floor_plan = read_storey(plan, storey, reading)
+    with console.status("reading the scene ..." if is_scene else "reading the plan ..."):
+        place = MeshScene(file, config) if is_scene else read_storey(plan, storey, reading)
     if along is not None:
-        samples = trace_along(
-            floor_plan, config, folder, tx=tx, trajectory=along, rate_hz=rate, console=console
-        )
-        emit_result({"plan": floor_plan.name, "tx_m": tx, "samples": samples}, folder)
+        samples = trace_along(place, config, folder, tx=tx, trajectory=along, rate_hz=rate, console=console)
+        emit_result({"plan": place.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
         console.print(f"Wrote channel_{_numbers(len(tx))}.npz in {folder}")
         return
-    if alone and rx is not None:
-        paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
+    if alone or isinstance(place, MeshScene):
+        paths = trace_link(place, config, folder, tx=tx, rx=rx, console=console)
         if responses is not None:
-            write_csi(folder, responses, len(tx), rx=rx, plots=plots)
+            write_csi(folder, responses, len(tx), rx=None, plots=plots)
             console.print(f"Wrote csi_{_numbers(len(tx))}.npz in {folder}")
-        _report_link(floor_plan, paths, folder)
+        _report_links(place, paths, folder)
         return
     with resume_hint(folder):
         result = trace_plan(
-            floor_plan,
+            place,
             config,
             folder,
             tx=tx,
             grid_m=0.15 if grid is None else grid,
-            rx=rx,
+            rx=rx[0] if rx else None,
             plots=plots,
             workers=work.count,
             cluster=work.cluster,
             console=console,
         )
         if responses is not None:
-            write_csi(folder, responses, len(tx), rx=rx, plots=plots)
+            write_csi(folder, responses, len(tx), rx=rx[0] if rx else None, plots=plots)
     emit_result(result, folder)
     timing, states = result["timing"], result["states"]
     shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
@@ -150,7 +166,7 @@ def trace(
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
     drawn = ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else "")
-    console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
+    console.print(f"Wrote paths.parquet, {place.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
@@ -161,23 +177,54 @@ def _numbers(n_tx: int) -> str:
     return "tx1" if n_tx == 1 else f"tx1 to tx{n_tx}"
 
 
-def _report_link(plan: "FloorPlan | OneStorey", paths: "Paths", folder: Path) -> None:
-    """What one traced link has, on the terminal and as the command's result."""
-    from robosim.plans.floorplan import FloorPlan
+def _check_scene(
+    scene: str,
+    grid: float | None,
+    rx: tuple[tuple[float, ...], ...],
+    along: Path | None,
+    storey: int | None,
+    radio: RadioOptions,
+    reading: PlanOptions,
+) -> None:
+    """Raise ValueError for options that a scene has no use for, and if it is given no receiver."""
+    given = {"grid": grid, "storey": storey}
+    given |= {
+        name: getattr(radio, name)
+        for name in PLAN_ONLY
+        if getattr(radio, name) != getattr(DEFAULT_RADIO, name)
+    }
+    given |= {one: value for one, value in vars(reading).items() if value != getattr(NO_OPTIONS, one)}
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"{scene}: --{name.replace('_', '-')} is {value}, which is for floor plans, and this is a Mitsuba "
+                "scene. Leave the option out."
+            )
+    if not rx and along is None:
+        raise ValueError(
+            f"{scene}: a Mitsuba scene needs receivers. Give --rx X,Y,Z, which can be given several times, or --along."
+        )
+
+
+def _report_links(place: "FloorPlan | OneStorey | MeshScene", paths: "Paths", folder: Path) -> None:
+    """What the traced links have, on the terminal and as the command's result."""
+    from robosim.plans.storey_plans import OneStorey
     from wireless.paths import LinkCategory
 
-    states = [LinkCategory(one).name.lower() for one in paths.link_category()[:, 0]]
+    states = [[LinkCategory(one).name.lower() for one in row] for row in paths.link_category()]
+    n_rx = len(paths.rx_position)
     result = {
-        "plan": plan.name,
+        "plan": place.name,
         "tx_m": paths.tx_position,
-        "rx_m": paths.rx_position[0],
+        "rx_m": paths.rx_position[0] if n_rx == 1 else paths.rx_position,
         "paths": len(paths),
-        "states": states,
+        "states": [row[0] for row in states] if n_rx == 1 else states,
     }
     emit_result(result, folder)
     sources = counted(len(paths.tx_position), "transmitter")
-    console.print(f"{counted(len(paths), 'path')} from {sources} to the receiver")
-    drawn = "rays_tx1.png" if isinstance(plan, FloorPlan) else "storeys_tx1.png"
+    receivers = "the receiver" if n_rx == 1 else counted(n_rx, "receiver")
+    console.print(f"{counted(len(paths), 'path')} from {sources} to {receivers}")
+    drawn = "storeys_tx1.png" if isinstance(place, OneStorey) else "rays_tx1.png"
     console.print(f"Wrote paths.parquet and {drawn} in {folder}")
 
 

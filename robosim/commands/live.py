@@ -102,8 +102,8 @@ def live(
     Example: robosim live office
 
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; a .yaml
-            of a building of several storeys; or the folder of an episode or an evaluation.
+        plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy; the
+            .yaml of a building of several storeys; or the folder of an episode or an evaluation.
         host: Address to serve at; 0.0.0.0 for all addresses of this machine, open to other machines.
         port: Port to serve at; 0 for any free one.
         browser: Whether to open a browser, if there is one.

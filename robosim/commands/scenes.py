@@ -35,7 +35,7 @@ def plan(
     Example: robosim plan office --radius 0.18 --out out/office
 
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
+        plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy.
         reading: How to read the plan.
         tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
             in published grids; 0 keeps every cell.

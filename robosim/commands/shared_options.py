@@ -214,16 +214,22 @@ class PlanOptions:
     up: Literal["auto", "y", "z"] = "auto"
     """Axis of a mesh that points up; auto chooses by its format and floors."""
     unit: Annotated[float | None, Range(1e-9, 1e6, "m")] = None
-    """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches; metres if not given."""
+    """Unit of length of a mesh or drawing [m]: 0.001 for millimetres, 0.0254 for inches. If not given, metres for
+    meshes, and what a drawing says."""
     ground: Annotated[float | None, Range(-1e5, 1e5, "m")] = None
     """Height of level ground to add below a mesh that has no floor [m]."""
     thinnest_wall: Annotated[float | None, Range(1e-3, 10, "m")] = None
     """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
     not given."""
     allow_large: bool = False
-    """Whether an image or array may be of a building longer than 500 m."""
+    """Whether an image, array or drawing may be of a building longer than 500 m."""
     map_reading: MapReading = "common"
     """Unknown cells of a ROS map: by the usual grey of unknown cells, or by its thresholds alone."""
+    wall_layer: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Layer of walls of a drawing (DXF, SVG), * for any letters, can be given several times; if not given, those called
+    walls, or the only one."""
+    line_thickness: Annotated[float | None, Range(1e-3, 10, "m")] = None
+    """Thickness of walls that a drawing has as single lines [m]; one cell if not given."""
     reader: ReaderPart = "auto"
     """Reader of the file: auto chooses by the ending; module:Name is your own."""
     furnishings: Path | None = None
@@ -251,6 +257,8 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
         thinnest_wall_m=options.thinnest_wall,
         allow_large=options.allow_large,
         map_reading=options.map_reading,
+        wall_layers=options.wall_layer,
+        line_thickness_m=options.line_thickness,
         reader=options.reader,
     )
     if options.furnishings is None:

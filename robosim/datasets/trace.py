@@ -34,9 +34,10 @@ from robosim.datasets.link_units import (
     transmitters_file,
 )
 from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_rays
-from robosim.drawing.storeys_picture import plot_storeys
+from robosim.drawing.storeys_picture import plot_scene, plot_storeys
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
+from robosim.radio.mesh_scene import MeshScene
 from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
@@ -176,7 +177,7 @@ def trace_plan(
     """
     check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, rx, height_of(plan, config))
+    check_terminals(tx, () if rx is None else (rx,), height_of(plan, config))
     scene, transmitters = _prepare(plan, config, tx, console)
     given_rx = None if rx is None else scene.places((rx,), "rx")[0]
     grid = scene.grid(grid_m)
@@ -219,17 +220,17 @@ def trace_plan(
 
 
 def trace_link(
-    plan: FloorPlan | OneStorey,
+    plan: FloorPlan | OneStorey | MeshScene,
     config: RadioConfig,
     out: Path,
     *,
     tx: tuple[tuple[float, ...], ...],
-    rx: tuple[float, ...],
+    rx: tuple[tuple[float, ...], ...],
     console: Console | None = None,
 ) -> Paths:
-    """Trace transmitters to one receiver; writes `paths.parquet`, and the rays of each as a picture.
+    """Trace transmitters to receivers; writes `paths.parquet`, and the rays of one link of each as a picture.
 
-    With several storeys around, a second picture shows them all.
+    With several receivers it is an instructive link; with several storeys around, a second picture shows them all.
 
     Raises:
         ValueError: If a position does not fit.
@@ -239,19 +240,25 @@ def trace_link(
     out, console = Path(out), console or Console(quiet=True)
     check_terminals(tx, rx, height_of(plan, config))
     with run_folder(out, "trace --rx"):
-        scene, transmitters = _prepare(plan, config, tx, console)
-        paths = scene.tracer.trace(transmitters, scene.places((rx,), "rx"))
+        scene, transmitters = _opened(plan, config, tx, console)
+        paths = scene.tracer.trace(transmitters, scene.places(rx, "rx"))
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
         for i in range(len(transmitters)):
-            plot_rays(out / f"rays_tx{i + 1}.png", scene.building, paths, i, 0, config.tx_power_dbm)
+            shown, picture = choose_link(paths, i), out / f"rays_tx{i + 1}.png"
+            if isinstance(scene, MeshScene):
+                plot_scene(picture, scene, paths, i, shown)
+                continue
+            plot_rays(picture, scene.building, paths, i, shown, config.tx_power_dbm)
             if isinstance(scene.whole, Storeys):
-                plot_storeys(out / f"storeys_tx{i + 1}.png", scene.whole, paths, i, 0, config.tx_power_dbm)
+                plot_storeys(
+                    out / f"storeys_tx{i + 1}.png", scene.whole, paths, i, shown, config.tx_power_dbm
+                )
     return paths
 
 
 def trace_along(
-    plan: FloorPlan | OneStorey,
+    plan: FloorPlan | OneStorey | MeshScene,
     config: RadioConfig,
     out: Path,
     *,
@@ -270,11 +277,11 @@ def trace_along(
         FileError: If the trajectory is damaged.
     """
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, None, height_of(plan, config))
+    check_terminals(tx, (), height_of(plan, config))
     time_s, poses = read_tum(trajectory)
     samples = 0
     with run_folder(out, "trace --along"):
-        scene, transmitters = _prepare(plan, config, tx, console)
+        scene, transmitters = _opened(plan, config, tx, console)
         rx = scene.places(tuple((x, y) for x, y, _ in poses.tolist()), "a pose of the trajectory")
         for i, one in enumerate(transmitters):
             channel = sample_channel(scene.tracer, one, rx, time_s, rate_hz=rate_hz)
@@ -283,19 +290,22 @@ def trace_along(
     return samples
 
 
-def height_of(plan: FloorPlan | OneStorey, config: RadioConfig) -> float:
+def height_of(plan: FloorPlan | OneStorey | MeshScene, config: RadioConfig) -> float:
     """Height of terminals without one of their own, above the lowest floor [m]."""
-    return config.height_m if isinstance(plan, FloorPlan) else plan.floor_m + config.height_m
+    return config.height_m + (plan.floor_m if isinstance(plan, OneStorey) else 0.0)
 
 
-def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
-    """Raise ValueError if there is no transmitter, one is given twice, or the receiver is at one."""
+def check_terminals(
+    tx: tuple[tuple[float, ...], ...], receivers: tuple[tuple[float, ...], ...], height_m: float
+) -> None:
+    """Raise ValueError if there is no transmitter, one is given twice, or a receiver is at one."""
     check_some("tx", tx, "at least one transmitter, such as --tx 2.0,1.5")
     places = [tuple([*place, height_m][:3]) for place in tx]
     for number, at in enumerate(places):
         if at in places[:number]:
             raise ValueError(f"tx {_point_text(at)} is given twice. Leave one of them out.")
-        if rx is not None and math.dist(at, [*rx, height_m][:3]) < APART_M:
+        near = (rx for rx in receivers if math.dist(at, [*rx, height_m][:3]) < APART_M)
+        if rx := next(near, None):
             raise ValueError(
                 f"rx {_point_text(rx)} is where tx {_point_text(at)} is, and a path needs some length. Move one "
                 f"of them by {1000 * APART_M:g} mm or more."
@@ -304,6 +314,18 @@ def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | N
 
 def _point_text(at: tuple[float, ...]) -> str:
     return f"({', '.join(f'{value:g}' for value in at)}) m"
+
+
+def _opened(
+    plan: FloorPlan | OneStorey | MeshScene,
+    config: RadioConfig,
+    tx: tuple[tuple[float, ...], ...],
+    console: Console,
+) -> tuple[RadioScene | MeshScene, Float[np.ndarray, "n 3"]]:
+    """A building, or a scene, and the places of transmitters."""
+    return (
+        (plan, plan.places(tx, "tx")) if isinstance(plan, MeshScene) else _prepare(plan, config, tx, console)
+    )
 
 
 def _prepare(

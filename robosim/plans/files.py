@@ -7,7 +7,9 @@
 - ``.out``: top-down grid of mmwRobotNav (`robosim.plans.formats.mmwrobotnav`);
 - ``.json``: HouseExpo (`robosim.plans.formats.houseexpo`);
 - ``.npy``: NumPy array; needs the resolution (`robosim.plans.formats.plan_array`);
-- ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`).
+- ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`);
+- ``.dxf``, ``.svg``: walls of a drawing (`robosim.plans.formats.line_drawing`);
+- ``.ifc``: one storey of a building model (`robosim.plans.formats.ifc`).
 
 A bare name is a plan that comes with the package (`robosim.support.installation`). Further readers are those of
 `robosim.parts.READER`. `write_ros` and `write_png` write.
@@ -45,17 +47,23 @@ _READERS = {
     ".json": "houseexpo",
     ".npy": "array",
     **dict.fromkeys(MESHES, "mesh"),
+    ".dxf": "dxf",
+    ".svg": "svg",
+    ".ifc": "ifc",
 }
-#: Options of one format only, the name in messages and the reader of each.
-_OPTIONS_OF_ONE = {
-    "floor_height_m": ("floor height", "mesh"),
-    "slice_m": ("slice", "mesh"),
-    "up": ("up axis", "mesh"),
-    "unit_m": ("unit", "mesh"),
-    "ground_m": ("ground", "mesh"),
-    "thinnest_wall_m": ("thinnest wall", "image"),
-    "map_reading": ("map reading", "ros"),
+#: Options of some formats only, the name in messages and the readers of each.
+_OPTIONS_OF_SOME = {
+    "floor_height_m": ("floor height", ("mesh", "ifc")),
+    "slice_m": ("slice", ("mesh", "ifc")),
+    "up": ("up axis", ("mesh",)),
+    "unit_m": ("unit", ("mesh", "dxf", "svg")),
+    "ground_m": ("ground", ("mesh", "ifc")),
+    "thinnest_wall_m": ("thinnest wall", ("image",)),
+    "map_reading": ("map reading", ("ros",)),
+    "wall_layers": ("wall layers", ("dxf", "svg")),
+    "line_thickness_m": ("line thickness", ("dxf", "svg")),
 }
+_KINDS = {"ros": "ROS map", "dxf": "DXF drawing", "svg": "SVG drawing", "ifc": "IFC model"}
 #: Files that are looked at for a hint in a message.
 _FILES_OF_A_HINT = 1000
 
@@ -75,7 +83,7 @@ def read_plan(path: str | Path, *, reader: Part = "auto", **options: Any) -> Flo
         path: The file, or the name of a shipped plan.
         reader: Reader, of `robosim.parts.READER`; "auto" chooses by the file's ending.
         **options: Fields of `robosim.plans.floorplan.ReadingOptions`: resolution_m, floor_height_m, slice_m, up,
-            unit_m, ground_m, thinnest_wall_m, allow_large, map_reading.
+            unit_m, ground_m, thinnest_wall_m, allow_large, map_reading, wall_layers, line_thickness_m.
 
     Returns:
         The plan; rows of images, which grow downwards, are reversed so that y grows upwards.
@@ -112,10 +120,10 @@ def _check_options(path: Path, options: ReadingOptions, reader: str) -> None:
             f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
     for field in fields(options):
-        name, only = _OPTIONS_OF_ONE.get(field.name, ("", reader))
+        name, some = _OPTIONS_OF_SOME.get(field.name, ("", (reader,)))
         value = getattr(options, field.name)
-        if value != field.default and reader != only:
-            kind = "ROS map" if only == "ros" else only
+        if value != field.default and reader not in some:
+            kind = " or ".join(_KINDS.get(one, one) for one in some)
             raise MapError(f"{shown(path)}: {name} is {value}, but this is no {kind}. Leave the option out.")
 
 

@@ -263,15 +263,20 @@ class ReadingOptions:
     """For meshes: the axis that points up; "auto" is y for glTF and z for others, unless the other one of the two has a
     floor more than twice as large."""
     unit_m: float | None = None
-    """For meshes: the file's unit of length [m], for example 0.001 for millimetres; None for metres, which is an error
-    if the building is implausibly large then."""
+    """For meshes and drawings: the file's unit of length [m], for example 0.001 for millimetres. None for metres in
+    meshes, which is an error if the building is implausibly large then, and for what drawings say, which is an error if
+    they do not."""
     ground_m: float | None = None
     """For meshes without a floor: height of level ground below all of it [m]."""
     thinnest_wall_m: float | None = None
     """For images: dark strokes thinner than this are not walls but text, door arcs or furniture, and become free [m];
     None if all are walls."""
     allow_large: bool = False
-    """For images and arrays: confirms a building longer than 500 m."""
+    """For images, arrays and drawings: confirms a building longer than 500 m."""
     map_reading: MapReading = "common"
     """For ROS maps: "common" reads a common grey as unknown where map_server's thresholds would make it free, with a
     warning; "letter" uses the thresholds alone."""
+    wall_layers: tuple[str, ...] = ()
+    """For drawings: layers of walls, * standing for any letters; none for those called so, or the only one."""
+    line_thickness_m: float | None = None
+    """For drawings: thickness of walls that are drawn as single lines [m]; None for one cell."""

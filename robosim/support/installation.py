@@ -20,6 +20,9 @@ EXTRAS = {
     "distributed": "cluster",
     "rerun": "viz",
     "rosbags": "bags",
+    "ezdxf": "dxf",
+    "svgelements": "svg",
+    "ifcopenshell": "ifc",
 }
 _ROOT = Path(__file__).resolve().parents[2]
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robosim.building.building import make_building
+from robosim.building.mesh_export import export_mitsuba
 from robosim.plans.files import write_ros
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from tests.benchmarks import (
@@ -24,12 +26,15 @@ from tests.benchmarks import (
     positioning,
     render,
     robots,
+    tracer_peer,
     tracing,
 )
 from tests.benchmarks.__main__ import BENCHMARKS, main
 from tests.benchmarks.harness import Options
 from tests.benchmarks.mapping import Settings
+from tests.benchmarks.results import Results
 from tests.plans import two_rooms
+from wireless import Tracer, TracerConfig
 
 
 @pytest.fixture
@@ -249,6 +254,51 @@ def test_positioning(tmp_path, options):
     (tmp_path / "paths.csv").write_text("\n".join(lines))
     results = positioning.main(tmp_path / "paths.csv", options=options)
     assert results.find("places", "receiver, clock known", "RMSE")["value"] < 0.01
+
+
+def test_tracer_peer_without_the_peer_is_skipped(pair, options, capsys):
+    assert not tracer_peer.main((pair,), python="no-such-python", options=options).rows
+    assert "tracer_peer is skipped: no-such-python has no Sionna RT" in " ".join(
+        capsys.readouterr().out.split()
+    )
+
+
+def test_tracer_peer_counts_paths_of_both(tmp_path, monkeypatch):
+    """A peer that finds what we find, but for one reflection, and 0.5 dB stronger."""
+    scene = export_mitsuba(make_building(two_rooms(0.8)), tmp_path)
+
+    def peer(python, scene, tx, rx, order, samples, frequency_hz):
+        config = TracerConfig(max_reflections=1, floor_ceiling=True, diffraction=False, max_transmissions=0)
+        paths = Tracer.from_mitsuba(scene, frequency_hz=frequency_hz, config=config).trace(tx, rx)
+        table = {name: np.full((len(rx), 30), np.nan) for name in ("delay_s", "power", "turns")}
+        power = 10**0.05 * np.abs(paths.gain[:, 0, 0]) ** 2
+        for name, value in (("delay_s", paths.delay_s), ("power", power), ("turns", paths.order)):
+            table[name][paths.rx, paths.rank] = value
+        first = np.flatnonzero(paths.order == 1)[0]
+        table["power"][paths.rx[first], paths.rank[first]] = np.nan
+        return {f"{name}_{samples[0]}": value for name, value in table.items()}
+
+    monkeypatch.setattr(tracer_peer, "_run_worker", peer)
+    results = Results()
+    tracer_peer.measure_scene(scene, "python", 20, 0, results)
+    found = {row["name"]: row["value"] for row in results.rows}
+    assert found["line of sight: both"] > 0 and found["reflections: both"] > 5
+    assert [found[f"{kind}: here alone"] for kind in ("line of sight", "reflections")] == [0, 1]
+    assert [found[f"{kind}: there alone"] for kind in ("line of sight", "reflections")] == [0, 0]
+    assert found["confirmed"] == 1 and found["there twice"] == 0
+    assert found["strength, 95 % within"] == pytest.approx(0.5)
+
+
+def test_tracer_peer_confirms_true_reflections_only():
+    """On the ground: the mirror point, but not one next to it, above it, or behind a wall."""
+    ground = np.array([[[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]])
+    wall = np.array([[[1.0, -5, -1], [1, 5, -1], [1, 0, 5]]])
+    tx, rx = np.array([-2.0, 0, 1]), np.array([2.0, 0, 1])
+    is_reflection = tracer_peer.is_reflection
+    assert is_reflection(ground, tx, np.zeros(3), rx)
+    assert not is_reflection(ground, tx, np.array([0.1, 0, 0]), rx)
+    assert not is_reflection(ground, tx, np.array([0, 0, 0.1]), rx)
+    assert not is_reflection(np.concatenate([ground, wall]), tx, np.zeros(3), rx)
 
 
 def test_the_list_names_all_benchmarks(capsys):

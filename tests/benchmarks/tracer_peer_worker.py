@@ -1,7 +1,8 @@
 """Paths of Sionna RT in a scene, run by a Python that has it: `python tracer_peer_worker.py SCENE PLACES RESULT`.
 
 PLACES is an npz file with tx (3,), rx (n, 3), frequency_hz, depth and samples (a list). For each number of samples s,
-RESULT gets delay_s_s and power_s (n, paths; NaN where there is no path), and cpu_s_s, the CPU time of a warm run.
+RESULT gets delay_s_s, power_s and turns_s (n, paths; power is NaN where there is no path), the last of which counts
+interactions, and cpu_s_s, the CPU time of a warm run.
 """
 
 import sys
@@ -39,7 +40,9 @@ def main(scene_file: str, places_file: str, result_file: str) -> None:
         n_rx = len(places["rx"])
         delay, gain = delay.reshape(n_rx, -1), gain.reshape(n_rx, -1)
         power = np.where(delay >= 0, np.abs(gain) ** 2, np.nan)
-        found |= {f"delay_s_{samples}": delay, f"power_{samples}": power, f"cpu_s_{samples}": seconds}
+        turns = (np.array(paths.interactions) != 0).sum(axis=0).reshape(n_rx, -1)
+        found |= {f"delay_s_{samples}": delay, f"power_{samples}": power, f"turns_{samples}": turns}
+        found[f"cpu_s_{samples}"] = seconds
     np.savez(result_file, **found)
 
 

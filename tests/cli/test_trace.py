@@ -221,3 +221,72 @@ def test_antennas_of_frequency_responses(plan_file, tmp_path, fails):
     assert "Known: patch, 3gpp" in fails(*link.split(), "--rx-antenna", "dish")
     assert "absent.msi: no such file" in fails(*link.split(), "--rx-antenna", "absent.msi")
     assert "which count with --csi" in fails(*link.split()[:-2], "--rx-antenna", "3gpp")
+
+
+SCENE = """<scene version="2.1.0">
+<bsdf type="itu-radio-material" id="m"><string name="type" value="concrete"/></bsdf>
+<shape type="rectangle" id="ground"><transform name="to_world"><scale value="50"/></transform><ref id="m"/></shape>
+</scene>"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    """Level ground, in a file whose name does not say what it is."""
+    (tmp_path / "ground.dat").write_text(SCENE)
+    return tmp_path / "ground.dat"
+
+
+def test_links_in_a_scene(scene_file, tmp_path, capsys):
+    """A direct path and one from the mirror image below the ground, to each of two receivers; CSI of both."""
+    ends = "--tx -3,0,2 --rx 3,0,2 --rx 3,4,3"
+    main(f"trace {scene_file} {ends} --csi 16x1MHz --json --out {tmp_path}/out".split())
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["plan"] == "ground" and printed["rx_m"] == [[3, 0, 2], [3, 4, 3]]
+    assert printed["states"] == [["los", "los"]]
+    paths = Paths.read_parquet(tmp_path / "out" / "paths.parquet")
+    far = np.hypot(6, 4)
+    expected = [6, np.hypot(6, 4), np.hypot(far, 1), np.hypot(far, 5)]
+    assert sorted(paths.delay_s * 299792458) == pytest.approx(sorted(expected))
+    with np.load(tmp_path / "out" / "csi_tx1.npz") as csi:
+        assert csi["response"].shape[0] == 2 and csi["response"].shape[-1] == 16
+    assert {"rays_tx1.png", "csi_tx1.png"} <= {one.name for one in (tmp_path / "out").iterdir()}
+
+
+def test_a_channel_along_a_trajectory_in_a_scene(scene_file, tmp_path):
+    """Places without a height are at --height: the direct path along the ground has the distance, from 5 m to 4 m."""
+    poses = np.column_stack([np.linspace(5, 4, 3), np.zeros(3), np.zeros(3)])
+    write_tum(tmp_path / "trajectory.tum", np.arange(3.0), poses)
+    words = f"--tx 0,0 --along {tmp_path}/trajectory.tum --rate 1 --height 1 --out {tmp_path}/out"
+    main(f"trace {scene_file} {words}".split())
+    channel = np.load(tmp_path / "out" / "channel_tx1.npz")
+    np.testing.assert_allclose(channel["delay_s"][:, 0] * 299792458, [5, 4.5, 4])
+    np.testing.assert_allclose(channel["delay_s"][0, 1] * 299792458, np.hypot(5, 2))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--grid 0.5", "--grid is 0.5, which is for floor plans, and this is a Mitsuba scene"),
+        ("--storey 0", "--storey is 0"),
+        ("--material brick", "--material is brick"),
+        ("--resolution 0.1", "--resolution is 0.1"),
+        ("--floor-ceiling", "--floor-ceiling is True"),
+    ],
+)
+def test_what_a_scene_has_no_use_for_is_rejected(words, message, scene_file, fails):
+    assert message in fails("trace", scene_file, "--tx", "0,0,2", "--rx", "1,1,1", *words.split())
+
+
+def test_a_scene_needs_receivers_and_must_be_one(scene_file, tmp_path, fails):
+    assert "a Mitsuba scene needs receivers" in fails("trace", scene_file, "--tx", "0,0,2")
+    (tmp_path / "robot.xml").write_text("<mujoco/>")
+    ends = ("--tx", "0,0,2", "--rx", "1,1,1")
+    assert "it begins with <mujoco>, expected <scene>" in fails("trace", tmp_path / "robot.xml", *ends)
+
+
+def test_links_to_several_receivers_of_a_plan(plan_file, tmp_path, capsys, fails):
+    """As those traced one by one; a grid has one receiver whose rays are drawn."""
+    command = ["trace", str(plan_file), "--tx", "1,1", "--rx", "2,1", "--rx", "4,0.4"]
+    main([*command, "--json", "--out", str(tmp_path / "out")])
+    assert json.loads(capsys.readouterr().out)["states"] == [["los", "first_order"]]
+    assert "rx is given 2 times with grid" in fails(*command, "--grid", "1")

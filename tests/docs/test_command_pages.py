@@ -49,7 +49,7 @@ def test_a_page_has_every_option(name, pages, capsys, monkeypatch):
 def test_an_entry_says_type_choices_and_default(pages):
     """For a number, a choice, a switch, a required and an optional argument."""
     page = pages.page("trace", 1)
-    assert "`PLAN`\n: Floor plan:" in page and "storeys. Required." in page
+    assert "`PLAN`\n: Floor plan:" in page and "scene (.xml). Required." in page
     assert "`--frequency-ghz FLOAT`\n: Carrier frequency \\[GHz\\]. Default: `28.0`." in page
     assert "`--resolution FLOAT`" in page and "Range: 0.001 to 10 m." in page
     assert "`--up`\n: Axis" in page and "One of `auto`, `y`, `z`. Default: `auto`." in page

@@ -72,7 +72,7 @@ def make_seeds(folder: Path) -> list[str]:
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
-        antennas, bags, scenes,
+        antennas, bags, scenes, drawings,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -411,6 +411,36 @@ def logs(folder: Path) -> None:
 def scenes(folder: Path) -> None:
     """A scene for Mitsuba."""
     export_mitsuba(make_building(small_plan()), _into(folder, "scenes"))
+
+
+def drawings(folder: Path) -> None:
+    """A house in DXF, as text and binary, and in SVG, with everything that is read of them."""
+    import ezdxf
+
+    home, document = _into(folder, "drawings"), ezdxf.new("R2000")
+    document.units = 6
+    space, door = document.modelspace(), document.blocks.new("door")
+    door.add_lwpolyline([(0, 0, 0, 0, 0.4), (1, 0.2)], dxfattribs={"const_width": 0.1})
+    for corner in (0.0, 0.2):
+        ends = (corner, 6 - corner, 4 - corner)
+        corners = [(ends[0], ends[0]), (ends[1], ends[0]), (ends[1], ends[2]), (ends[0], ends[2])]
+        space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "WALL"})
+    space.add_blockref("door", (2, 2), dxfattribs={"layer": "WALL", "rotation": 30})
+    space.add_arc((3, 2), 1, 0, 90, dxfattribs={"layer": "WALL"})
+    space.add_spline([(1, 1), (2, 3), (3, 1)], dxfattribs={"layer": "WALL"})
+    space.add_ellipse((4, 1), (0.4, 0.1), 0.5, dxfattribs={"layer": "WALL"})
+    space.add_hatch(dxfattribs={"layer": "WALL"}).paths.add_polyline_path([(1, 3), (2, 3), (2, 3.5)])
+    document.saveas(home / "house.dxf")
+    document.saveas(home / "binary.dxf", fmt="bin")
+    (home / "house.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="600cm" height="400cm" viewBox="0 0 600 400">\n'
+        "<style>.a{fill:#222}</style>\n"
+        '<defs><g id="door"><path d="M0 0c10 20 30 20 40 0s9 9 20 5q5 5 9 1t3 3"/></g></defs>\n'
+        '<g id="walls" transform="rotate(5) scale(0.9)"><path class="a" d="M0 0H600V400H0ZM20 20v360h560V20z"/>\n'
+        '<use href="#door" x="100" y="50"/><circle cx="200" cy="200" r="30" style="stroke:#000;fill:none"/>\n'
+        '<polyline points="100,100 200,150 300,100" stroke="black" stroke-width="8" fill="none"/>\n'
+        '<path d="M300 200a30 20 15 1 0 40 30" stroke="rgb(0,0,9)"/></g></svg>\n'
+    )
 
 
 def robots(folder: Path) -> None:

@@ -353,6 +353,7 @@ TARGETS: dict[str, Target] = {
     "real grid": Target("real-grid", "*", _plan, 0.5),
     "plans of a folder": Target("plans", "*", _found_plans, 0.3),
     "mesh": Target("meshes", "*", _plan, 3),
+    "drawing": Target("drawings", "*", _plan, 3),
     "plan on the page": Target("plans", "*", _upload),
     "picture on the page": Target("images", "*", _upload),
     "mesh on the page": Target("meshes", "*", _upload),

@@ -35,6 +35,18 @@ class MitsubaScene(NamedTuple):
     """Index into `materials`."""
 
 
+def is_mitsuba(path: Path) -> bool:
+    """Whether a file is a scene, by its content; each .xml file counts, to be rejected with the reason."""
+    if path.suffix.lower() == ".xml":
+        return True
+    try:
+        with reading(path, "a scene") as file:
+            _, first = next(iter(ET.iterparse(file, events=("start",))))
+            return bool(first.tag == "scene")
+    except FileError:
+        return False
+
+
 def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = None) -> MitsubaScene:
     """Read a scene (.xml) and its meshes.
 
@@ -82,8 +94,11 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
         file = next(
             (one.get("value", "") for one in shape.findall("string") if one.get("name") == "filename"), ""
         )
-        with reading(folder / file, "a mesh of a scene") as content:
-            mesh = trimesh.load_mesh(io.BytesIO(content.read()), file_type=kind, process=False)
+        try:
+            with reading(folder / file, "a mesh of a scene") as content:
+                mesh = trimesh.load_mesh(io.BytesIO(content.read()), file_type=kind, process=False)
+        except FileError as error:
+            raise FileError(f"shape {name}: {error}") from error
     elif kind == "rectangle":
         corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
         mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)

@@ -9,7 +9,7 @@ from robosim_support.reading import FileError
 from tests.plans import two_rooms
 from wireless import Tracer, TracerConfig
 from wireless.em.materials import Layer, Material
-from wireless.tracing.mitsuba_scene import read_mitsuba
+from wireless.tracing.mitsuba_scene import is_mitsuba, read_mitsuba
 
 SHAPE = """<scene version="2.1.0"><default name="t" value="0.2"/>
 <bsdf type="itu-radio-material" id="m"><string name="type" value="concrete"/><float name="thickness" value="$t"/></bsdf>
@@ -104,3 +104,18 @@ def test_damaged_scenes_are_rejected(tmp_path, change, message):
     path.write_text(change(path.read_text()))
     with pytest.raises(FileError, match=message):
         read_mitsuba(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("canyon", b"<?xml version='1.0'?><!-- a comment --><scene version='3.0.0'>", True),
+        ("drawing.svg", b"<svg xmlns='http://www.w3.org/2000/svg'/>", False),
+        ("picture.png", b"\x89PNG\r\n", False),
+        ("empty.xml", b"", True),
+        ("empty", b"", False),
+    ],
+)
+def test_content_decides_what_is_a_scene(tmp_path, name, content, expected):
+    (tmp_path / name).write_bytes(content)
+    assert is_mitsuba(tmp_path / name) == expected

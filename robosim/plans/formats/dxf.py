@@ -1,0 +1,98 @@
+"""Floor plans in DXF drawings, read by `ezdxf` (extra `dxf`).
+
+Lines, polylines with bulges, arcs, circles, ellipses, splines, multilines, hatches and solids of the model space, those
+of blocks included, as `robosim.plans.formats.line_drawing` reads them. What is on layer 0 of a block is on the layer of
+its reference. Layers that are off or frozen are left out, and so are text, dimensions, meshes and paper space. The unit
+is the drawing's ($INSUNITS) or given; coordinates become those of `map`.
+
+Reference: Autodesk, DXF Reference (2018), sections Header and Entities.
+"""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
+from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
+from robosim.support.installation import is_installed, missing_extra
+from robosim_support.reading import reading
+
+if TYPE_CHECKING:
+    from ezdxf.entities.dxfentity import DXFEntity
+
+#: Units of length of buildings by their numbers: in, ft, mm, cm, m, yd, dm, US survey ft [m].
+UNITS_M = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 10: 0.9144, 14: 0.1, 21: 1200 / 3937}
+#: Entities that are drawn as lines, as areas by one outline, and as areas by several.
+LINES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+SOLIDS, HATCHES = ("SOLID", "TRACE"), ("HATCH", "MPOLYGON")
+#: Most blocks within blocks, and entities in all.
+MOST_DEEP, MOST_ENTITIES = 20, 300_000
+BINARY = b"AutoCAD Binary DXF"
+_REMEDY = "Save it again as DXF, of any version, with the walls as lines, polylines or hatches."
+
+
+def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan from a DXF drawing; uses `unit_m` and what `plan_from_shapes` uses."""
+    if not is_installed("ezdxf"):
+        raise missing_extra("ezdxf", "A DXF drawing")
+    from ezdxf import recover
+    from ezdxf.filemanagement import readfile
+
+    with reading(path, "a DXF drawing", _REMEDY, kind=MapError) as file:
+        is_binary = file.read(len(BINARY)) == BINARY
+        file.seek(0)
+        document = readfile(path) if is_binary else recover.read(file)[0]
+        unit_m = options.unit_m or UNITS_M.get(document.units)
+        if unit_m is None:
+            raise MapError(
+                f"the drawing does not say its unit of length ($INSUNITS is {document.units}). Give it: --unit 0.001 "
+                "for millimetres, --unit 1 for metres, --unit 0.0254 for inches."
+            )
+        hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
+        shapes = _shapes(_entities(document.modelspace(), "", [0]), hidden, unit_m)
+        return plan_from_shapes(shapes, path, options)
+
+
+def _entities(
+    entities: Iterable["DXFEntity"], layer: str, count: list[int], deep: int = 0
+) -> Iterator[tuple["DXFEntity", str]]:
+    """Entities with their layers, those of blocks in their places; `layer` is that of the block's reference."""
+    for one in entities:
+        count[0] += 1
+        if deep > MOST_DEEP or count[0] > MOST_ENTITIES:
+            raise MapError(
+                f"it has blocks in blocks, more than {MOST_DEEP} deep, or more than {MOST_ENTITIES} entities. Explode "
+                "them, or export the layers of walls alone."
+            )
+        own = layer if layer and one.dxf.layer == "0" else one.dxf.layer
+        kind = one.dxftype()
+        inner: Any = one
+        if kind == "INSERT":
+            for reference in inner.multi_insert() if inner.mcount > 1 else [inner]:
+                yield from _entities(reference.virtual_entities(), own, count, deep + 1)
+        elif kind == "MLINE":
+            yield from _entities(inner.virtual_entities(), own, count, deep + 1)
+        elif not one.dxf.get("invisible", 0):
+            yield one, own
+
+
+def _shapes(entities: Iterable[tuple["DXFEntity", str]], hidden: set[str], unit_m: float) -> Iterator[Shape]:
+    """What is drawn, in metres."""
+    from ezdxf.path import from_hatch, make_path
+
+    for one, layer in entities:
+        kind = one.dxftype()
+        if layer.lower() in hidden or kind not in (*LINES, *SOLIDS, *HATCHES):
+            continue
+        entity: Any = one
+        paths = list(from_hatch(entity)) if kind in HATCHES else [make_path(entity)]
+        lines = tuple(
+            unit_m * np.array([(point.x, point.y) for point in path.flattening(FLAT_M / unit_m)])
+            for path in paths
+            if len(path)
+        )
+        width = one.dxf.get("const_width", 0.0) if kind == "LWPOLYLINE" else 0.0
+        if lines:
+            yield Shape((layer,), lines, kind not in LINES, unit_m * width)

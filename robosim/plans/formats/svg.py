@@ -1,0 +1,151 @@
+"""Floor plans in SVG drawings, read by `svgelements` (extra `svg`).
+
+Paths, lines, polylines, polygons, rectangles, circles and ellipses with their transforms, as
+`robosim.plans.formats.line_drawing` reads them: dark fills are areas, strokes are lines of their own width. Layers are
+groups, by the labels that Inkscape gives them, their ids or their classes; shapes can be chosen by their own id and
+class too. The lower left corner of the picture is the origin of `map`.
+
+A picture's size in mm, cm, in, pt or pc is that of the building, unless a unit is given: then the view box has that
+unit, and without either a drawing is an error. Left out: text, pictures, clipping, what covers what.
+
+Reference: W3C, Scalable Vector Graphics 2 (2018), chapter 8 (coordinate systems, transformations and units).
+"""
+
+import io
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
+from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
+from robosim.support.installation import is_installed, missing_extra
+from robosim_support.reading import reading
+
+UNITS_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6}
+#: A user unit of a picture without a view box [m].
+PIXEL_M = 0.0254 / 96
+#: Lighter fills and strokes are paper, from 0 to 255.
+PAPER = 200
+#: Most shapes, copies included; most lines of a curve.
+MOST_SHAPES, MOST_LINES = 100_000, 1000
+_REMEDY = "Save it again as plain SVG."
+_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+_LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
+
+
+def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan from an SVG drawing; uses `unit_m` and what `plan_from_shapes` uses."""
+    if not is_installed("svgelements"):
+        raise missing_extra("svgelements", "An SVG drawing")
+    from svgelements import SVG
+
+    with reading(path, "an SVG drawing", _REMEDY, kind=MapError) as file:
+        root = ET.parse(file).getroot()
+        if root.tag.rpartition("}")[2] != "svg":
+            raise ValueError(f"it begins with <{root.tag}>, expected <svg>")
+        _check_copies(root)
+        (left, top, width, height), physical_m = _view(root)
+        unit_m = options.unit_m or physical_m
+        if unit_m is None:
+            raise MapError(
+                "the drawing does not say how large its units are. Give it: --unit 0.01 if a unit is a centimetre of "
+                "the building, or set width and height in mm, cm or in."
+            )
+        # Coordinates of the view box, one to one.
+        root.attrib.update(
+            width=f"{width!r}", height=f"{height!r}", viewBox=f"{left!r} {top!r} {width!r} {height!r}"
+        )
+        picture = SVG.parse(io.BytesIO(ET.tostring(root)), reify=True)
+        return plan_from_shapes(_shapes(picture, (), unit_m, height), path, options)
+
+
+def _view(root: ET.Element) -> tuple[tuple[float, float, float, float], float | None]:
+    """The view box in user units, and how large a unit is if the picture says so [m]."""
+    sides = [_LENGTH.fullmatch(root.get(name, "")) for name in ("width", "height")]
+    numbers = [float(one[1]) if one and one[2] != "%" else math.nan for one in sides]
+    box = [float(word) for word in root.get("viewBox", "").replace(",", " ").split()]
+    size_m = UNITS_M.get(sides[0][2]) if sides[0] else None
+    if not box:
+        if size_m is not None:
+            numbers = [number * size_m / PIXEL_M for number in numbers]
+        box, size_m = [0.0, 0.0, *numbers], None if size_m is None else PIXEL_M
+    elif size_m is not None:
+        size_m = numbers[0] * size_m / box[2]
+    if len(box) != 4 or not (np.isfinite(box).all() and box[2] > 0 and box[3] > 0):
+        raise ValueError("it has neither a viewBox of four numbers nor width and height")
+    return (box[0], box[1], box[2], box[3]), size_m
+
+
+def _check_copies(root: ET.Element) -> None:
+    """Raise MapError for copies (<use>) of themselves, and for too many shapes."""
+    by_id = {one.get("id"): one for one in root.iter() if one.get("id")}
+    known: dict[ET.Element, int] = {}
+
+    def count(element: ET.Element, above: tuple[ET.Element, ...]) -> int:
+        if element in above:
+            raise MapError("it has a copy (<use>) of itself. Save it again without copies.")
+        if element not in known:
+            inside = list(element)
+            if element.tag.rpartition("}")[2] == "use":
+                link = next((value for key, value in element.attrib.items() if key.endswith("href")), "")
+                inside += [by_id[link[1:]]] if link[1:] in by_id else []
+            known[element] = 1 + sum(count(one, (*above, element)) for one in inside)
+        return known[element]
+
+    if count(root, ()) > MOST_SHAPES:
+        raise MapError(f"it has more than {MOST_SHAPES} shapes. Save the layers of walls alone.")
+
+
+def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) -> Iterator[Shape]:
+    """What is drawn in a group and those within, in metres; `names` are those of the groups, the innermost first."""
+    import svgelements
+
+    for one in group:
+        values = one.values.get("attributes", one.values)
+        label, own = values.get(_LABEL), [values.get(name) for name in ("id", "class")]
+        if isinstance(one, svgelements.Group | svgelements.Use):
+            yield from _shapes(one, (*filter(None, [label, *own]), *names), unit_m, height)
+        elif isinstance(one, svgelements.Shape) and one.values.get("visibility") != "hidden":
+            path = svgelements.Path(one)
+            lines = tuple(
+                unit_m * np.array([[x, height - y] for x, y in line])
+                for line in (_flattened(svgelements.Path(part), unit_m) for part in path.as_subpaths())
+                if len(line) > 1
+            )
+            if not lines:
+                continue
+            all_names = (*(names or ("",)), *filter(None, [label, *own]))
+            if _is_dark(one.fill, values.get("fill") is None) and not isinstance(one, svgelements.SimpleLine):
+                yield Shape(all_names, lines, is_area=True)
+            if _is_dark(one.stroke, False):
+                yield Shape(all_names, lines, width_m=unit_m * float(one.stroke_width or 0.0))
+
+
+def _is_dark(colour: Any, by_default: bool) -> bool:
+    """Whether something is painted, and not as light as paper."""
+    if colour is None or colour.value is None:
+        return by_default and colour is None
+    return bool(colour.alpha > 0 and (colour.red + colour.green + colour.blue) / 3 < PAPER)
+
+
+def _flattened(path: Any, unit_m: float) -> list[tuple[float, float]]:
+    """Corners of lines along one part of a path."""
+    import svgelements
+
+    points: list[tuple[float, float]] = []
+    for segment in path:
+        if segment.end is None:
+            continue
+        if isinstance(segment, svgelements.Curve):
+            left, top, right, bottom = segment.bbox()
+            length_m = unit_m * 2 * math.hypot(right - left, bottom - top)
+            some = min(max(2, math.ceil(math.sqrt(length_m / FLAT_M))), MOST_LINES)
+            points += [tuple(segment.point(t)) for t in np.linspace(0, 1, some + 1)[1:]]
+        else:
+            points.append((float(segment.end.x), float(segment.end.y)))
+    return points

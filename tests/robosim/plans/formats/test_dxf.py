@@ -1,0 +1,166 @@
+"""DXF drawings made by ezdxf: units, layers, blocks and curves against exact areas; what is rejected."""
+
+import numpy as np
+import pytest
+
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import MapError
+from tests.robosim.plans.formats.test_line_drawing import FREE_M2, INNER, OUTER, free_m2, is_free
+
+ezdxf = pytest.importorskip("ezdxf", reason="needs the extra dxf")
+
+
+class Drawing:
+    """A drawing with layers WALL and DOOR."""
+
+    def __init__(self, unit=6, version="R2018"):
+        self.document = ezdxf.new(version)
+        self.document.units = unit
+        self.space = self.document.modelspace()
+
+    def outline(self, points, layer="WALL", scale=1.0, **more):
+        corners = [(scale * x, scale * y) for x, y in points]
+        self.space.add_lwpolyline(corners, close=True, dxfattribs={"layer": layer, **more})
+
+    def save(self, folder, fmt="asc"):
+        self.document.saveas(folder / "house.dxf", fmt=fmt)
+        return folder / "house.dxf"
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"),
+    [(1, 1 / 0.0254), (2, 1 / 0.3048), (4, 1000), (5, 100), (6, 1), (10, 1 / 0.9144), (14, 10)],
+)
+def test_units_of_length(tmp_path, unit, scale):
+    drawing = Drawing(unit)
+    drawing.outline(OUTER, scale=scale)
+    drawing.outline(INNER, scale=scale)
+    assert free_m2(read_plan(drawing.save(tmp_path))) == pytest.approx(FREE_M2, abs=0.5)
+
+
+@pytest.mark.parametrize("fmt", ["asc", "bin"])
+def test_coordinates_stay_and_the_unit_can_be_given(tmp_path, fmt):
+    drawing = Drawing(0)
+    for ring in (OUTER, INNER):
+        drawing.outline([(x + 100, y + 50) for x, y in ring], scale=100)
+    path = drawing.save(tmp_path, fmt)
+    with pytest.raises(
+        MapError, match=r"does not say its unit of length \(\$INSUNITS is 0\). Give it: --unit 0.001"
+    ):
+        read_plan(path)
+    plan = read_plan(path, unit_m=0.01)
+    assert free_m2(plan) == pytest.approx(FREE_M2)
+    assert plan.centres(plan.free).min(axis=0) == pytest.approx([100.225, 50.225])
+
+
+def test_doors_on_their_layer_are_openings(tmp_path):
+    """The leaf and arc of a door, a block, are on DOOR: the door of the house is open."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    drawing.outline(INNER)
+    door = drawing.document.blocks.new("door")
+    door.add_line((0, 0), (0.9, 0))
+    door.add_arc((0, 0), 0.9, 0, 90)
+    drawing.space.add_blockref("door", (3.05, 2), dxfattribs={"layer": "DOOR"})
+    path = drawing.save(tmp_path)
+    assert free_m2(read_plan(path)) == pytest.approx(FREE_M2)
+    closed = read_plan(path, wall_layers=("wall", "door"))
+    assert free_m2(closed) < FREE_M2 - 0.05
+
+
+def test_blocks_in_blocks_are_turned_mirrored_and_scaled(tmp_path):
+    """A post of 1 m x 0.5 m on layer 0, in a block in a block: on the layer of the outer reference, in its place."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    post, pair = (drawing.document.blocks.new(name) for name in ("post", "pair"))
+    post.add_solid([(0, 0), (1, 0), (0, 0.5), (1, 0.5)])
+    pair.add_blockref("post", (0, 0))
+    pair.add_blockref("post", (0, 1), dxfattribs={"xscale": 2})
+    drawing.space.add_blockref(
+        "pair", (4, 1), dxfattribs={"layer": "WALL", "rotation": 90, "xscale": -0.5, "yscale": 1}
+    )
+    plan = read_plan(drawing.save(tmp_path))
+    # (x, y) of the pair goes to (4 - y, 1 - x / 2).
+    assert not is_free(plan, 3.75, 0.75) and is_free(plan, 3.75, 1.1) and is_free(plan, 4.1, 0.75)
+    assert not is_free(plan, 2.75, 0.25) and is_free(plan, 2.4, 0.25)
+    assert free_m2(plan) == pytest.approx(5.95 * 3.95 - 0.5 * 0.5 - 0.5 * (1 - 0.025), abs=0.03)
+
+
+def test_curves(tmp_path):
+    """A round room of two bulges, a circle and a closed spline in it, whose areas follow from their radii."""
+    drawing = Drawing()
+    drawing.space.add_lwpolyline(
+        [(-3, 0, 1), (3, 0, 1)], format="xyb", close=True, dxfattribs={"layer": "WALL"}
+    )
+    drawing.space.add_circle((1.5, 0), 0.25, dxfattribs={"layer": "WALL"})
+    drawing.space.add_ellipse((-1.5, 0), (0.25, 0), 1.0, dxfattribs={"layer": "WALL"})
+    plan = read_plan(drawing.save(tmp_path), resolution_m=0.01)
+    expected = np.pi * (3 - 0.005) ** 2 - 2 * np.pi * 0.25**2
+    assert free_m2(plan) == pytest.approx(expected, rel=2e-3)
+
+
+def test_hatches_and_wide_polylines(tmp_path):
+    """A hatch with a hole of 2 m x 1 m, and a polyline 0.3 m wide."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    hatch = drawing.space.add_hatch(dxfattribs={"layer": "WALL"})
+    hatch.paths.add_polyline_path([(1, 1), (4, 1), (4, 3), (1, 3)], is_closed=True)
+    hatch.paths.add_polyline_path([(1.5, 1.5), (3.5, 1.5), (3.5, 2.5), (1.5, 2.5)], is_closed=True)
+    drawing.space.add_lwpolyline([(5, 1), (5, 3)], dxfattribs={"layer": "WALL", "const_width": 0.3})
+    plan = read_plan(drawing.save(tmp_path))
+    assert is_free(plan, 2.5, 2) and not is_free(plan, 1.2, 2)
+    assert not is_free(plan, 5.12, 2) and is_free(plan, 5.18, 2)
+
+
+def test_what_is_hidden_is_no_wall(tmp_path):
+    """Layers that are off or frozen, invisible entities, and paper space."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    drawing.outline(INNER)
+    for name in ("WALL-OLD", "WALL-NEW"):
+        layer = drawing.document.layers.add(name)
+        layer.off() if name == "WALL-OLD" else layer.freeze()
+        drawing.outline([(1, 1), (1.5, 1), (1.5, 1.5), (1, 1.5)], name)
+    drawing.outline([(4, 1), (4.5, 1), (4.5, 1.5), (4, 1.5)], invisible=1)
+    drawing.document.layout().add_line((0, 0), (297, 210), dxfattribs={"layer": "WALL"})
+    assert free_m2(read_plan(drawing.save(tmp_path))) == pytest.approx(FREE_M2)
+
+
+def test_endless_blocks_are_rejected(tmp_path):
+    """Blocks of ten of the next, ten deep."""
+    drawing = Drawing()
+    for deep in range(10):
+        block = drawing.document.blocks.new(f"b{deep}")
+        for _ in range(10):
+            block.add_blockref(f"b{deep + 1}", (0, 0))
+    drawing.document.blocks.new("b10").add_line((0, 0), (1, 0))
+    drawing.space.add_blockref("b0", (0, 0))
+    with pytest.raises(MapError, match="more than 300000 entities"):
+        read_plan(drawing.save(tmp_path))
+
+
+def test_damaged_drawings_are_rejected(tmp_path):
+    path = tmp_path / "house.dxf"
+    path.write_text("no drawing")
+    with pytest.raises(MapError, match="not readable as a DXF drawing"):
+        read_plan(path)
+    path.write_text("  0\nSECTION\n  2\nHEADER\n  9\n$INSUNITS\n 70\n     6\n  0\nENDSEC\n  0\nEOF\n")
+    with pytest.raises(MapError, match="no lines or areas"):
+        read_plan(path)
+
+
+def test_without_the_extra_its_name_is_printed(tmp_path, monkeypatch):
+    monkeypatch.setattr("robosim.plans.formats.dxf.is_installed", lambda module: False)
+    with pytest.raises(
+        ImportError, match=r"A DXF drawing needs ezdxf, which is not installed: pip install .*\[dxf\]"
+    ):
+        read_plan(Drawing().save(tmp_path))
+
+
+def test_options_of_other_formats_are_rejected(tmp_path):
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    with pytest.raises(MapError, match=r"floor height is 1\.0, but this is no mesh"):
+        read_plan(drawing.save(tmp_path), floor_height_m=1.0)
+    with pytest.raises(MapError, match=r"wall layers is .*, but this is no DXF drawing or SVG drawing"):
+        read_plan("flat", wall_layers=("A",))
