@@ -63,7 +63,7 @@ def test_commands_exist(
         if "--config" in words:
             del words[words.index("--config") : words.index("--config") + 2]
         for word in words:
-            if word.endswith((".safetensors", ".yaml", ".csv")):
+            if word.endswith((".safetensors", ".yaml", ".csv", ".urdf")):
                 (tmp_path / word).parent.mkdir(parents=True, exist_ok=True)
                 (tmp_path / word).write_text("radius_m: 0.17\n", "utf-8")
         try:
