@@ -190,10 +190,26 @@ def _no_warnings() -> Iterator[None]:
 
 
 def _load(path: Path) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec.from_file(str(path))
+    text = path.read_text("utf-8", "replace")
+    if re.search(r"<robot\b", text):
+        found = re.sub(r'filename="([^"]*)"', lambda match: f'filename="{_mesh_file(match[1], path)}"', text)
+        spec = mujoco.MjSpec.from_string(found)
+    else:
+        spec = mujoco.MjSpec.from_file(str(path))
     spec.compiler.fusestatic = False  # links without joints keep their names
     _mend_inertias(spec)
     return spec
+
+
+def _mesh_file(name: str, path: Path) -> str:
+    """A mesh of a URDF file: package://NAME/REST is in a folder NAME around it, or REST in a folder around it."""
+    rest = name.removeprefix("file://")
+    package, _, inner = rest.removeprefix("package://").partition("/")
+    places = [path.parent / rest]
+    if rest.startswith("package://"):
+        around = path.absolute().parents
+        places = [*(one / package / inner for one in around), *(one / inner for one in around)]
+    return str(next((place.absolute() for place in places if place.is_file()), name))
 
 
 def _mend_inertias(spec: mujoco.MjSpec) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from robosim.robot.calibration import open_floor
 from robosim.robot.dynamic import World
@@ -70,6 +71,22 @@ def test_four_wheels_turn_on_an_axle_between(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         np.array(robot.outline_m)[:, 0].max(), 0.2, atol=1e-3
     )  # 0.3 m, of an axle at 0.1 m
+
+
+def test_meshes_are_found_in_their_package(tmp_path: Path) -> None:
+    box, mesh = (
+        '<box size="0.4 0.2 0.1"/>',
+        '<mesh filename="package://cart/meshes/body.stl" scale="0.001 0.001 0.001"/>',
+    )
+    text = URDF.replace("WHEELS", TWO)
+    (tmp_path / "cart" / "urdf").mkdir(parents=True)
+    path = _write(tmp_path / "cart" / "urdf", "cart.urdf", text.replace(box, mesh))
+    with pytest.raises(FileError, match=r"package:/+cart/meshes/body.stl"):
+        read_robot(path)
+    (tmp_path / "cart" / "meshes").mkdir()
+    trimesh.creation.box((400, 200, 100)).export(tmp_path / "cart" / "meshes" / "body.stl")
+    of_box = read_robot(_write(tmp_path, "box.urdf", text))
+    np.testing.assert_allclose(read_robot(path).outline_m, of_box.outline_m, atol=1e-6)
 
 
 def test_a_robot_that_was_read_is_written_and_read(tmp_path: Path) -> None:
