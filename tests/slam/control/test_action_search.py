@@ -29,7 +29,7 @@ def _planner() -> Planner:
 
 
 def _smallest_space(estimate: MapEstimate, poses: Float[np.ndarray, "n 3"]) -> float:
-    """Least distance of the polygon, less the error of maps, from a centre of an obstacle; 0 where one is inside [m]."""
+    """Least distance of the polygon, less the error of maps, from a centre of an obstacle; 0 if one is inside [m]."""
     points = shapely.multipoints(estimate.frame.centres(estimate.obstacle_probability > 0.5))
     return float(
         min(
