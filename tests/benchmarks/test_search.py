@@ -34,7 +34,9 @@ def counted(tmp_path):
         rows.append(row)
 
     def count():
-        return progress(tmp_path, rows, Suite(plans={"hall": file}, tasks=()), BuildingConfig(), (0.1, 1.25, ()))
+        return progress(
+            tmp_path, rows, Suite(plans={"hall": file}, tasks=()), BuildingConfig(), (0.1, 1.25, ())
+        )
 
     return add, count
 

@@ -3,6 +3,7 @@
 import io
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tests.benchmarks.live import pixel_of
 from tests.plans import room
 
 LONG_S = 300.0
+OPEN = "Open a picture, a mesh, .json or .npy"
 
 
 def wait_for(condition: Callable[[], bool], what: str) -> None:
@@ -33,6 +35,20 @@ def choose(tab, label: str, option: str) -> None:
 
 def press(tab, label: str) -> None:
     tab.get_by_role("button", name=label, exact=True).first.click()
+
+
+def open_file(tab, button, path: Path) -> None:
+    """Open a file by a button; a click is lost where the panel is drawn again at that moment."""
+    from playwright.sync_api import TimeoutError  # may not be installed
+
+    for attempt in range(10):
+        try:
+            with tab.expect_file_chooser(timeout=30_000) as chosen:
+                button.click()
+            chosen.value.set_files(path)
+            return
+        except TimeoutError:
+            assert attempt < 9, "no click opens the list of files"
 
 
 def camera_of(page, tab):
@@ -106,10 +122,8 @@ def test_a_plan_is_opened_and_a_bad_one_reported(explored, window, tmp_path):
     tab.get_by_text("Open a plan").click()
     damaged = tmp_path / "damaged.npy"
     damaged.write_bytes(b"nothing")
-    chooser = tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy")
-    with tab.expect_file_chooser() as chosen:
-        chooser.click()
-    chosen.value.set_files(damaged)
+    chooser = tab.get_by_role("button", name=OPEN)
+    open_file(tab, chooser, damaged)
     message = tab.get_by_text("damaged.npy: ")
     message.last.wait_for()
     assert message.count() == 2, "at the head of the panel and next to the button"
@@ -117,9 +131,7 @@ def test_a_plan_is_opened_and_a_bad_one_reported(explored, window, tmp_path):
     assert 0 < line["y"] - button["y"] < 3 * button["height"]
     assert explored.radio.model.plan.name == "two rooms", "nothing is lost"
     np.save(tmp_path / "hall.npy", room(5.0, 4.0).occupancy)
-    with tab.expect_file_chooser() as chosen:
-        chooser.click()
-    chosen.value.set_files(tmp_path / "hall.npy")
+    open_file(tab, chooser, tmp_path / "hall.npy")
     wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
     assert explored.radio.model.building.free.area == pytest.approx(20.0, abs=0.1)
 
@@ -129,9 +141,7 @@ def test_warnings_of_a_reader_are_shown(explored, window, tmp_path):
     trimesh.creation.box((4, 3, 2.5)).export(tmp_path / "box.stl")
     tab = window(explored.url)
     tab.get_by_text("Open a plan").click()
-    with tab.expect_file_chooser() as chosen:
-        tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy").click()
-    chosen.value.set_files(tmp_path / "box.stl")
+    open_file(tab, tab.get_by_role("button", name=OPEN), tmp_path / "box.stl")
     tab.get_by_text("inside out; its surface is turned over").last.wait_for()
     assert explored.radio.model.plan.name == "box"
 
