@@ -39,7 +39,7 @@ def replay(
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
 
 
-def export(episode: Positional[Path], *, out: Path | None = None) -> None:
+def export(episode: Positional[Path], *, mcap: bool = True, out: Path | None = None) -> None:
     """Write an episode as a ROS 2 bag in MCAP, with a layout for Foxglove; no ROS is needed.
 
     The bag has transforms, odometry, scans of the lidar, colour and depth, map, path, goal, belief, link states and
@@ -49,8 +49,11 @@ def export(episode: Positional[Path], *, out: Path | None = None) -> None:
 
     Args:
         episode: Folder of `robosim episode`.
+        mcap: Whether to write MCAP, the only format.
         out: Folder for the bag; by default that of the episode.
     """
+    if not mcap:
+        raise ValueError("--no-mcap leaves nothing to write: MCAP is the only format.")
     from robosim.recording.bag_export import LAYOUT, export_bag
 
     with run_folder(output_folder(out or episode, "episode"), "episode") as folder:
