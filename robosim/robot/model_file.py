@@ -61,6 +61,8 @@ class Model(NamedTuple):
 
     wheels: tuple[list[Wheel], list[Wheel]]
     """On the left and on the right."""
+    axle: Float[np.ndarray, "3"]
+    """Middle of the axle on the floor, in the frame of the description [m]."""
     outline_m: Outline
     """Around the middle of the axle."""
     height_m: float
@@ -72,13 +74,6 @@ class Model(NamedTuple):
     lidar: Float[np.ndarray, "3"] | None
     hfov_deg: float | None
     """Places of sensors from the middle of the axle on the floor [m], and field of view."""
-
-    @property
-    def axle(self) -> Float[np.ndarray, "3"]:
-        """Middle of the axle on the floor, in the frame of the description [m]."""
-        places = np.array([[wheel.place for wheel in side] for side in self.wheels])
-        middle: Float[np.ndarray, 3] = places.mean(axis=(0, 1))
-        return middle - [0.0, 0.0, self.wheels[0][0].radius_m]
 
 
 def read_model(path: Path) -> RobotConfig:
@@ -235,16 +230,19 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData) -> Model:
     mass = model.body_mass[of_others]
     if not mass.sum() > 0:
         raise ValueError("its links have no mass, expected inertials")
-    found = Model(wheels, (), 0.0, float(mass.sum()), 0.0, None, None, None)
-    axle = found.axle
+    places = np.array([[wheel.place for wheel in side] for side in wheels])
+    axle = places.mean(axis=(0, 1)) - [0.0, 0.0, wheels[0][0].radius_m]
     outline = shapely.MultiPoint(every[:, :2] - axle[:2]).convex_hull.simplify(_SIMPLER_M)
     camera, hfov_deg = _place_of(_CAMERA, model, data), None
     if model.ncam:
         camera, hfov_deg = data.cam_xpos[0], float(model.cam_fovy[0])
     lidar = _place_of(_LIDAR, model, data)
-    return found._replace(
+    return Model(
+        wheels=wheels,
+        axle=axle,
         outline_m=convex_outline(tuple(outline.exterior.coords[:-1])),
         height_m=float(every[:, 2].max() - axle[2]),
+        mass_kg=float(mass.sum()),
         com_m=float(mass @ data.xipos[of_others, 2] / mass.sum() - axle[2]),
         camera=None if camera is None else camera - axle,
         lidar=None if lidar is None else lidar - axle,
