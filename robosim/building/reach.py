@@ -249,15 +249,17 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     pairs = np.column_stack([labels[0].ravel(), labels[-1].ravel()])
     pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)
     joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n + 1, n + 1))
-    part = connected_components(joined, directed=False)[1][labels]
-    part[labels == 0] = -1
-    size = np.bincount(part[part >= 0])
+    count, part = connected_components(joined, directed=False)
+    size = np.zeros(count)
+    for layer in labels:  # one by one, which takes little memory
+        size += np.bincount(part[layer].ravel(), layer.ravel() > 0, count)
     # By falling size, so that the least number of a cell is that of its largest part.
-    rank = np.empty(len(size) + 1, np.int64)
-    rank[np.argsort(-size, kind="stable")] = np.arange(1, len(size) + 1)
-    rank[-1] = len(size) + 1
-    numbers = rank[part].min(axis=0)
-    return np.where(numbers > len(size), 0, numbers)
+    rank = np.empty(count, np.int32)
+    rank[np.argsort(-size, kind="stable")] = np.arange(1, count + 1)
+    numbers = np.full(plan.shape, count + 1, np.int32)
+    for layer in labels:
+        np.minimum(numbers, rank[part[layer]], out=numbers, where=layer > 0)
+    return np.where(numbers > count, 0, numbers)
 
 
 @compiled
