@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from robosim_support.compiled import compiled
 from slam.actions import MOVES, Action
+from slam.control.manoeuvre import PARTS
 from slam.hull import Hull
 from slam.planning.clearance import Clearance, Surfaces, gap_of_outline
 from slam.planning.travel_time import TravelTime
@@ -35,8 +36,6 @@ _GREED = 1.5
 _WIDE_M, _TIGHT, LEAST_M = 0.05, 2.0, -0.005
 #: What a step back costs extra [decisions].
 _BACK = 4.0
-#: Places at which one action is checked against obstacles.
-_PARTS = 4
 
 
 def find_actions(
@@ -74,7 +73,7 @@ def is_clear(
     """Whether actions from a pose leave the hull clear of obstacles, or no nearer than it is."""
     poses = [pose]
     for action in actions:
-        poses += [compose(pose, part / _PARTS * motion[action]) for part in range(1, _PARTS + 1)]
+        poses += [compose(pose, part / PARTS * motion[action]) for part in range(1, PARTS + 1)]
         pose = poses[-1]
     places = np.array(poses)
     space = clearance.space(hull, places[:, :2], places[:, 2])
@@ -113,8 +112,8 @@ def _search(
             price = 1.0 + (_BACK if k == 3 else 0.0)
             c, s = math.cos(yaw), math.sin(yaw)
             last = here if node == 0 else LEAST_M
-            for part in range(1, _PARTS + 1):
-                share = part / _PARTS
+            for part in range(1, PARTS + 1):
+                share = part / PARTS
                 dx, dy = share * motion[k, 0], share * motion[k, 1]
                 nx, ny, nyaw = x + c * dx - s * dy, y + s * dx + c * dy, yaw + share * motion[k, 2]
                 gap = gap_of_outline(nx, ny, nyaw, corners, surfaces, _WIDE_M)
@@ -123,7 +122,7 @@ def _search(
                     price = math.inf
                     break
                 last = gap
-                price += _TIGHT / _PARTS * (1 - max(gap, 0.0) / _WIDE_M)
+                price += _TIGHT / PARTS * (1 - max(gap, 0.0) / _WIDE_M)
             if price == math.inf:
                 continue
             ix, iy = int((nx - pose[0]) / _CELL_M + half), int((ny - pose[1]) / _CELL_M + half)

@@ -4,6 +4,7 @@ Drives are compared with closed forms. In the doors there are two rooms of 4 m b
 0.1 m or 0.2 m, and tasks from one room to the other. The oracle knows where the target is, but not the building.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -66,7 +67,7 @@ def main(
     for row, (name, _, wider_m) in DOORS.items():
         hull_m = 2 * ROBOT.make(name).radius_m
         results.add("doors", row, "hull", 100 * hull_m, "cm", digits=1)
-        results.add("doors", row, "door", 100 * (hull_m + wider_m), "cm", digits=1)
+        results.add("doors", row, "door", 100 * _CELL_M * _door_cells(hull_m + wider_m), "cm", digits=1)
         _add(results, "doors", row, passed[f"{row}, 0.1"] + passed[f"{row}, 0.2"])
     return options.finish("robots", results)
 
@@ -136,13 +137,18 @@ def _run(
 
 def _rooms(door_m: float, wall_m: float) -> FloorPlan:
     """Two rooms of 3.5 m by 4 m with a door between them."""
-    n, wall, door = round(4 / _CELL_M), round(wall_m / _CELL_M), int(door_m / _CELL_M + 1e-6)
+    n, wall, door = round(4 / _CELL_M), round(wall_m / _CELL_M), _door_cells(door_m)
     occupancy = np.full((n, round(7 / _CELL_M)), FREE, np.uint8)
     middle = occupancy.shape[1] // 2
     occupancy[:, middle : middle + wall] = OCCUPIED
     low = round(1.2 / _CELL_M)
     occupancy[low : low + door, middle : middle + wall] = FREE
     return FloorPlan(occupancy=occupancy, resolution_m=_CELL_M, name="rooms with a door")
+
+
+def _door_cells(door_m: float) -> int:
+    """Width of a door that is at least as wide [cells]."""
+    return math.ceil(door_m / _CELL_M - 1e-6)
 
 
 def _add(results: Results, table: str, row: str, found: Sequence[dict[str, float]]) -> None:
