@@ -50,13 +50,14 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     body.ipos = (0, 0, com_m)
     body.inertia = (0.4 * body.mass * robot.hull.turning_m**2,) * 3
     _add_hull(spec, body, robot, physics, com_m)
-    if robot.model is None:
+    if robot.model is None or imported is None:
         for name, side in (("left", 1), ("right", -1)):
             _add_wheel(spec, body, name, side, robot, physics)
             _add_servo(spec, name, name, 1.0, robot)
         _add_looks(spec, body, robot)
     else:
-        for name, wheel in zip(("left", "right"), attach_model(spec, body, robot.model, robot), strict=True):
+        wheels = attach_model(spec, body, robot.model, imported, robot.rotor_inertia_kgm2)
+        for name, wheel in zip(("left", "right"), wheels, strict=True):
             joint = spec.joint(wheel.joint)
             _add_tread(joint.parent, name, joint.pos, robot, physics)
             _add_servo(spec, name, wheel.joint, wheel.turns, robot)

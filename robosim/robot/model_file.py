@@ -117,12 +117,14 @@ def read_model(path: Path) -> RobotConfig:
     )
 
 
-def attach_model(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, robot: RobotConfig) -> list[Wheel]:
+def attach_model(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, model: Model, armature_kgm2: float
+) -> list[Wheel]:
     """Attach the bodies of a description to a body above the middle of the axle; returns the wheels, left and right.
 
-    Names get the prefix "model/". Nothing of it collides.
+    `model` is what `model_of` found in it. Names get the prefix "model/". Nothing of it collides.
     """
-    model, child = model_of(path), _load(path)
+    child = _load(path)
     _mend_inertias(spec)
     roots = [one for one in child.bodies if one.parent is not None and one.parent.name == "world"]
     wheels = [side[0] for side in model.wheels]
@@ -146,7 +148,7 @@ def attach_model(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path, robot: R
         body.add_frame(pos=-model.axle).attach_body(root, "model/", "")
     for wheel in wheels:
         joint = spec.joint(f"model/{wheel.joint}")
-        joint.armature, joint.limited = robot.rotor_inertia_kgm2, mujoco.mjtLimited.mjLIMITED_FALSE
+        joint.armature, joint.limited = armature_kgm2, mujoco.mjtLimited.mjLIMITED_FALSE
         joint.damping[:] = joint.frictionloss = 0.0  # the servo overcomes them
     return [wheel._replace(joint=f"model/{wheel.joint}") for wheel in wheels]
 
