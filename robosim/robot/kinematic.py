@@ -61,11 +61,11 @@ class KinematicWorld:
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
         walls = wall_segments(self._room) - self._origin
-        self._polygon: _PolygonWalls | None = None
-        if self.robot.outline_m:
-            self._polygon = _PolygonWalls(walls, self.robot.hull.corners)
-        else:
-            self._walls = _Tiles(walls, self.robot.radius_m + GAP_M)
+        self._walls = (
+            _PolygonWalls(walls, self.robot.hull.corners)
+            if self.robot.outline_m
+            else _Tiles(walls, self.robot.radius_m + GAP_M)
+        )
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
         self._commands = CommandQueue(self.robot.latency_s)
         self._movers = movers
@@ -150,9 +150,7 @@ class KinematicWorld:
 
     def _turn(self, turn: float) -> bool:
         """Turn on the spot as far as walls allow; whether one stopped it."""
-        share = 1.0
-        if self._polygon is not None:
-            share = self._polygon.share_free((self._x, self._y, self._yaw), (0.0, 0.0, turn))
+        share = self._walls.share_free((self._x, self._y, self._yaw), (0.0, 0.0, turn))
         self._yaw = wrap(self._yaw + share * turn)
         return share < 1
 
@@ -167,11 +165,7 @@ class KinematicWorld:
         return blocked
 
     def _go_piece(self, dx: float, dy: float) -> bool:
-        if self._polygon is not None:
-            share = self._polygon.share_free((self._x, self._y, self._yaw), (dx, dy, 0.0))
-        else:
-            walls = self._walls.near(self._x, self._y)
-            share = 1.0 if walls is None else walls.meet(self._x, self._y, dx, dy)
+        share = self._walls.share_free((self._x, self._y, self._yaw), (dx, dy, 0.0))
         if self._movers is not None:
             share = min(share, self._movers.share_free(self.pose[:2], np.array([dx, dy])))
         self._x, self._y = self._x + share * dx, self._y + share * dy
@@ -226,6 +220,12 @@ class _Tiles:
         ends = np.flatnonzero(np.diff(tile, append=-1)) + 1
         for start, end in zip(np.append(0, ends[:-1]), ends, strict=True):
             self._found[tile[start]] = _Walls(walls[np.sort(wall[start:end])], radius_m)
+
+    def share_free(self, pose: tuple[float, float, float], step: tuple[float, float, float]) -> float:
+        """Share of a step dx, dy [m], dyaw [rad] from a pose that is done before a wall is met; all of a turn."""
+        dx, dy, _ = step
+        walls = self.near(pose[0], pose[1]) if dx or dy else None
+        return 1.0 if walls is None else walls.meet(pose[0], pose[1], dx, dy)
 
     def near(self, x: float, y: float) -> "_Walls | None":
         """The walls near a place [m], if any."""
