@@ -19,6 +19,7 @@ from numpy.typing import DTypeLike
 from robosim_support.axes import axes_in_metres
 from robosim_support.checks import shown
 from slam.hull import Hull
+from slam.poses import to_robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,10 +118,8 @@ class GridFrame:
         reach = hull.turning_m
         low, high = pose[:2] - reach, pose[:2] + reach
         rows, columns, frame = self.window((low[0], low[1]), (high[0], high[1]))
-        x, y = np.meshgrid(*frame.axes())
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        local = np.stack([x - pose[0], y - pose[1]], axis=-1) @ np.array([[c, -s], [s, c]])
-        return rows, columns, hull.covers(local, margin_m)
+        centres = np.stack(np.meshgrid(*frame.axes()), axis=-1)
+        return rows, columns, hull.covers(to_robot(pose, centres), margin_m)
 
     def part(self, rows: slice, columns: slice) -> "GridFrame":
         """Frame of some rows and columns."""

@@ -38,20 +38,18 @@ class Hull:
     @cached_property
     def inner_m(self) -> float:
         """Radius of the largest disk around the middle of the axle that it covers [m]."""
-        if not self.outline_m:
-            return self.radius_m
-        start, end = self.corners, np.roll(self.corners, -1, axis=0)
-        along = end - start
-        area = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]
-        return float((area / np.hypot(*along.T)).min())
+        return float(self._depth(np.zeros(2))) if self.outline_m else self.radius_m
 
     def covers(self, points: Float[np.ndarray, "*batch 2"], margin_m: float) -> Bool[np.ndarray, "*batch"]:
         """Which points of its own frame lie inside of the polygon by a margin [m]."""
+        return np.asarray(self._depth(points) > margin_m)
+
+    def _depth(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+        """Distance of points inside of the polygon from its nearest side [m]; negative outside."""
         start = self.corners
         along = np.roll(start, -1, axis=0) - start
-        inward = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-        depth: Float[np.ndarray, "*batch n"] = points @ inward.T - (start * inward).sum(axis=1)
-        return np.asarray((depth > margin_m).all(axis=-1))
+        x, y = np.moveaxis(start - points[..., None, :], -1, 0)
+        return np.asarray(((x * along[:, 1] - y * along[:, 0]) / np.hypot(*along.T)).min(axis=-1))
 
     @property
     def ahead_m(self) -> float:

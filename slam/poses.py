@@ -45,6 +45,14 @@ def to_map(
     return np.asarray(points, float) @ np.array([[c, s], [-s, c]]) + pose[:2]
 
 
+def to_robot(
+    pose: Float[np.ndarray, "3"], points: Float[np.ndarray, "*batch 2"]
+) -> Float[np.ndarray, "*batch 2"]:
+    """Points of `map` in the robot's frame."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return (np.asarray(points, float) - pose[:2]) @ np.array([[c, -s], [s, c]])
+
+
 def rotation(yaw_rad: float) -> Float[np.ndarray, "3 3"]:
     """Turns displacements of a robot's frame, and by R C R^T their covariances, into the axes of `map`; yaw stays."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)

@@ -230,9 +230,9 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     """Number of the largest part, over places and headings, that each cell belongs to; 0 where the hull cannot be."""
     inner = _on(plan, plan.free, free.buffer(-hull.inner_m))
     open_floor = inner & _on(plan, inner, free.buffer(-hull.turning_m))  # there it fits at every heading
-    tight = np.argwhere(inner & ~open_floor)
-    walls = wall_segments(free)
-    tree = shapely.STRtree(shapely.points(plan.centres(inner & ~open_floor)))
+    is_tight = inner & ~open_floor
+    tight, walls = np.argwhere(is_tight), wall_segments(free)
+    tree = shapely.STRtree(shapely.points(plan.centres(is_tight)))
     fits = np.repeat(open_floor[None], HEADINGS, axis=0)
     for k, yaw in enumerate(np.arange(HEADINGS) * 2 * np.pi / HEADINGS):
         reversed_outline = -to_map(np.array([0.0, 0.0, yaw]), hull.corners)

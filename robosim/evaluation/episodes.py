@@ -276,8 +276,9 @@ def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
     seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
     deepest = max(0.0, robot.radius_m - float(clearance.min()))
     if robot.outline_m:
-        near = poses[clearance < robot.hull.turning_m]
-        deepest = max((depth_in(walls, robot.hull, pose) for pose in near), default=0.0)
+        hull = robot.hull
+        near = poses[clearance < hull.turning_m]
+        deepest = max((depth_in(walls, hull, pose) for pose in near), default=0.0)
     return {
         **job.identity,
         "seed": job.config.seed,

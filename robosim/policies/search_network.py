@@ -30,6 +30,7 @@ from jaxtyping import Float, Float32
 
 from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
+from slam.poses import to_robot
 from slam.support.weights import Weights, read_weights
 
 COLUMNS, PATHS, STATES = 64, 5, 4
@@ -97,7 +98,7 @@ class SearchSenses:
             probability,
             odometry / (FORWARD_M, FORWARD_M, TURN_RAD),
             self._visits(),
-            self._in_own_frame(np.zeros((1, 2)))[0] / _PLACE_M,
+            to_robot(self._pose, np.zeros((1, 2)))[0] / _PLACE_M,
             [self._steps / _STEPS],
         )
         return np.concatenate([np.asarray(part, np.float32) for part in parts])
@@ -113,14 +114,9 @@ class SearchSenses:
             self._trail = np.concatenate([self._trail, np.zeros_like(self._trail)])
         self._trail[self._steps] = self._pose[:2]
 
-    def _in_own_frame(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Points in the frame of the start as ahead, left [m]."""
-        c, s = math.cos(self._pose[2]), math.sin(self._pose[2])
-        return (points - self._pose[:2]) @ np.array([[c, -s], [s, c]])
-
     def _visits(self) -> Float[np.ndarray, " n"]:
         """Visits around the robot: distance by distance, counter-clockwise from behind."""
-        ahead, left = self._in_own_frame(self._trail[: self._steps]).T
+        ahead, left = to_robot(self._pose, self._trail[: self._steps]).T
         ring = np.searchsorted(_RINGS_M, np.hypot(ahead, left))
         sector = ((np.arctan2(left, ahead) + math.pi) * (_SECTORS / (2 * math.pi))).astype(int) % _SECTORS
         count = np.bincount(ring * _SECTORS + sector, minlength=_SECTORS * (len(_RINGS_M) + 1))
