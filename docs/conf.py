@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_ext")]
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 
-for _package in ("robosim", "robosim_support", "wireless", "slam", "OpenGL"):
+for _package in ("robosim", "wireless", "slam", "OpenGL"):
     logging.getLogger(_package).setLevel(logging.ERROR)
 
 _project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

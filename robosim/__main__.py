@@ -4,12 +4,16 @@ Ctrl-C while this program is still being loaded, or as Python shuts down, ends i
 """
 
 import gc
+import os
 import signal
 import sys
 
 
 def main() -> None:
     """Entry point of the `robosim` command as a program of its own."""
+    # The program takes a second to load, in which there is nothing to clean up: Ctrl-C ends it without a traceback.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))
     # Imports create many objects and little garbage: by default, searches for it take a sixth of a start.
     gc.set_threshold(200_000, 20, 50)
     try:

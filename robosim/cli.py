@@ -29,11 +29,11 @@ from robosim.commands.command_table import (
 )
 from robosim.commands.option_help import HELP, HELP_ALL, option_registry
 from robosim.commands.output import output_mode
-from robosim.support.installation import EXTRAS, missing_extra, package_version
+from robosim.support.installation import EXTRAS, missing_extra, namesake, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.parts import code_allowed, place_in_part
 from robosim.support.processes import reuse_processes
-from robosim_support.reading import is_ours
+from robosim.support.reading import is_ours
 
 #: Options of every command, in any place.
 _EVERYWHERE = ("--debug", "--quiet", "--json", "--version", "--allow-code")
@@ -62,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    if conflict := namesake():
+        logging.getLogger(__name__).warning(conflict)
     try:
         with (
             unwinding() as interrupt,

@@ -219,7 +219,7 @@ def _version(name: str) -> str:
 
 def _compiled_loops() -> Finding:
     import_module("numba")
-    from robosim_support.compiled import cache_folders, writable_folder
+    from robosim.support.compiled import cache_folders, writable_folder
 
     folder = writable_folder(cache_folders())
     if folder is not None:
@@ -237,9 +237,8 @@ def _fast_marching() -> str:
 
 
 def _mujoco() -> str:
-    import mujoco
-
     from robosim.robot.dynamic import World
+    from robosim.robot.physics_engine import mujoco
 
     world = World(_room())
     world.reset(np.array([1.0, 1.0, 0.0]))

@@ -17,10 +17,10 @@ from robosim.movers.movers import Contact
 from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Measurement
 from robosim.robot.motion import Motion
+from robosim.support.axes import axes_in_metres
 from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.support.tum import write_tum
 from robosim.task.tasks import ARRIVAL_M, Task
-from robosim_support.axes import axes_in_metres
 from slam.graph.landmarks import Transmitter
 from slam.poses import wrap
 from wireless.paths import LinkState

@@ -32,8 +32,8 @@ from jaxtyping import Float
 
 from robosim.camera.rendering.merged_meshes import merge
 from robosim.support.checks import LEVEL, Range, checked
+from robosim.support.compiled import compiled
 from robosim.support.ray_casting import make_ray_scene
-from robosim_support.compiled import compiled
 from slam.poses import moved_ahead
 from slam.sensing.laser import LaserScan
 

@@ -1,6 +1,6 @@
 """Compile all loops of an episode in advance, in two processes on machines with two cores.
 
-Loops are compiled at their first call and cached on disk (`robosim_support.compiled`). While one process compiles a
+Loops are compiled at their first call and cached on disk (`robosim.support.compiled`). While one process compiles a
 loop, others wait for it. Therefore the two processes call the loops of a short episode in different orders.
 `views_of` and `trace_links` take most time, and the second needs the result of the first. One process compiles the
 first; the other interprets it, which is fast for two rooms, and compiles the second.
@@ -19,8 +19,8 @@ from unittest.mock import patch
 import numpy as np
 
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.support.compiled import Loop, cache_folders, writable_folder
 from robosim.support.processes import Processes
-from robosim_support.compiled import Loop, cache_folders, writable_folder
 
 if TYPE_CHECKING:
     from robosim.building.building import Building

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
 from numpy.typing import DTypeLike
 
-from robosim_support.axes import axes_in_metres
-from robosim_support.checks import shown
+from robosim.support.axes import axes_in_metres
+from robosim.support.checks import shown
 from slam.hull import Hull
 from slam.poses import to_robot
 

@@ -56,6 +56,6 @@ from wireless.formats.mmwrobotnav_measurements import read_measurements as read_
 from wireless.formats.mmwrobotnav_measurements import Measurements as Measurements
 from wireless.formats.mmwrobotnav_csv import traced_csv as traced_csv
 from wireless.formats.mmwrobotnav_csv import estimated_csv as estimated_csv
-from robosim_support.reading import FileError as FileError
+from robosim.support.reading import FileError as FileError
 
 __version__: str

@@ -20,7 +20,7 @@ Left out: sharing of antennas over time, regulations of countries, duty cycles.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
-from robosim_support.checks import check_choice
+from robosim.support.checks import check_choice
 
 if TYPE_CHECKING:
     from wireless.sounding.sounder import SoundingConfig

@@ -27,8 +27,8 @@ import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 from scipy.constants import speed_of_light
 
-from robosim_support.axes import axes_in_metres
-from robosim_support.reading import reading
+from robosim.support.axes import axes_in_metres
+from robosim.support.reading import reading
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing

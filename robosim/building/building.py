@@ -43,11 +43,11 @@ from robosim.parts import MATERIAL, MaterialPart, NextMaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.outside import outside_of
+from robosim.support.axes import axes_in_metres
 from robosim.support.checks import Range, checked
 from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
 from robosim.support.parts import Part
-from robosim_support.axes import axes_in_metres
 from wireless.em.materials import Material, check_material
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from robosim.building.extrusion import wall_segments
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.outside import outside_of
 from robosim.support.checks import RADIUS_M, check_number
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.hull import Hull, Outline
 from slam.planning.marching import march
 from slam.poses import to_map

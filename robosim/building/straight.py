@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from robosim.building.extrusion import polygons_of, together
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 #: A slanted wall has more steps to one side than the first, or as many and at least the second of cells along it.
 _STEPS, _CELLS = 2, 6

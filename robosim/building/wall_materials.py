@@ -26,8 +26,8 @@ from jaxtyping import Float, Int
 from robosim.building.extrusion import polygons_of, rings_of
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.from_dict import from_dict
+from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_yaml
-from robosim_support.reading import reading
 from wireless.em.materials import Material
 
 #: Samples of a wall per cell, and distances behind it [cells]: the first cell with a material counts.

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float32, UInt64
 
 from robosim.support.checks import Range, checked
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 #: Focal length of the camera that the published numbers belong to [pixels].
 NATIVE_FOCAL_PX = 585.0

@@ -22,8 +22,8 @@ from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import Part, is_part, names_code, part_name
+from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
-from robosim_support.reading import naming
 from wireless.bands import BandName
 
 #: Configuration of an episode without goal and seed, which are arguments of commands.

@@ -29,7 +29,7 @@ from robosim.commands.shared_options import (
 from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import ADVANCED, Range
 from robosim.support.installation import install_first
-from robosim_support.reading import expanded
+from robosim.support.reading import expanded
 from wireless.bands import BandName
 from wireless.support.counting import counted
 

@@ -15,8 +15,7 @@ import tyro
 from tyro.conf import OmitArgPrefixes, Suppress, UseAppendAction
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructTypeInfo
 
-from robosim.support.checks import ADVANCED
-from robosim_support.checks import Range
+from robosim.support.checks import ADVANCED, Range
 from wireless.support.counting import counted
 
 #: Options that print the help of a command, and the help with all its options.

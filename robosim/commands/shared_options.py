@@ -270,7 +270,7 @@ def read_place(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan | Stor
     """The floor plan, or the building of several storeys, of a name or file."""
     from robosim.plans.storey_plans import is_storeys
     from robosim.plans.storeys_file import read_storeys
-    from robosim_support.reading import expanded
+    from robosim.support.reading import expanded
 
     file = expanded(plan)
     if not is_storeys(file):

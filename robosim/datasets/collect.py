@@ -44,10 +44,10 @@ from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import unit_progress
+from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
-from robosim_support.reading import reading
 from slam.actions import nearest_action
 from slam.sensing.egocentric import belief_ahead
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from robosim.datasets.collect import SHARD, read_shard
 from robosim.support.installation import missing_extra
-from robosim_support.reading import FileError, shown
+from robosim.support.reading import FileError, shown
 from wireless.linkstate.data import read_links
 from wireless.linkstate.tokens import COLUMNS, found
 

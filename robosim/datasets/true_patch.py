@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, UInt8
 from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.plans.formats.raster import winding_numbers
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.sensing.egocentric import AHEAD
 
 #: Index of each channel of a true patch.

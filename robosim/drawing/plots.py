@@ -22,9 +22,9 @@ from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import align_trajectory
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import Runs
+from robosim.support.axes import axes_in_metres
 from robosim.support.colours import FURNISHING, WALL
 from robosim.support.figures import save_figure
-from robosim_support.axes import axes_in_metres
 from slam.grid import MapEstimate
 from wireless.support.counting import counted
 

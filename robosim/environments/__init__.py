@@ -5,4 +5,22 @@ TargetSearchVector   many robots in one process
 sb3_vec_env          the same as a vector environment of Stable-Baselines3
 SearchConfig         observations, rewards and tasks
 GeneratedHomes       generated homes as a source of plans
+
+Importing this package registers the environments with Gymnasium. `import robosim` does so too if Gymnasium has been
+imported before; `gymnasium.make("robosim.environments:robosim/TargetSearch-v1")` needs no import. (Gymnasium reads no
+entry points of other distributions since its version 1.0.)
 """
+
+import gymnasium
+
+gymnasium.register(
+    id="robosim/TargetSearch-v0",
+    entry_point="robosim.environments.target_search:target_search_v0",
+    max_episode_steps=1000,
+)
+gymnasium.register(
+    id="robosim/TargetSearch-v1",
+    entry_point="robosim.environments.target_search:TargetSearch",
+    vector_entry_point="robosim.environments.target_search_vector:TargetSearchVector",
+    max_episode_steps=1000,
+)

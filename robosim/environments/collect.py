@@ -22,9 +22,9 @@ from robosim.environments.target_search import TargetSearch
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.installation import DISTRIBUTION, missing_extra, package_version
 from robosim.support.progress import tracked
+from robosim.support.reading import FileError, naming, one_line
 from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
-from robosim_support.reading import FileError, naming, one_line
 from slam.actions import PUBLISHED
 
 Driver = Literal["route", "random"]

@@ -34,9 +34,9 @@ from robosim.support.files import plain
 from robosim.support.installation import assets_dir, package_version
 from robosim.support.parts import to_dict
 from robosim.support.progress import unit_progress
+from robosim.support.reading import PACKAGES, read_bytes
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
-from robosim_support.reading import PACKAGES, read_bytes
 
 #: Packages whose versions results depend on.
 _PACKAGES = (

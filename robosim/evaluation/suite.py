@@ -37,9 +37,9 @@ from robosim.support.files import whole_file
 from robosim.support.from_dict import from_dict
 from robosim.support.installation import shipped_plans
 from robosim.support.parts import check_code_allowed
+from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, parse_json, parse_yaml
 from robosim.task.tasks import make_task
-from robosim_support.reading import FileError, expanded, read_bytes, reading, shown
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")

@@ -23,7 +23,7 @@ from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import RobotLog, with_beam_times
 from robosim.support.checks import ADVANCED, Range, checked
 from robosim.support.installation import is_installed, missing_extra
-from robosim_support.reading import FileError, naming
+from robosim.support.reading import FileError, naming
 from slam.poses import compose
 
 logger = logging.getLogger(__name__)

@@ -28,8 +28,8 @@ from jaxtyping import Float
 
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import RobotLog, check_bearings
+from robosim.support.reading import reading
 from robosim.support.text_in import line_numbers
-from robosim_support.reading import reading
 from slam.poses import between, compose, wrap
 
 logger = logging.getLogger(__name__)

@@ -11,9 +11,9 @@ from robosim.logs.bag import BagTopics, is_bag, read_bag
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.carmen import read_carmen
 from robosim.logs.robot_log import RobotLog, check_bearings, with_beam_times
+from robosim.support.reading import FileError, reading
 from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
-from robosim_support.reading import FileError, reading
 
 logger = logging.getLogger(__name__)
 

@@ -27,8 +27,8 @@ from robosim.movers.mover import Body, Group, Mover, Surroundings
 from robosim.movers.recorded import Recorded, read_crowd, read_trajectory
 from robosim.support.checks import FARTHEST, Range, checked
 from robosim.support.from_dict import from_dict
+from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_yaml
-from robosim_support.reading import reading
 
 #: Most movers of a file; radius of the posts of a leaf [m], and time of a swing [s].
 _MOST, _POST_M, _SWING_S = 100, 0.03, 2.0

@@ -14,8 +14,8 @@ from pyarrow import csv
 
 from robosim.movers.mover import Body, Surroundings
 from robosim.support.checks import FARTHEST
+from robosim.support.reading import reading
 from robosim.support.tum import read_tum
-from robosim_support.reading import reading
 from wireless.support.columns import numbers, parquet_table, values
 
 #: Most bodies of a recording.

@@ -28,7 +28,7 @@ from scipy import ndimage
 from robosim.building.reach import reach
 from robosim.movers.mover import Body, Surroundings
 from robosim.support.checks import Range, checked
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.planning.marching import march
 
 #: Step of the integration [s], and space that people leave to the robot, which moves on within it [m].

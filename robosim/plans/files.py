@@ -31,8 +31,8 @@ from robosim.plans.formats.plan_image import write_png
 from robosim.plans.formats.ros_map import write_ros
 from robosim.support.installation import shipped_plans
 from robosim.support.parts import Part, part_name
+from robosim.support.reading import FileError, expanded, reading, reason_of, shown
 from robosim.support.text_in import MOST_JSON
-from robosim_support.reading import FileError, expanded, reading, reason_of, shown
 
 __all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros"]
 

@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.support.axes import axes_in_metres
 from robosim.support.parts import part_name
-from robosim_support.axes import axes_in_metres
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

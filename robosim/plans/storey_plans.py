@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from robosim.plans.floorplan import FARTHEST_M, FloorPlan, MapError
+from robosim.support.reading import FileError, reading
 from robosim.support.text_in import MOST_YAML
-from robosim_support.reading import FileError, reading
 
 #: Heights of storeys, and thicknesses of slabs [m].
 HEIGHTS_M, SLABS_M = (0.1, 100.0), (0.01, 10.0)

@@ -29,8 +29,8 @@ from robosim.plans.storey_plans import (
     StoreysPlan,
 )
 from robosim.support.from_dict import from_dict
+from robosim.support.reading import reading, shown
 from robosim.support.text_in import MOST_YAML, parse_yaml
-from robosim_support.reading import reading, shown
 
 #: Cells of all plans together.
 _MOST_CELLS = 4 * MAX_CELLS

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int32
 
 from robosim.policies.sightlines import Knowledge, knowledge
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.marching import march
 

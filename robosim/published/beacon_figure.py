@@ -10,8 +10,8 @@ from matplotlib.patches import Ellipse
 from robosim.plans.floorplan import FloorPlan
 from robosim.published.beacon_places import BeaconPlace
 from robosim.published.power_route import PowerRoute
+from robosim.support.axes import axes_in_metres
 from robosim.support.figures import save_figure
-from robosim_support.axes import axes_in_metres
 
 #: Maps next to each other.
 _COLUMNS = 3

@@ -8,8 +8,8 @@ from jaxtyping import Bool
 
 from robosim.building.building import Building
 from robosim.published.measured_paths import Matched, MeasuredHall
+from robosim.support.axes import axes_in_metres
 from robosim.support.figures import save_figure
-from robosim_support.axes import axes_in_metres
 
 #: What explains a measured path, and its colour.
 KINDS = {"direct": "#000000", "reflections": "#0072B2", "an edge": "#E69F00", "nothing": "#D55E00"}

@@ -22,7 +22,7 @@ from scipy.constants import speed_of_light
 from scipy.optimize import linear_sum_assignment
 
 from robosim.support.checks import Range, checked
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from slam.poses import wrap
 from wireless.paths import Interaction, Paths
 from wireless.tracing.tracer import Tracer

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 #: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")

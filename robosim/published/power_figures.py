@@ -7,8 +7,8 @@ import numpy as np
 
 from robosim.published.measured_powers import MeasuredPowers
 from robosim.published.power_fit import PowerFit
+from robosim.support.axes import axes_in_metres
 from robosim.support.figures import save_figure
-from robosim_support.axes import axes_in_metres
 
 #: Colours of residuals end here [dB].
 _MOST_DB = 12.0

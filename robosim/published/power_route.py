@@ -19,7 +19,7 @@ from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import alignment
 from robosim.plans.floorplan import FloorPlan
 from robosim.published.measured_powers import beacon_rows, number_of
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from slam.poses import compose
 from wireless.positioning.received_power import PowerReadings
 

@@ -30,9 +30,9 @@ from robosim.building.extrusion import wall_segments
 from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_tiles
 from robosim.radio.receivers import regular_grid
 from robosim.support.checks import check_number
+from robosim.support.compiled import compiled
 from robosim.support.files import whole_file
-from robosim_support.compiled import compiled
-from robosim_support.reading import FileError, reading
+from robosim.support.reading import FileError, reading
 from wireless.paths import Interaction, Paths
 from wireless.support.columns import parquet_table
 from wireless.tracing.tracer import Tracer

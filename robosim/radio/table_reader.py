@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.radio.link_state import Classifier
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.estimates import PathEstimates, measured, wrapped
 from wireless.paths import Paths
 from wireless.sounding.sounder import Sounder

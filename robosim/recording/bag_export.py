@@ -34,9 +34,9 @@ from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from robosim.support.files import partial_path, write_whole
 from robosim.support.installation import is_installed, missing_extra
+from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_json
 from robosim.support.tum import read_tum
-from robosim_support.reading import reading
 from slam.actions import Velocity
 from slam.poses import between, compose
 from slam.sensing.laser import LaserScan

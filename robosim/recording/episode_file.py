@@ -35,8 +35,8 @@ from robosim.recording.step_codec import (
 from robosim.step import Step
 from robosim.support.arrays_in import FAR, Array, parts, ragged, read_npz
 from robosim.support.files import npz_bytes
+from robosim.support.reading import FileError, naming, reading
 from robosim.support.text_in import check_object, parse_json
-from robosim_support.reading import FileError, naming, reading
 from slam.actions import Action
 from slam.grid import MapEstimate
 from wireless.paths import LinkState

@@ -19,12 +19,12 @@ Left out: suspension, motor electronics, the mast's mass.
 import math
 from typing import Any
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from robosim.robot.model_file import attach_model, model_of
 from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
+from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import CAMERA_R, RobotConfig
 
 #: Half the height of a hull with an outline where it meets walls: it is a plate, so that pushes hardly tilt it [m].

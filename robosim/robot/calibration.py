@@ -18,7 +18,7 @@ from robosim.plans.formats.plan_array import plan_from_array
 from robosim.robot.motion import Physics
 from robosim.robot.odometry import NoiseModel
 from robosim.support.checks import check_choice
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from slam.actions import MOVES, PUBLISHED, Action
 from slam.mapping.odometry import calibrated
 from slam.poses import between, wrap

@@ -13,7 +13,6 @@ Left out: encoders (feedback is from the true pose; what odometry gets wrong is 
 import math
 from copy import copy
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -31,6 +30,7 @@ from robosim.robot.motion import (
     check_drive,
 )
 from robosim.robot.physics import PhysicsConfig, add_floor, add_movers, add_walls, new_spec
+from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import SERVO_LAG_S, RobotConfig
 from slam.poses import wrap
 

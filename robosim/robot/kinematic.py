@@ -29,7 +29,7 @@ from robosim.robot.motion import (
     check_drive,
 )
 from robosim.robot.robots import RobotConfig
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.poses import to_map, wrap
 
 #: Side of the tiles that walls are sorted into [m].

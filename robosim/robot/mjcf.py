@@ -10,7 +10,6 @@ Left out: the ceiling, and the height of furniture that is cells of the plan, wh
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -20,6 +19,7 @@ from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.robot.body import add_robot
 from robosim.robot.collision import check_pose, placed_solids, wall_solids
 from robosim.robot.physics import PhysicsConfig, add_floor_box, add_walls, new_spec
+from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import RobotConfig
 from robosim.support.files import whole_file
 

@@ -20,13 +20,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import shapely
 from jaxtyping import Float
 
+from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import RobotConfig, Sensors, convex_outline
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from slam.hull import Hull, Outline
 
 logger = logging.getLogger(__name__)

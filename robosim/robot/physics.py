@@ -14,11 +14,11 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from robosim.robot.collision import WallSolids
+from robosim.robot.physics_engine import mujoco
 from robosim.support.checks import Range, checked
 
 #: Collision bits: walls meet the hull only, the floor wheels and casters only.

@@ -7,8 +7,8 @@ from robosim.robot.model_file import read_model
 from robosim.robot.robots import RobotConfig
 from robosim.support.files import write_json
 from robosim.support.from_dict import from_dict
+from robosim.support.reading import reading
 from robosim.support.text_in import parse_json, parse_yaml
-from robosim_support.reading import reading
 
 
 def read_robot(path: Path) -> RobotConfig:

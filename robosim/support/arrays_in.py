@@ -4,7 +4,7 @@ The header of an array is compared with the bytes of the file before any memory 
 numbers, shapes and bounds that the reader expects. No pickles. Only expected arrays of an archive are unpacked.
 Images are opened by Pillow: the size that a header declares is checked before anything is unpacked.
 
-For use inside of `robosim_support.reading.reading`, which adds the name of the file to errors.
+For use inside of `robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import io

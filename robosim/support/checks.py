@@ -1,19 +1,59 @@
-"""Ranges that many configurations share, and the checks of `robosim_support.checks`."""
+"""Ranges, choices and parts that a configuration declares in its annotations, checked when one is made.
 
-from collections.abc import Collection
+    @dataclass(frozen=True, kw_only=True)
+    @checked
+    class CameraConfig:
+        width: Annotated[int, Range(8, 4096, "pixels")] = 128
+        engine: Literal["fast", "exact"] = "fast"
 
-from robosim_support.checks import Range, check_arguments, check_choice, check_number, checked, shown
+`CameraConfig(width=0)` raises "width is 0, expected a whole number from 8 to 4096 pixels."
+"""
 
-__all__ = [
-    "ADVANCED",
-    "Range",
-    "check_arguments",
-    "check_choice",
-    "check_number",
-    "check_some",
-    "checked",
-    "shown",
-]
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from numbers import Integral, Real
+from types import NoneType
+from typing import (
+    Any,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+    runtime_checkable,
+)
+
+T = TypeVar("T")
+#: Longer values are cut in messages.
+_SHOWN = 60
+
+
+@dataclass(frozen=True, repr=False)
+class Range:
+    """Smallest and largest value of a number, and its unit; in a field of several numbers, of each of them."""
+
+    least: float
+    most: float
+    unit: str = ""
+    """Unit of the number, or what it counts, such as "m" or "steps"."""
+    hint: str = ""
+    """Sentence that ends the message: what to do."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """Arguments of `check_number` after the value."""
+        return iter((self.least, self.most, self.unit, self.hint))
+
+    def __str__(self) -> str:
+        bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in (self.least, self.most))
+        return f"{' to '.join(bounds)} {self.unit}".rstrip()
+
+    def __repr__(self) -> str:
+        return repr(str(self))  # for signatures in the documentation
+
 
 #: Marks the type of an option, or of a group of options, that only `--help-all` shows.
 ADVANCED = "advanced"
@@ -37,7 +77,131 @@ TASKS = Range(1, 10_000)
 SIZE_PX = Range(8, 4096, "pixels", "Try 128.")
 
 
+@runtime_checkable
+class Check(Protocol):
+    """Anything else in an annotation that checks values itself, such as a registry of parts."""
+
+    def check(self, name: str, value: Any) -> None:
+        """See that a value will do.
+
+        Raises:
+            ValueError: If it does not.
+        """
+
+
+class _Rule(NamedTuple):
+    """What the annotation of a field declares."""
+
+    bounds: Range | None
+    choices: tuple[Any, ...]
+    part: Check | None
+    whole: bool
+    optional: bool
+    several: bool
+    size: int | None
+    """How many values a field of several has; None for any number."""
+
+    def check(self, name: str, value: Any) -> None:
+        if value is None and self.optional:
+            return
+        values = value if self.several else (value,)
+        if not isinstance(values, (tuple, list)) or self.size not in (None, len(values)):
+            raise ValueError(f"{name} is {shown(value)}, expected {self.size or 'several'} values.")
+        for one in values:
+            if self.part is not None:
+                self.part.check(name, one)
+            elif self.bounds is not None:
+                check_number(name, one, *self.bounds, whole=self.whole)
+            else:
+                check_choice(name, one, self.choices)
+
+
+def checked(cls: type[T]) -> type[T]:
+    """Decorate a class, below `@dataclass`: check what its fields declare, then run its own `__post_init__`."""
+    own = getattr(cls, "__post_init__", None)
+
+    def __post_init__(self: Any) -> None:
+        for name, rule in _rules(self.__class__).items():
+            rule.check(name, getattr(self, name))
+        if own is not None:
+            own(self)
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    return cls
+
+
+def check_arguments(function: Any, arguments: Mapping[str, Any]) -> None:
+    """See that arguments of a function lie within what its annotations declare.
+
+    Raises:
+        ValueError: If one does not.
+    """
+    for name, rule in _rules(function).items():
+        if name in arguments:
+            rule.check(name, arguments[name])
+
+
+@cache
+def _rules(declared_by: Any) -> dict[str, _Rule]:
+    """What the fields of a class or the arguments of a function declare."""
+    rules = {}
+    for name, hint in get_type_hints(declared_by, include_extras=True).items():
+        declared = getattr(hint, "__metadata__", ())
+        bounds = next((one for one in declared if isinstance(one, Range)), None)
+        part = next((one for one in declared if isinstance(one, Check)), None)
+        kind = get_args(hint)[0] if declared else hint
+        kinds = _alternatives(kind)
+        items = next((get_args(one) for one in kinds if get_origin(one) is tuple), ())
+        optional, size = NoneType in kinds, len(items) if items and items[-1] is not ... else None
+        kinds = (*kinds, *(each for item in items for each in _alternatives(item)))
+        choices = next((get_args(one) for one in kinds if get_origin(one) is Literal), ())
+        if bounds or part or choices:
+            whole = int in kinds and float not in kinds
+            rules[name] = _Rule(bounds, choices, part, whole, optional, bool(items), size)
+    return rules
+
+
+def _alternatives(kind: Any) -> tuple[Any, ...]:
+    """The members of a union; any other type alone."""
+    return (kind,) if isinstance(kind, type) or get_origin(kind) in (Literal, tuple) else get_args(kind)
+
+
+def check_number(
+    name: str, value: Any, least: float, most: float, unit: str = "", hint: str = "", *, whole: bool = False
+) -> None:
+    """See that a value is a number between two bounds, which count in.
+
+    Raises:
+        ValueError: If it is not.
+    """
+    is_number = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
+    if is_number and least <= value <= most:
+        return
+    bounds = f"{'a whole number from ' if whole else ''}{Range(least, most, unit)}"
+    raise ValueError(f"{name} is {shown(value)}, expected {bounds}.{' ' if hint else ''}{hint}")
+
+
+def check_choice(name: str, value: Any, known: Iterable[str]) -> None:
+    """See that a value is one of some names.
+
+    Raises:
+        ValueError: If it is none of them; the message says which was perhaps meant.
+    """
+    known = tuple(known)
+    if isinstance(value, str) and value in known:
+        return
+    near = get_close_matches(value, known, n=1) if isinstance(value, str) else []
+    hint = f"Did you mean {near[0]!r}? " if near else ""
+    raise ValueError(f"{name} is {shown(value)}. {hint}Known: {', '.join(known)}.")
+
+
 def check_some(name: str, values: Collection[object], expected: str) -> None:
     """Raise ValueError if there is none of several values."""
     if not values:
         raise ValueError(f"{name} is empty, expected {expected}.")
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it."""
+    text = repr(value) if isinstance(value, str) else str(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

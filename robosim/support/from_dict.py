@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from robosim.support.checks import check_choice, shown
 from robosim.support.parts import check_code_allowed, imported, names_code
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 
 T = TypeVar("T")
 #: Types of values that a field may be annotated with: what a file may hold for them, and what they are called.

@@ -29,7 +29,7 @@ from typing import Annotated, Any, get_args, get_origin
 import tyro
 
 from robosim.support.checks import shown
-from robosim_support.reading import PACKAGES, FileError
+from robosim.support.reading import PACKAGES, FileError
 
 #: A part in a configuration: a name, `module:Name`, or an object.
 Part = Any

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from robosim.support.files import plain, remove_partials, write_json
+from robosim.support.reading import FileError, one_line, shown
 from robosim.support.text_in import read_json
-from robosim_support.reading import FileError, one_line, shown
 
 SETTINGS = "settings.json"
 

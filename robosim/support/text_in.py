@@ -1,7 +1,7 @@
 """JSON, YAML and rows of numbers from files, bounded in nesting, digits and number of values.
 
 YAML has the types of JSON, and neither aliases, of which small files of exponential content are made, nor tags. For use
-inside of `robosim_support.reading.reading`, which adds the name of the file to errors.
+inside of `robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
 import json
@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 from jaxtyping import Float
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 #: Largest files [bytes]. YAML is parsed by Python at 100 kB per second.
 MOST_JSON, MOST_YAML = 16_000_000, 600_000

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.support.files import whole_file
+from robosim.support.reading import reading
 from robosim.support.text_in import check_rising, number_rows
-from robosim_support.reading import reading
 
 logger = logging.getLogger(__name__)
 

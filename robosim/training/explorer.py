@@ -23,6 +23,7 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
+from robosim.support.restoring import check_weights, restore_optimiser
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.training.grid_walk import GridWalk
@@ -35,7 +36,6 @@ from robosim.training.policy_weights import (
     write_policy,
 )
 from robosim.training.training_plots import plot_coverage
-from robosim_support.restoring import check_weights, restore_optimiser
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.exploration.explorer import LEARNED, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve

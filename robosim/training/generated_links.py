@@ -21,8 +21,8 @@ from robosim.radio.receivers import receiver_grid
 from robosim.support.arrays_in import Array, read_npz
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import unit_progress
+from robosim.support.reading import reading
 from robosim.support.workers import Workers
-from robosim_support.reading import reading
 from wireless.estimation.public import PublicReceiver
 from wireless.formats.mmwrobotnav_measurements import link_states
 from wireless.linkstate.tokens import make_tokens

@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach
+from robosim.support.compiled import compiled
 from robosim.task.coverage import VISION_RANGE_M
-from robosim_support.compiled import compiled
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.explorer import FrontierExplorer
 from slam.grid import GridFrame, MapEstimate

@@ -14,8 +14,8 @@ from safetensors.numpy import save
 from torch import Tensor
 
 from robosim.support.files import write_json, write_whole
-from robosim_support.reading import reading
-from robosim_support.restoring import check_weights
+from robosim.support.reading import reading
+from robosim.support.restoring import check_weights
 from slam.support.weights import Weights
 
 

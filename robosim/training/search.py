@@ -34,6 +34,7 @@ from robosim.policies.search_network import (
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
+from robosim.support.restoring import restore_optimiser
 from robosim.support.run_folder import run_folder
 from robosim.training.policy_weights import (
     Checkpoint,
@@ -44,7 +45,6 @@ from robosim.training.policy_weights import (
 )
 from robosim.training.search_learning import learn
 from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
-from robosim_support.restoring import restore_optimiser
 from slam.learning.ppo import PpoConfig
 from slam.learning.threads import torch_threads
 

@@ -33,11 +33,11 @@ from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import tracked
+from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
 from robosim.training.policy_weights import as_arrays, as_tensors, count_parameters, write_policy
-from robosim_support.reading import reading
 from slam.actions import PUBLISHED, Action
 from slam.control.controller import ControlConfig, Controller
 from slam.control.learned import HIDDEN, INPUTS, LearnedController, initial_weights

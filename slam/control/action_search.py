@@ -16,7 +16,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.actions import MOVES, Action
 from slam.control.manoeuvre import PARTS
 from slam.hull import Hull

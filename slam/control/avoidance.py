@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
 

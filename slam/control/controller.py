@@ -25,7 +25,7 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action, Command
 from slam.control.action_search import find_actions, is_clear
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round

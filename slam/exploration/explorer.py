@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.planning.cost_map import Box
 from slam.planning.paths import downhill
 from slam.planning.travel_time import TravelTime

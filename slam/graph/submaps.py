@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.matching.levels import SurfaceLevels, Surfaces, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, compose, moved_ahead, to_map

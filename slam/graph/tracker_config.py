@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.graph.submaps import OF_SUBMAP
 from slam.matching.scan_matching import MatchConfig
 

@@ -17,8 +17,8 @@ import torch
 from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
-from robosim_support.checks import Range, checked
-from robosim_support.restoring import check_weights, restore_network, restore_optimiser
+from robosim.support.checks import Range, checked
+from robosim.support.restoring import check_weights, restore_network, restore_optimiser
 from slam.learning.map_module import MapModule, loss
 from slam.networks.features import BELIEF, PLACE_LEFT
 from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig

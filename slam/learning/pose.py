@@ -19,7 +19,7 @@ import torch
 from jaxtyping import Float, Int8
 from torch import Tensor, nn
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.learning.map_module import arrays_of
 from slam.networks.pose_network import (
     INPUTS,

@@ -18,7 +18,7 @@ import torch
 from jaxtyping import Float, Float32, Int
 from torch import Tensor
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.exploration.choosing import FEATURES, evaluate
 
 #: Length to which gradients are cut.

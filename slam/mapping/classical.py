@@ -23,7 +23,7 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View

@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
 from slam.grid import GridFrame, enlarged, zeros
 from slam.hull import Hull, Outline

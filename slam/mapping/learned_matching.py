@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match
 from slam.networks.features import Features

@@ -23,8 +23,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from robosim_support.checks import Range, checked
-from robosim_support.compiled import compiled
+from robosim.support.checks import Range, checked
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MovingThing
 from slam.poses import between, to_map, wrap
 from slam.sensing.laser import LaserScan

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float16, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate, enlarged, zeros

@@ -15,8 +15,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from robosim_support.checks import Range, checked
-from robosim_support.compiled import compiled
+from robosim.support.checks import Range, checked
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame, enlarged, zeros
 from slam.hull import Hull
 from slam.poses import moved_ahead, to_map

@@ -21,7 +21,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, MOVES, TURN_RAD, Action, Command, Velocity
 
 Vector = tuple[float, float, float]

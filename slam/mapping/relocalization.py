@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.grid import GridFrame
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_from, match_scan
 from slam.matching.surfaces import SurfaceGrid

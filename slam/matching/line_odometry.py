@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.matching.lines import WILD, Ends, OnLines, adjust_poses, find_lines
 from slam.poses import between, compose, wrap
 

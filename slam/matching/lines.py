@@ -19,7 +19,7 @@ import scipy.sparse
 from jaxtyping import Bool, Float, Int
 from scipy.sparse.linalg import splu
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.poses import wrap
 
 #: Ends of beams on a line, at least; the length of a line, and the largest gap between neighbours on it [m].

@@ -19,8 +19,8 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim_support.checks import Range, checked
-from robosim_support.compiled import compiled
+from robosim.support.checks import Range, checked
+from robosim.support.compiled import compiled
 from slam.matching.surfaces import SurfaceGrid, nearest_plane
 from slam.poses import to_map
 from slam.sensing.projection import Scan

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame, enlarged, zeros
 
 #: Means of less weight, or of normals that disagree more than this, are not surfaces to match against.

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from safetensors.numpy import load, save
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from slam.networks.map_network import MapNetwork, NetworkConfig
 from slam.networks.pose_network import PoseNetwork, PoseNetworkConfig
 from slam.networks.weights import Weights

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.grid import GridFrame
 from slam.networks.features import N_CHANNELS, Features
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, trained_numbers
 

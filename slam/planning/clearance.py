@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
 from slam.hull import Hull
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.grid import GridFrame, MapEstimate
 from slam.hull import Hull
 from slam.planning.clearance import Clearance

@@ -13,7 +13,7 @@ Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 
 def march(

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.planning.travel_time import TravelTime
 
 #: Numbers of cells that a straight leg is first tried over.

@@ -20,7 +20,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box, travel_time_to

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame
 from slam.planning.marching import march
 

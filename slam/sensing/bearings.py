@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

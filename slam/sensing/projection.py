@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 
 #: Points of a surface for each column of a scan: neighbours are of one if they lie no farther apart than this [m].
 BETWEEN, ONE_SURFACE_M = 4, 0.2

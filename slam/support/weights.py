@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32
 from safetensors.numpy import load
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 Weights = Mapping[str, Float32[np.ndarray, "..."]]
 #: Largest magnitude of a weight. Trained weights are of order one; damaged ones overflow float32.

@@ -29,7 +29,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.evaluation.search_scores import bootstrap
 from robosim.navigation import learned_explorer
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from slam.exploration.explorer import Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
 from tests.benchmarks.exploration import area_under

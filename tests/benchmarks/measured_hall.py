@@ -26,7 +26,7 @@ from robosim.published.measured_paths import (
     read_measured_paths,
     trace_hall,
 )
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from slam.poses import wrap
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results

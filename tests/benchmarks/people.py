@@ -12,9 +12,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.evaluation.episodes import read_job_head
 from robosim.evaluation.search_scores import bootstrap
+from robosim.support.reading import FileError, shown
 from robosim.support.run_folder import SETTINGS
 from robosim.support.text_in import read_json
-from robosim_support.reading import FileError, shown
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
 

@@ -29,9 +29,9 @@ from robosim.policies.goals import SEEKERS
 from robosim.recording.episode_file import RecordedEpisode
 from robosim.robot.robots import RobotConfig
 from robosim.support.from_dict import from_dict
+from robosim.support.reading import FileError, shown
 from robosim.support.run_folder import SETTINGS
 from robosim.support.text_in import read_json
-from robosim_support.reading import FileError, shown
 from slam.hull import Outline
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results

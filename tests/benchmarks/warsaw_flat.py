@@ -24,7 +24,7 @@ from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.log_mapping import LogConfig, LogOdometryConfig, Mapped, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import alignment, count_filled_cells, ends_of_beams
-from robosim_support.reading import read_bytes, reading
+from robosim.support.reading import read_bytes, reading
 from slam.poses import between, compose, to_map
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results

@@ -24,7 +24,7 @@ from robosim.published.beacon_places import SHARES, locate_beacon
 from robosim.published.measured_powers import MeasuredPowers
 from robosim.published.power_fit import fit_powers
 from robosim.published.power_route import PowerRoute, map_route
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
 from tests.benchmarks.warsaw_flat import CONFIG, RUNS, read_run

@@ -16,7 +16,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.published.measured_powers import BLOCK_M, MeasuredPowers
 from robosim.published.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
 from wireless.tracing.tracer import TracerConfig

@@ -58,7 +58,7 @@ def runs(site, tmp_path):
 def test_the_wheel_has_what_is_needed_to_run_and_no_more(wheel):
     """All modules, marks of types, plans and weights; no tests, scripts or pictures of the README."""
     names = set(contents(wheel))
-    packages = {"robosim", "robosim_support", "slam", "wireless"}
+    packages = {"robosim", "slam", "wireless"}
     modules = {
         path.relative_to(ROOT).as_posix()
         for package in packages

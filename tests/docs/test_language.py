@@ -85,7 +85,7 @@ def sources() -> list[Path]:
     """Python files of packages, tests and examples."""
     found = [
         path
-        for folder in ("docs", "robosim", "robosim_support", "scripts", "slam", "tests", "wireless")
+        for folder in ("docs", "robosim", "scripts", "slam", "tests", "wireless")
         for path in sorted((ROOT / folder).rglob("*.py"))
         if not (folder == "docs" and _GENERATED & set(path.relative_to(ROOT).parts))
     ]

@@ -168,9 +168,7 @@ def test_readme_is_short() -> None:
 def test_named_files_exist(page: Path) -> None:
     """Files and folders of the repository that a page names exist."""
     text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
-    named = re.findall(
-        r"`((?:tests|docs|robosim|robosim_support|slam|wireless|assets|scripts)/[\w./-]+)`", text
-    )
+    named = re.findall(r"`((?:tests|docs|robosim|slam|wireless|assets|scripts)/[\w./-]+)`", text)
     missing = [name for name in named if not (ROOT / name).exists() and not name.startswith("docs/_build")]
     assert not missing
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from robosim.support.parts import imported
-from robosim_support.reading import read_bytes
+from robosim.support.reading import read_bytes
 from tests.fuzz import worker
 from tests.fuzz.mutations import damage
 from tests.fuzz.run import cases_of, fuzz

@@ -21,7 +21,7 @@ from unittest.mock import patch
 
 import matplotlib.pyplot as plt
 
-from robosim_support.reading import is_ours
+from robosim.support.reading import is_ours
 from tests.fuzz.mutations import damage
 from tests.fuzz.targets import TARGETS, Target
 from tests.fuzz.trees import CANARY_MODULE, MARKER

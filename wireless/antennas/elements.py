@@ -15,7 +15,7 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from wireless.antennas.pattern_files import SUFFIXES, read_pattern
 
 #: What to do about thick substrates.

@@ -24,7 +24,7 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Float
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from wireless.support.columns import check_within, numbers
 
 if TYPE_CHECKING:

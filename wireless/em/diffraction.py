@@ -19,7 +19,7 @@ Trans. Antennas Propag. 32 (1984).
 import numpy as np
 from scipy.special import wofz
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 #: F(t^2) / t is tabled for t up to here, in these steps; four-point interpolation errs by 3e-9 at most.
 _END, _STEP = 8.0, 0.01

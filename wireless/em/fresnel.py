@@ -20,7 +20,7 @@ Reference: Recommendation ITU-R P.2040-4 (09/2025), equations (37), (43) and (44
 import numpy as np
 from jaxtyping import Complex
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 
 @compiled

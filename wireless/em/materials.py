@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Complex
 from scipy.constants import epsilon_0
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from wireless.em.scattering import MOST_NARROW
 
 #: Thicker layers, or more of them, count as a mistake.

@@ -16,7 +16,7 @@ References: ITU-R P.526-15, sections 4.1, 5.1 and 5.2.1; 3GPP TR 38.901 V17, sec
 
 import numpy as np
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.diffraction import transition_over_root
 
 #: Models of a screen by name, and whether its edges add with their phases.

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 #: Most halvings of a bracket around a top.
 MAX_HALVINGS = 40

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Complex64, Float32
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.estimation.residual import Layout
 
 

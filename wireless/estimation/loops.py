@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Float32, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.estimation.climb import Curve, Spot, climb, place
 from wireless.estimation.look import best_look
 from wireless.estimation.residual import (

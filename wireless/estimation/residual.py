@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float32
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 
 class Layout(NamedTuple):

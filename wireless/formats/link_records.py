@@ -30,7 +30,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float, Int, UInt8
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays

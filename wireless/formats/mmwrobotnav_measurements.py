@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.csv as csv
 from jaxtyping import Float, Int, UInt8
 
-from robosim_support.reading import FileError, reading
+from robosim.support.reading import FileError, reading
 from wireless.paths import Interaction, LinkState, Paths
 from wireless.support.columns import numbers
 

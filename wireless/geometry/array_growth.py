@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Num
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 
 @compiled

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Int, UInt64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point, Points
 from wireless.geometry.occlusion import Tree, depth_in, make_tree
 from wireless.geometry.tolerance import NEAR_M

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import FlatPolygon
 from wireless.geometry.plan import NEAR_M
 

@@ -16,7 +16,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Points, Triangles
 from wireless.geometry.occlusion import Tree, leaf_around, make_tree
 from wireless.geometry.overlapping_faces import without_overlaps

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Planes, Point, Polygon
 from wireless.geometry.cones import MAX_CORNERS, PIECES, clip_to_planes, may_see, side_planes, things_within
 from wireless.geometry.space import Space, Windows

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.convex import in_common
 from wireless.geometry.facets import LEVEL, Surfaces
 from wireless.geometry.plan import Plan, make_plan, regions

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point, Points, Triangles
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.tolerance import NEAR_M

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point, Polygon, Triangles
 from wireless.geometry.closed_surfaces import Sides
 from wireless.geometry.space import Panes, Space, Windows

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point
 from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.geometry.cones import SLACK_M, Walls

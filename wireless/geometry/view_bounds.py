@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import FlatPolygon
 from wireless.geometry.convex import area_of, cut_to_left, without_doubles
 from wireless.geometry.plan import NEAR_M

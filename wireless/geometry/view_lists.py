@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_growth import longer
 from wireless.geometry.array_types import Point
 

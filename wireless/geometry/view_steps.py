@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.convex import cut_to_left
 from wireless.geometry.layers import Layers, Openings
 from wireless.geometry.plan import NEAR_M

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_growth import longer
 from wireless.geometry.array_types import Point
 from wireless.geometry.layers import Layers, openings_on

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 from safetensors.numpy import load, save
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from wireless.linkstate.calibration import scaled
 from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, route_shapes, softmax
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens

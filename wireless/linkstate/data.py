@@ -15,7 +15,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from wireless.estimates import measured
 from wireless.formats.link_records import LinkRecords
 from wireless.formats.link_records import read_links as read_records

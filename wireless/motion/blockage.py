@@ -24,8 +24,8 @@ import numpy as np
 from jaxtyping import Complex, Float, Int, UInt8
 from scipy.constants import speed_of_light
 
-from robosim_support.checks import check_choice
-from robosim_support.compiled import compiled
+from robosim.support.checks import check_choice
+from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, SCATTERING
 from wireless.em.screens import SCREEN_MODELS, edge_share
 from wireless.motion.bodies import Bodies

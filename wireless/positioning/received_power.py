@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float, Shaped
 from scipy.linalg import solve_triangular
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 
 #: Least power of a dipole over its largest, as reflections fill its null.
 _NULL = 0.05

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import least_squares
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 
 #: Directions differ by less than this many standard deviations where a path counts as one in line of sight.
 _STRAIGHT = 2.5

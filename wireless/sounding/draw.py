@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 #: Amplitude [of the noise] of the strongest cell below which a path cannot be seen at a delay.
 FAINT = 0.2

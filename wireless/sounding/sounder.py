@@ -29,7 +29,7 @@ from jaxtyping import Complex, Float, Int
 from scipy.constants import speed_of_light
 from scipy.special import gammainccinv
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from wireless.antennas.codebook import Terminal
 from wireless.estimates import PathEstimates
 from wireless.paths import Paths

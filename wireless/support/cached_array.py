@@ -1,6 +1,6 @@
 """Arrays that take long to compute and depend on little, cached on disk under a digest of all that they depend on.
 
-Files are in the folder of compiled loops (`robosim_support.compiled`). A checksum detects damaged ones.
+Files are in the folder of compiled loops (`robosim.support.compiled`). A checksum detects damaged ones.
 If no folder is writable, each process computes the array. The digest covers the processor and the versions of the
 libraries too, since last bits depend on them.
 """
@@ -18,7 +18,7 @@ import llvmlite.binding
 import numba
 import numpy as np
 
-from robosim_support.compiled import cache_folders, writable_folder
+from robosim.support.compiled import cache_folders, writable_folder
 
 logger = logging.getLogger(__name__)
 

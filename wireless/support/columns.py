@@ -1,6 +1,6 @@
 """Columns of tables from files: each as expected, without empty places, its numbers within bounds.
 
-For use inside of `robosim_support.reading.reading`, which adds the file's name to what is raised.
+For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
 """
 
 from collections.abc import Sequence

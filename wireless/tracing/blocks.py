@@ -2,7 +2,7 @@
 
 A block is some transmitters and some receivers. Blocks do not depend on the number of workers, and no link
 depends on its block, so that results are the same bit for bit however many there are. Threads suffice, since
-the inner loops let go of the interpreter lock (`robosim_support.compiled`). What fits in one block is traced at
+the inner loops let go of the interpreter lock (`robosim.support.compiled`). What fits in one block is traced at
 once: a single link pays for no threads.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from robosim_support.compiled import delayed_signals
+from robosim.support.compiled import delayed_signals
 from wireless.tracing.table import Table
 
 T = TypeVar("T")

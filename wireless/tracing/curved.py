@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.geometry.arcs import find_arcs
 from wireless.geometry.array_types import Point, Points

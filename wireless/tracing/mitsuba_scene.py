@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from robosim_support.reading import FileError, reading
+from robosim.support.reading import FileError, reading
 from wireless.em.materials import MATERIALS, Layer, Material
 
 #: Thickness of a slab that the scene does not give [m], as in Sionna RT.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION
 from wireless.geometry.array_types import Planes, Point
 from wireless.geometry.occlusion import depth_in

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int, Num
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION
 from wireless.geometry.array_growth import longer

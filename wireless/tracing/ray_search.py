@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.em.reflected import Reflected, by_face, by_mirror

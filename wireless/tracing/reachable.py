@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Planes, Point
 from wireless.geometry.cones import MAX_CORNERS
 from wireless.geometry.images import cone_of, new_views, open_view

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point
 from wireless.geometry.space import Panes
 from wireless.tracing.reachable import WIDER_M, EdgeChains, OpenChains

@@ -9,7 +9,7 @@ Left out: paths that the first materials were too weak for (`TracerConfig.max_pa
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, Path, Wedge, path_gain
 from wireless.geometry.layers import Outline
 from wireless.tracing.table import Setting, make_scratch

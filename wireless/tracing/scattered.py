@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import REFLECTION, SCATTERING
 from wireless.em.fresnel import fresnel
 from wireless.em.scattering import lobe, lobe_integral

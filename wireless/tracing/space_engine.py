@@ -13,7 +13,7 @@ Nothing is sampled. What cannot enter a link's list is not computed, by the boun
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.geometry.array_types import Point, Polygon

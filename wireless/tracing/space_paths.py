@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.em.fresnel import fresnel
 from wireless.geometry.array_types import Point

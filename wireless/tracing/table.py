@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import TRANSMISSION, Path, Wedge, path_gain
 
 #: Two faces farther apart are two walls, with a shaft or the open air between them [m].

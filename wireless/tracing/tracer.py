@@ -25,7 +25,7 @@ import trimesh
 from jaxtyping import Bool, Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
-from robosim_support.checks import Range, checked
+from robosim.support.checks import Range, checked
 from wireless.em.materials import Material, wall_row
 from wireless.em.scattering import MOST_NARROW
 from wireless.geometry.array_types import Point

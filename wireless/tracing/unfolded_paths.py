@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.geometry.array_types import FlatPoint
 from wireless.geometry.layers import Outline

@@ -19,7 +19,7 @@ from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.merged_meshes import merge
 from robosim.camera.rendering.triangle_raster import Lens, draw_triangles
 from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_tiles
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 #: Grey of floor and ceiling, and of walls: least and most, by the direction that they face.
 _FLOOR, _CEILING, _WALL = 150, 235, (165, 215)

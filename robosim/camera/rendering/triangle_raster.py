@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim_support.compiled import compiled
+from robosim.support.compiled import compiled
 
 
 class Lens(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
 from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
 from robosim.support.installation import is_installed, missing_extra
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 if TYPE_CHECKING:
     from ezdxf.entities.dxfentity import DXFEntity

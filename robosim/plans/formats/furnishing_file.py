@@ -36,8 +36,8 @@ from robosim.support.checks import check_choice, check_number
 from robosim.support.files import write_whole
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import names_code, part_name
+from robosim.support.reading import FileError, reading, shown
 from robosim.support.text_in import check_object, parse_yaml
-from robosim_support.reading import FileError, reading, shown
 
 Origin = Literal["middle", "own"]
 

@@ -17,8 +17,8 @@ from jaxtyping import Float
 
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError, ReadingOptions, grid_size
 from robosim.plans.formats.raster import winding_numbers
+from robosim.support.reading import reading
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
-from robosim_support.reading import reading
 
 RESOLUTION_M = 0.05
 _REMEDY = (

@@ -19,7 +19,7 @@ from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
 from robosim.plans.formats.mesh_file import Triangles
 from robosim.plans.formats.mesh_slice import plan_from_triangles
 from robosim.support.installation import is_installed, missing_extra
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 #: Classes of products that are no walls, floors or things.
 LEFT_OUT = ["IfcDoor", "IfcSpace", "IfcOpeningElement", "IfcAnnotation", "IfcGrid", "IfcSite"]

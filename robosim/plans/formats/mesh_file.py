@@ -24,8 +24,8 @@ from jaxtyping import Float
 
 from robosim.plans.floorplan import FARTHEST_M, MapError
 from robosim.plans.formats.polygons import read_obj, read_off, read_ply, read_stl, triangulate
+from robosim.support.reading import read_bytes, shown
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
-from robosim_support.reading import read_bytes, shown
 from wireless.geometry.tolerance import check_rounding
 
 Triangles = Float[np.ndarray, "n 3 3"]

@@ -43,7 +43,7 @@ from robosim.plans.floorplan import (
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
 from robosim.plans.formats.mesh_floors import LEVEL_COSINE, MeshFloor, area_below_air, find_floors
 from robosim.plans.formats.raster import Windings, blocks, cells_touched, cut, section, unit_normals
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 from wireless.geometry.closed_surfaces import Sides
 
 logger = logging.getLogger(__name__)

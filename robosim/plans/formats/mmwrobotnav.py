@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, FloorPlan, MapError, ReadingOptions
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 RESOLUTION_M = 0.05
 ERODED_M = 0.1

@@ -26,7 +26,7 @@ from robosim.plans.floorplan import (
 )
 from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
 from robosim.support.arrays_in import parse_npy
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 _MOST_BYTES = 8 * MAX_CELLS + 10_000
 

@@ -38,7 +38,7 @@ from robosim.plans.floorplan import (
 from robosim.plans.formats.drawing import without_frame, without_strokes
 from robosim.support.arrays_in import opened_image, silenced
 from robosim.support.files import write_whole
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 _BLANK = rb"(?:\s|#[^\r\n]*[\r\n])+"
 _HEADER = re.compile(rb"P([25])" + 3 * (_BLANK + rb"(\d{1,9})") + rb"(?:\s|(?=#))")

@@ -23,8 +23,8 @@ from typing import Any, Literal, get_args
 from robosim.parts import MATERIAL
 from robosim.plans.floorplan import RESOLUTIONS_M, MapError, WallLine
 from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_yaml
-from robosim_support.reading import reading
 
 logger = logging.getLogger(__name__)
 

@@ -50,7 +50,7 @@ from robosim.plans.formats.plan_image import (
 from robosim.plans.formats.ros_header import RosHeader, read_header
 from robosim.plans.storey_plans import is_storeys
 from robosim.support.files import write_whole
-from robosim_support.reading import shown
+from robosim.support.reading import shown
 
 #: Ranges of greys that may mean unknown, those of map_saver first.
 _GREYS = (198, 212), (100, 225)

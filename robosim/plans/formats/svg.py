@@ -24,7 +24,7 @@ import numpy as np
 from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
 from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
 from robosim.support.installation import is_installed, missing_extra
-from robosim_support.reading import reading
+from robosim.support.reading import reading
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6}
 #: A user unit of a picture without a view box [m].

@@ -10,7 +10,7 @@ from robosim.building.building import BuildingConfig, make_building
 from robosim.building.wall_materials import read_material
 from robosim.plans.files import read_plan, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from tests.benchmarks.trial_floors import turned
 from wireless.em.materials import Layer, Material
 from wireless.paths import LinkCategory

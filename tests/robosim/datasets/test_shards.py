@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robosim.datasets.collect import read_shard
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 
 
 def depth(shape: str, data: bytes = bytes(64), kind: str = "<u2") -> bytes:

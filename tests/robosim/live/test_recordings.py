@@ -8,7 +8,7 @@ import pytest
 
 from robosim.live.recordings import check_results, read_evaluation, read_recording
 from robosim.recording.episode_file import EPISODE, read_episode
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 
 
 def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):

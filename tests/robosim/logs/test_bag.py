@@ -10,7 +10,7 @@ import pytest
 from robosim.cli import main
 from robosim.logs.bag import BagTopics, is_bag, read_bag
 from robosim.logs.log_files import read_log
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.poses import between, compose, to_map
 
 pytest.importorskip("rosbags")

@@ -15,7 +15,7 @@ from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.poses import between, compose
 from tests.robot_logs import BEAMS, ROUTE, Drive
 from tests.slam.beams import along

@@ -6,7 +6,7 @@ import pytest
 from robosim.building.building import make_building
 from robosim.movers.mover import Surroundings
 from robosim.movers.mover_file import Door, DoorConfig, mover_of_file
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from tests.plans import two_rooms
 
 BUILDING = make_building(two_rooms(0.8))

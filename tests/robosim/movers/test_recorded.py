@@ -6,8 +6,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from robosim.movers.mover_file import mover_of_file
+from robosim.support.reading import FileError
 from robosim.support.tum import write_tum
-from robosim_support.reading import FileError
 
 HERE = np.zeros(3)
 ROWS = "time,id,x,y,heading\n0,a,0,0,0\n2,a,2,0,1.5707963\n1,b,5,5,3\n3,b,5,6,-3\n"

@@ -17,7 +17,7 @@ from robosim.published.measured_powers import (
     read_measured_powers,
 )
 from robosim.published.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from tests.plans import two_rooms
 from wireless.em.materials import Layer, Material
 from wireless.tracing.tracer import Tracer

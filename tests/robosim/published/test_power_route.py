@@ -14,7 +14,7 @@ from robosim.plans.floorplan import OCCUPIED
 from robosim.policies.sightlines import count_walls
 from robosim.published.beacon_places import BeaconConfig, locate_beacon
 from robosim.published.power_route import PowerRoute, map_route, read_power_route
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.poses import between, to_map
 from tests.plans import two_rooms
 

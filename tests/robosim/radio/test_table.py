@@ -14,7 +14,7 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.table import RadioTable
 from robosim.radio.table_reader import MOST, read_paths
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from tests.plans import two_rooms
 from wireless.paths import Interaction
 from wireless.tracing.tracer import Tracer

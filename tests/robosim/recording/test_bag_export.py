@@ -17,7 +17,7 @@ from robosim.recording.bag_export import BAG, LAYOUT, export_bag
 from robosim.recording.episode_file import EPISODE, read_episode
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.actions import Velocity
 from slam.poses import between, compose, wrap
 from tests.plans import two_rooms

@@ -11,7 +11,7 @@ from robosim.layers import TOP_LEVEL, Layer
 from robosim.policies.reason import GoalKind, Reason
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head, read_episode, read_head
 from robosim.recording.replay import replay
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.grid import GridFrame
 from tests.steps import measurement, step, unknown_map
 from wireless.paths import LinkState

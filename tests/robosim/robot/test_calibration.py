@@ -12,7 +12,7 @@ from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robot_files import read_robot
 from robosim.robot.robots import LOCOBOT
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.actions import MOVES, Action
 from slam.mapping.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR

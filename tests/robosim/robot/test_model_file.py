@@ -9,7 +9,7 @@ import trimesh
 from robosim.robot.calibration import open_floor
 from robosim.robot.dynamic import World
 from robosim.robot.robot_files import read_robot, write_robot
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from slam.poses import between
 from tests.made_robots import MJCF, TWO, URDF, WHEEL
 

@@ -108,11 +108,12 @@ def test_the_other_project_is_named_with_the_remedy(record, points, expected, tm
         assert "\n" not in line
 
 
-def test_importing_says_it_once(tmp_path):
-    """On standard error; the import works."""
-    code = f"import sys; sys.path.insert(0, {str(stranger(tmp_path))!r}); import robosim; print(robosim.__version__)"
+def test_the_command_warns_of_the_other_project_once(tmp_path):
+    """On standard error; the command works."""
+    path = f"import sys; sys.path.insert(0, {str(stranger(tmp_path))!r})"
+    code = f"{path}; from robosim.cli import main; main(['plan', 'flat', '--out', 'nowhere', '--help'])"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ended.stderr.count("\n") == 1 and "pip uninstall robosim" in ended.stderr
+    assert ended.stderr.count("WARNING") == 1 and "pip uninstall robosim" in ended.stderr
 
 
 def test_the_command_says_that_its_files_were_replaced(tmp_path):

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robosim.support.reading import FileError
 from robosim.support.tum import read_tum, write_tum
-from robosim_support.reading import FileError
 
 
 def rows(count=20, turn=0.1):

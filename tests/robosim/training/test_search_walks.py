@@ -5,10 +5,10 @@ import pytest
 
 from robosim.environments.sources import GeneratedHomes
 from robosim.policies.search_network import initial_weights
+from robosim.support.reading import FileError
 from robosim.training.policy_weights import write_policy
 from robosim.training.search import SearchRecipe, Training
 from robosim.training.search_walks import GeneratedBuildings
-from robosim_support.reading import FileError
 
 
 def test_without_offices_all_buildings_are_those_of_generated_homes():

@@ -6,7 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from robosim_support.reading import FileError, reading
+from robosim.support.reading import FileError, reading
 from wireless.support.columns import parquet_table
 
 

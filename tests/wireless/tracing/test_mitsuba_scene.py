@@ -5,7 +5,7 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mitsuba
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from tests.plans import two_rooms
 from wireless import Tracer, TracerConfig
 from wireless.em.materials import Layer, Material

@@ -16,8 +16,8 @@ import torch
 from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
-from robosim_support.checks import Range, checked
-from robosim_support.restoring import restore_network, restore_optimiser
+from robosim.support.checks import Range, checked
+from robosim.support.restoring import restore_network, restore_optimiser
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
 from wireless.linkstate.learning.networks import NETWORKS, one_thread

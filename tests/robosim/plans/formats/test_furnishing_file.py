@@ -21,7 +21,7 @@ from robosim.plans.furnishings.pieces import (
     make_piece,
     solid_of_boxes,
 )
-from robosim_support.reading import FileError
+from robosim.support.reading import FileError
 from tests.plans import room
 
 

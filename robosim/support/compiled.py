@@ -38,7 +38,7 @@ F = TypeVar("F", bound=Callable[..., object])
 logger = logging.getLogger(__name__)
 
 #: Packages whose sources belong to the digest, besides that of the loop itself.
-PACKAGES = frozenset({"robosim", "robosim_support", "slam", "wireless"})
+PACKAGES = frozenset({"robosim", "slam", "wireless"})
 #: Cached versions of a module that remain on disk.
 MAX_VERSIONS = 8
 

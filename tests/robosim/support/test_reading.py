@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robosim.plans.floorplan import MapError
-from robosim_support.reading import FileError, read_bytes, reading, shown
+from robosim.support.reading import FileError, read_bytes, reading, shown
 
 REMEDY = "Bake it again."
 

@@ -4,7 +4,6 @@ import re
 import sys
 from collections.abc import Callable, Container
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 
 _IMPORT = re.compile(r"^from ([\w.]+) import (\w+) as \2$", re.MULTILINE)
@@ -24,6 +23,8 @@ def public_names(
 
     def get(name: str) -> object:
         if name == "__version__" and name in listed:
+            from importlib.metadata import version
+
             value: object = version("robosim-wireless")
         elif name in modules:
             value = getattr(import_module(modules[name]), name)

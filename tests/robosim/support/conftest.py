@@ -7,8 +7,8 @@ import textwrap
 
 import pytest
 
-import robosim_support.compiled
-from tests.robosim_support.mini_package import SOURCES, forget
+import robosim.support.compiled
+from tests.robosim.support.mini_package import SOURCES, forget
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def mini(tmp_path, monkeypatch):
     for name, text in SOURCES.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(textwrap.dedent(text))
-    shutil.copy(inspect.getfile(robosim_support.compiled), folder)
+    shutil.copy(inspect.getfile(robosim.support.compiled), folder)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)

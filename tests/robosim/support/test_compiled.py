@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from robosim_support.compiled import MAX_VERSIONS
-from tests.robosim_support.mini_package import edit, forget, output_of, run, start
+from robosim.support.compiled import MAX_VERSIONS
+from tests.robosim.support.mini_package import edit, forget, output_of, run, start
 
 
 def block_folder(path):

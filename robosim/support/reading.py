@@ -22,7 +22,7 @@ _COPY = "Copy or export it again."
 #: Libraries whose warnings of a damaged file would be printed in addition to our line.
 _TALKATIVE = ("trimesh", "PIL")
 #: Of this project.
-PACKAGES = ("robosim", "robosim_support", "slam", "wireless")
+PACKAGES = ("robosim", "slam", "wireless")
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),

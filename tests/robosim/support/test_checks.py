@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import pytest
 
-from robosim_support.checks import Range, check_number, checked
+from robosim.support.checks import Range, check_number, checked
 
 
 class _Registry:

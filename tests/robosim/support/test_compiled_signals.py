@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import robosim_support.compiled
-from robosim_support.compiled import delayed_signals
-from tests.robosim_support.mini_package import output_of, start
+import robosim.support.compiled
+from robosim.support.compiled import delayed_signals
+from tests.robosim.support.mini_package import output_of, start
 from wireless.geometry.convex import area_of
 
 #: A loop of a second whose result numba makes by calling Python, and Ctrl-C in it or in its compiling.
@@ -140,7 +140,7 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
             except KeyboardInterrupt:
                 print("stopped")
     """
-    root = Path(robosim_support.compiled.__file__).parents[3]
+    root = Path(robosim.support.compiled.__file__).parents[3]
     process = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program)],
         cwd=root,

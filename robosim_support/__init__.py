@@ -1,1 +1,0 @@
-"""What `robosim`, `slam` and `wireless` share: compiled loops, checks, files, public names."""
