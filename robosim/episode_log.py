@@ -94,19 +94,21 @@ class EpisodeLog:
         self.estimates.append(np.array(estimate))
         self.coverage.append(coverage)
 
-    def add_link(self, measurement: Measurement, radio: RadioLink, anchor: str | None = None) -> None:
-        """Add a measurement, as the robot interprets it, and the truth about it; None for the target, no anchor."""
-        links = self.links if anchor is None else self.anchor_links.setdefault(anchor, [])
-        found = len(measurement.snr_db) > 0
-        links.append(
-            Link(
-                state=radio.state,
-                believed=measurement.state,
-                snr_db=float(measurement.snr_db[0]) if found else -np.inf,
-                sight_loss_db=radio.sight_loss_db,
-                aoa_error_rad=abs(wrap(float(measurement.aoa_rad[0]) - radio.bearing)) if found else np.nan,
+    def add_links(self, measurements: Mapping[str, Measurement], radios: Mapping[str, RadioLink]) -> None:
+        """Add measurements by transmitter, as the robot interprets them, with the truth about each."""
+        for name, measurement in measurements.items():
+            links = self.links if name == "target" else self.anchor_links.setdefault(name, [])
+            radio, is_received = radios[name], len(measurement.snr_db) > 0
+            error = wrap(float(measurement.aoa_rad[0]) - radio.bearing) if is_received else np.nan
+            links.append(
+                Link(
+                    state=radio.state,
+                    believed=measurement.state,
+                    snr_db=float(measurement.snr_db[0]) if is_received else -np.inf,
+                    sight_loss_db=radio.sight_loss_db,
+                    aoa_error_rad=abs(error),
+                )
             )
-        )
 
     @property
     def steps(self) -> int:

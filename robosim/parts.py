@@ -6,7 +6,7 @@ to do says its protocol:
     GOAL         goal policy             robosim.policies.goals.GoalPolicy
     EXPLORER     explorer                slam.exploration.explorer.Explorer
     MAPPER       mapper                  slam.mapping.classical.Mapper
-    CONTROLLER   controller              slam.control.controller.Steering
+    CONTROLLER   controller              slam.control.controller.LocalPolicy
     PHYSICS      physics                 robosim.robot.motion.Physics
     ROBOT        robot                   robosim.robot.robots.RobotConfig
     CAMERA       camera                  robosim.camera.model.Camera
@@ -46,6 +46,7 @@ GOAL = Kind(
     made_from="a robosim.policies.goals.PolicyContext",
     suffixes=(".safetensors",),
     from_file="robosim.policies.learned:learned_of_file",
+    protocol="robosim.policies.goals:GoalPolicy",
 )
 EXPLORER = Kind(
     "explorer",
@@ -58,6 +59,7 @@ EXPLORER = Kind(
     },
     has=("goal",),
     made_from="a slam.exploration.explorer.ExplorerConfig",
+    protocol="slam.exploration.explorer:Explorer",
 )
 MAPPER = Kind(
     "mapper",
@@ -70,6 +72,7 @@ MAPPER = Kind(
     made_from="a slam.mapping.classical.MapperConfig",
     suffixes=(".safetensors",),
     from_file="robosim.navigation:mapper_of_file",
+    protocol="slam.mapping.classical:Mapper",
 )
 CONTROLLER = Kind(
     "controller",
@@ -80,6 +83,7 @@ CONTROLLER = Kind(
     },
     has=("act",),
     made_from="a slam.control.controller.ControlConfig",
+    protocol="slam.control.controller:LocalPolicy",
 )
 PHYSICS = Kind(
     "physics",
@@ -89,6 +93,7 @@ PHYSICS = Kind(
     },
     has=("pose", "reset", "move", "drive"),
     made_from="a Building, and robot=RobotConfig",
+    protocol="robosim.robot.motion:Physics",
 )
 ROBOT = Kind(
     "robot",

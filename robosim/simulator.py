@@ -33,9 +33,12 @@ from robosim.parts import (
     RecogniserPart,
 )
 from robosim.radio.link import RadioLink, RadioLinkConfig
+from robosim.radio.measurement import Interpret, Interpreter
 from robosim.robot.motion import Motion, Physics
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
+from robosim.support.parts import Part
+from robosim.support.randomness import named_generator
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from slam.actions import WAIT_S, Action, Command, Velocity
@@ -113,12 +116,8 @@ class Observation:
     """What the lidar measured; None without one."""
     time_s: float | None = None
     """Time since the last observation [s]; None where nothing moves but the robot."""
-
-    @property
-    def mapper_inputs(self) -> dict[str, Any]:
-        """What a mapper is given in addition to depth and odometry, by the names of its arguments."""
-        given = {"laser": self.laser, "time_s": self.time_s}
-        return {name: value for name, value in given.items() if value is not None}
+    action: Command | None = None
+    """The action that was done since the last observation; None at the first."""
 
 
 class Simulator:
@@ -154,6 +153,8 @@ class Simulator:
                 self._lidar = LIDAR.make(self.config.lidar, meshes, self.config.laser, field="lidar")
         self.anchors: dict[str, RadioLink] = {}
         self._anchor_rngs: dict[str, np.random.Generator] = {}
+        self.motion: Motion | None = None
+        """What the last action caused; None before the first."""
         self._recogniser: Recogniser | None = None
         if uses_camera:
             self._recogniser = RECOGNISER.make(
@@ -167,9 +168,8 @@ class Simulator:
     def clone(self) -> "Simulator":
         """A second robot, alone in the same building; both share what is built for the building."""
         other = copy(self)
-        again = getattr(self.world, "clone", None)
         other.movers = make_movers(self.config.movers, self.building, self.config.robot.hull.turning_m)
-        other.world = again() if again and other.movers is None else other._make_world()
+        other.world = (self.world.clone() if other.movers is None else None) or other._make_world()
         other.radio = None if self.radio is None else self.radio.clone()
         other.anchors, other._anchor_rngs = {}, {}
         other._camera, other._target = None, None
@@ -183,22 +183,23 @@ class Simulator:
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
+        # Motion and odometry draw from `rng` itself, the sensors that every robot may have from its children, and each
+        # other source from a generator of its name: none changes the noise of another.
         self._rng = rng
-        # Separate generators: a radio, a lidar or noise of depth changes no other noise.
-        self._radio_rng, self._depth_rng, *anchor_rngs = rng.spawn(2 + len(task.anchors))
-        (self._lidar_rng,) = rng.spawn(1)
+        self._radio_rng, self._depth_rng, self._lidar_rng = rng.spawn(3)
         if self.movers is not None:
-            self.movers.reset(task.start, *rng.spawn(1))
+            self.movers.reset(task.start, named_generator(self._radio_rng, "movers"))
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
         if self.radio is not None:
             self.radio.place(task.target)
             self.anchors = {anchor.name: self.radio.clone() for anchor in task.anchors}
-            self._anchor_rngs = dict(zip(self.anchors, anchor_rngs, strict=True))
             for anchor in task.anchors:
                 self.anchors[anchor.name].place(anchor.place)
+                self._anchor_rngs[anchor.name] = named_generator(self._radio_rng, f"anchor {anchor.name}")
         self.world.reset(task.start)
-        return self._observe(np.zeros(3))
+        self.motion = None
+        return self._observe(np.zeros(3), None)
 
     def step(self, action: Command) -> tuple[Observation, Motion]:
         """Do one discrete action, with actuation noise, or drive with a velocity."""
@@ -209,8 +210,8 @@ class Simulator:
         with self.watch.stage("physics"):
             waits = action is Action.WAIT
             motion = self.world.drive(0.0, 0.0, WAIT_S) if waits else self.world.move(commanded)
-        displacement = between(before, self.pose)
-        return self._observe(self.config.noise.sense(action, displacement, self._rng), motion), motion
+        self.motion, displacement = motion, between(before, self.pose)
+        return self._observe(self.config.noise.sense(action, displacement, self._rng), action), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
         """Drive with a forward speed and a turn rate for a time.
@@ -221,8 +222,21 @@ class Simulator:
         before = self.pose
         with self.watch.stage("physics"):
             motion = self.world.drive(v_mps, w_radps, duration_s)
-        displacement = between(before, self.pose)
-        return self._observe(self.config.noise.sense_motion(displacement, self._rng), motion), motion
+        self.motion, displacement = motion, between(before, self.pose)
+        done = Velocity(v_mps, w_radps, duration_s)
+        return self._observe(self.config.noise.sense_motion(displacement, self._rng), done), motion
+
+    def interpreter(self, classifier: Part) -> Interpret | None:
+        """Make what interprets measurements of a transmitter by its name; None without a radio."""
+        if self.radio is None:
+            return None
+        interpreter = Interpreter(self.radio, classifier)
+        return lambda name, paths, pose: interpreter.interpret(paths, pose, self.links[name])
+
+    @property
+    def links(self) -> dict[str, RadioLink]:
+        """The radio links by transmitter, that of the target first; none without a radio."""
+        return {} if self.radio is None else {"target": self.radio, **self.anchors}
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:
@@ -245,7 +259,7 @@ class Simulator:
             self._camera.close()
             self._camera = None
 
-    def _observe(self, odometry: np.ndarray, motion: Motion | None = None) -> Observation:
+    def _observe(self, odometry: np.ndarray, action: Command | None) -> Observation:
         if self._camera is None:
             raise RuntimeError("The simulator was not reset. Call reset first.")
         with self.watch.stage("camera"):
@@ -275,8 +289,8 @@ class Simulator:
                 place = between(self.pose, np.array([*self._target, 0.0]))[:2] - ahead
                 found = self._recogniser.find(frame._replace(depth=measured), place)
                 target = None if found is None else found + ahead
-        time_s = None if self.movers is None or motion is None else motion.duration_s
-        return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser, time_s)
+        time_s = None if self.movers is None or self.motion is None else self.motion.duration_s
+        return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser, time_s, action)
 
     def _moving(self) -> list[Float[np.ndarray, "m 3 3"]]:
         """The lidar's argument of what moves: none without movers."""

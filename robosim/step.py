@@ -31,8 +31,10 @@ class Decision:
     """Why to go there."""
     path: Float[np.ndarray, "n 2"]
     """Corners of the planned path, from the robot on [m]; empty if there is none."""
-    action: Command
+    command: Command
     """What to do next."""
+    estimates: Estimates
+    """Map, pose and link that it was decided by."""
     belief: Belief | None = None
     """Where the policy believes the target to be; None if it has no such belief."""
 
@@ -43,10 +45,8 @@ class Truth:
 
     pose: Float[np.ndarray, "3"]
     """x [m], y [m], yaw [rad] in `map`."""
-    action: Command | None = None
-    """The action that was done before; None at the first step, and in recorded episodes."""
     motion: Motion | None = None
-    """The motion that this action caused; None as for `action`."""
+    """The motion that the action before it caused; None at the first step, and in recorded episodes."""
     coverage: float = float("nan")
     """Part of the reachable floor that was seen so far, 0 to 1."""
     link_state: LinkState | None = None
@@ -61,14 +61,18 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """One step: four groups, of which the robot knows the first three."""
+    """One step: what the robot senses, what it decides by its estimates, and the truth, which it does not know."""
 
     number: int
     """Actions done before it."""
     sensed: Observation
-    estimated: Estimates
     decided: Decision
     true: Truth
+
+    @property
+    def estimated(self) -> Estimates:
+        """Map, pose and link as the robot estimates them."""
+        return self.decided.estimates
 
     @cached_property
     def map_layer(self) -> Layer:

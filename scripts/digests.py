@@ -46,7 +46,7 @@ EPISODES = {
     "lidar": f"flat --goal fused --camera none --lidar rplidar-a1 --mapper classical {_SHORT}",
     "people": f"office --goal fused --people 5 {_SHORT}",
     "velocity": f"flat --goal fused --controller velocity {_SHORT}",
-    "anchors": f"flat --goal fused --anchor a,2,2 --seed 1 {_SHORT}",
+    "anchors": f"flat --goal fused --anchor a,3.1,3.4 --seed 1 {_SHORT}",
 }
 COMMANDS = {
     "dataset": "dataset flat --tx-per-plan 2 --grid 0.6",
@@ -92,7 +92,7 @@ def folder_digests(folder: Path) -> dict[str, str]:
             result = json.loads(path.read_text())
             scores = {key: value for key, value in result.items() if isinstance(value, int | float | str)}
             for key in [
-                key for key in scores if key.endswith("per_s") or key in ("version", "commit", "date")
+                key for key in scores if key.endswith(("per_s", "seconds")) or key in ("version", "commit", "date")
             ]:
                 del scores[key]
             digests[name] = json.dumps(scores, sort_keys=True)

@@ -20,26 +20,25 @@ episodes; robots pass through them, and the ground truth does not contain them.
 """
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from rich.console import Console
 
+from robosim.agent import Agent
 from robosim.building.building import Building, make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import TruePatches
-from robosim.episode import drive
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.navigation import make_navigator
-from robosim.policies.estimates import Estimates
 from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Observation, Simulator, SimulatorConfig
-from robosim.step import Truth
+from robosim.simulator import Observation, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
@@ -48,7 +47,9 @@ from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
+from robosim.world import ROBOT, World
 from slam.actions import nearest_action
+from slam.grid import MapEstimate
 from slam.sensing.egocentric import belief_ahead
 
 #: Bytes of a shard, packed and unpacked.
@@ -138,41 +139,45 @@ def home_building(config: CollectConfig, home: int) -> Building:
 
 def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dict[str, np.ndarray]:
     """Explore one building; `seed` and that of the configuration seed all random numbers. Returns a shard's arrays."""
-    simulator = Simulator(
-        building, SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise)
-    )
-    robot = simulator.config.robot
+    settings = SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise)
+    robot = settings.robot
     places = reach(building, *robot.hull_m)
-    truth = TruePatches(building, hfov_deg=simulator.config.image.hfov_deg, height_m=robot.height_m)
+    truth = TruePatches(building, hfov_deg=settings.image.hfov_deg, height_m=robot.height_m)
     rng = np.random.default_rng([config.seed, seed, 1])
     rows: list[dict[str, Any]] = []
-
-    def add(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
-        rows.append(_row(sensed, estimated, true, truth.at(true.pose)))
-        return len(rows) < config.steps
-
-    try:
+    with closing(World(building, {ROBOT: settings})) as world:
         for _ in range(_RESTARTS + config.steps):
-            if len(rows) < config.steps:  # explore until everything is seen
-                navigator = make_navigator(simulator.config)
-                task = make_task(places, rng, min_path_m=1.0)
-                drive(simulator, navigator, Explore(navigator.explorer), task, rng, add)
-    finally:
-        simulator.close()
+            if len(rows) == config.steps:
+                break
+            navigator = make_navigator(settings)  # explores until everything is seen
+            agent = Agent(navigator, Explore(navigator.explorer), turning_m=robot.hull.turning_m)
+            task = make_task(places, rng, min_path_m=1.0)
+            sensed = world.reset({ROBOT: task}, rng)[ROBOT]
+            agent.reset(task.start)
+            while len(rows) < config.steps:
+                estimate, pose = agent.observe(sensed), world.truth(ROBOT).pose
+                rows.append(_row(sensed, estimate, pose, truth.at(pose)))
+                if len(rows) < config.steps and (decision := agent.decide()) is not None:
+                    sensed = world.step({ROBOT: decision.command})[ROBOT]
+                else:
+                    break
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
 def _row(
-    sensed: Observation, estimated: Estimates, true: Truth, patch: Bool[np.ndarray, "3 ny nx"]
+    sensed: Observation,
+    estimate: MapEstimate,
+    pose: Float[np.ndarray, "3"],
+    patch: Bool[np.ndarray, "3 ny nx"],
 ) -> dict[str, Any]:
     """Sensor data, estimates and ground truth of a frame."""
     return {
         "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
         "rgb": sensed.rgb.copy(),
-        "action": np.int8(-1 if true.action is None else nearest_action(true.action)),
+        "action": np.int8(-1 if sensed.action is None else nearest_action(sensed.action)),
         "odometry": sensed.odometry.astype(np.float32),
-        "pose": true.pose,
-        "estimate": estimated.pose,
-        "belief": np.rint(255 * belief_ahead(estimated.map)).astype(np.uint8),
+        "pose": pose,
+        "estimate": estimate.pose,
+        "belief": np.rint(255 * belief_ahead(estimate)).astype(np.uint8),
         "truth": np.packbits(patch, axis=-1),
     }

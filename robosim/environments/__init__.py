@@ -1,6 +1,6 @@
 """Environments for learning: the search for a target, for one robot or many, with the API of Gymnasium.
 
-TargetSearch         `robosim/TargetSearch-v1` and -v0, one robot
+TargetSearch         `robosim/TargetSearch-v1`, one robot
 TargetSearchVector   many robots in one process
 sb3_vec_env          the same as a vector environment of Stable-Baselines3
 SearchConfig         observations, rewards and tasks
@@ -13,11 +13,6 @@ entry points of other distributions since its version 1.0.)
 
 import gymnasium
 
-gymnasium.register(
-    id="robosim/TargetSearch-v0",
-    entry_point="robosim.environments.target_search:target_search_v0",
-    max_episode_steps=1000,
-)
 gymnasium.register(
     id="robosim/TargetSearch-v1",
     entry_point="robosim.environments.target_search:TargetSearch",

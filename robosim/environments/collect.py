@@ -157,7 +157,7 @@ def _next_action(
         return int(mostly_forward)
     if share < config.stray:
         return int(any_action)
-    return int(route_action(search.place, info["pose"], info["target"]))
+    return int(route_action(search.current.place, info["pose"], info["target"]))
 
 
 def _dataset_metadata(config: CollectSearchesConfig) -> dict[str, Any]:

@@ -28,8 +28,6 @@ class SearchConfig:
     """Depth images: picture has 8 bits, as networks for pictures take them; metres are 32-bit numbers."""
     actions: Actions = "discrete"
     """Actions: steps and turns, or velocity, speed and turn rate as fractions of the robot's limits."""
-    continuous: bool = False
-    """Velocity actions of `TargetSearch-v0`: fractions of 0.5 m/s and 90 degrees/s, whatever the robot."""
     rewards: Mapping[str, float | OwnTerm] = field(default_factory=lambda: dict(DEFAULT_WEIGHTS))
     """Weight of each term of `robosim.environments.rewards`, or a function for a term of another name; other terms have
     no weight."""

@@ -23,10 +23,11 @@ from robosim.environments.sources import Place, Source, TaskSpec, shared_place
 from robosim.parts import LIDAR
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter
-from robosim.simulator import Simulator, SimulatorConfig
+from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import ARRIVAL_M, Task, make_task
-from slam.actions import PUBLISHED, Action
+from robosim.world import ROBOT, World
+from slam.actions import PUBLISHED, Action, Command, Velocity
 from wireless.paths import LinkState
 
 #: Bound of drives above the shortest allowed one [m]: at difficulty 0, and what difficulty 1 adds.
@@ -84,9 +85,7 @@ def draw_text(plan: FloorPlan, pose: Float[np.ndarray, "3"], target: Float[np.nd
     return "\n".join("".join(row).rstrip() for row in letters[::-1]) + "\n"
 
 
-#: Full scale of `continuous` actions, and duration of all velocity actions.
-MAX_SPEED_MPS = 0.5
-MAX_TURN_RADPS = float(np.pi / 2)
+#: Duration of velocity actions [s].
 STEP_S = 0.5
 #: Options of `reset`.
 OPTIONS = ("start", "target", "plan", "difficulty")
@@ -111,7 +110,11 @@ class Search:
         self._curriculum = Curriculum(config.difficulty, moves=config.curriculum)
         self._ended = True
         self._place: Place | None = None
-        self._simulator: Simulator
+        self._world: World
+        self.task: Task
+        """Start and target of the current search."""
+        self.sensed: Observation
+        """What the robot senses, in full; observations of the environment are made from it."""
         self._interpreter: Interpreter | None = None
 
     def reset(
@@ -133,10 +136,10 @@ class Search:
         self._enter(spec.plan)
         place = self.place
         difficulty = options.get("difficulty", self._curriculum.difficulty)
-        self._task = self._draw_task(spec, rng, options, float(difficulty))
-        self._travel = place.travel_m(self._task.target)
-        self._view = self._simulator.reset(self._task, rng)
-        pose = self._simulator.pose
+        self.task = self._draw_task(spec, rng, options, float(difficulty))
+        self._travel = place.travel_m(self.task.target)
+        self.sensed = self._world.reset({ROBOT: self.task}, rng)[ROBOT]
+        pose = self.robot.pose
         self._picture: BriefPicture | None = None
         self._steps, self._ended = 0, False
         self._distance = place.reach.remaining_m(self._travel, pose[:2])
@@ -153,30 +156,27 @@ class Search:
 
     def step(self, action: Any) -> Outcome:
         """Do one action."""
-        if (scale := velocity_scale(self.config, self.simulator_config)) is not None:
-            v, w = np.clip(np.asarray(action, float), -1, 1) * scale
-            self._view, motion = self._simulator.drive(float(v), float(w), STEP_S)
-        else:
-            self._view, motion = self._simulator.step(discrete_actions(self.simulator_config)[int(action)])
+        self.sensed = self._world.step({ROBOT: self.command_of(action)})[ROBOT]
         self._steps += 1
-        pose = self._simulator.pose
+        pose, motion = self.robot.pose, self.robot.motion
+        collided = motion is not None and motion.collided
         before = self._distance, self._seen_m2, self._worth, self._snr
         self._distance = self.place.reach.remaining_m(self._travel, pose[:2])
         if self._coverage is not None:
             self._look(pose)
         self._worth, self._snr = self._link()
-        x, y = self._task.target
+        x, y = self.task.target
         arrived = bool(np.hypot(pose[0] - x, pose[1] - y) <= ARRIVAL_M)
         terms = {
             "arrival": float(arrived),
             "progress": before[0] - self._distance,
             "step": 1.0,
-            "collision": float(motion.collided),
+            "collision": float(collided),
             "coverage": self._seen_m2 - before[1],
             "link_state": self._worth - before[2],
             "snr": self._snr - before[3],
         }
-        info = self._info(pose, motion.collided, arrived)
+        info = self._info(pose, collided, arrived)
         observation = self._observation(pose)
         info["rewards"] = weighted(self.config.rewards, terms, observation, info)
         if arrived:
@@ -184,21 +184,43 @@ class Search:
             self._curriculum.record(True)
         return Outcome(observation, float(sum(info["rewards"].values())), arrived, info)
 
+    def command_of(self, action: Any) -> Command:
+        """Return the robot's command for an action of the environment."""
+        if self.config.actions == "discrete":
+            return discrete_actions(self.simulator_config)[int(action)]
+        v, w = np.clip(np.asarray(action, float), -1, 1) * velocity_scale(self.simulator_config)
+        return Velocity(float(v), float(w), STEP_S)
+
+    def action_of(self, command: Command) -> Any:
+        """Return the action of the environment for a robot's command; ValueError if it has none."""
+        actions = discrete_actions(self.simulator_config)
+        if self.config.actions == "discrete" and command in actions:
+            return actions.index(command)
+        if self.config.actions == "velocity":
+            v, w = command[:2] if isinstance(command, Velocity) else (0.0, 0.0)
+            return np.array([v, w]) / velocity_scale(self.simulator_config)
+        raise ValueError(f"The environment has no action for the command {command!r}.")
+
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
         """The camera's view next to the plan with the robot's trajectory."""
         if self._picture is None:
-            self._picture = BriefPicture(self.place.rings, self._task.target)
+            self._picture = BriefPicture(self.place.rings, self.task.target)
         text = f"{self.place.plan.name}, step {self._steps}: {self._distance:.2f} m to go"
-        return self._picture.draw(self._view.rgb, self._view.depth, self._simulator.pose, text)
+        return self._picture.draw(self.sensed.rgb, self.sensed.depth, self.robot.pose, text)
 
     def text(self) -> str:
         """The plan as text, with robot and target."""
-        return draw_text(self.place.plan, self._simulator.pose, self._task.target)
+        return draw_text(self.place.plan, self.robot.pose, self.task.target)
 
     def close(self) -> None:
         """Free the camera."""
         if self._place is not None:
-            self._simulator.close()
+            self._world.close()
+
+    @property
+    def robot(self) -> Simulator:
+        """Body and sensors of the robot in the current search."""
+        return self._world.robots[ROBOT]
 
     @property
     def place(self) -> Place:
@@ -223,8 +245,8 @@ class Search:
             return
         self.close()
         self._place = shared_place(plan, self.simulator_config, uses_radio=self.config.uses_radio)
-        self._simulator = self._place.simulator()
-        radio = self._simulator.radio
+        self._world = self._place.world()
+        radio = self.robot.radio
         if radio is not None:
             self._interpreter = Interpreter(radio, self._place.classifier(self.config.link_states))
 
@@ -255,11 +277,11 @@ class Search:
     def _look(self, pose: Float[np.ndarray, "3"]) -> None:
         """Count the floor seen from a pose."""
         assert self._coverage is not None
-        self._coverage.update(pose, self._simulator.true_depth, self._simulator.true_laser)
+        self._coverage.update(pose, self.robot.true_depth, self.robot.true_laser)
 
     def _link(self) -> tuple[float, float]:
         """Value of the true link state, if it is rewarded, and SNR of the strongest measured path [dB], or 0."""
-        radio, paths = self._simulator.radio, self._view.paths
+        radio, paths = self.robot.radio, self.sensed.paths
         if radio is None or paths is None:
             return 0.0, 0.0
         snr = float(paths.snr_db[0, 0]) if paths.count[0] else NO_SNR_DB
@@ -267,7 +289,7 @@ class Search:
         return worth, snr
 
     def _observation(self, pose: Float[np.ndarray, "3"]) -> dict[str, np.ndarray]:
-        view, config = self._view, self.config
+        view, config = self.sensed, self.config
         found: dict[str, np.ndarray] = {}
         for sense in config.observe:
             if sense == "rgb":
@@ -286,13 +308,13 @@ class Search:
                     self.place.plan, self._coverage.seen, pose, config.map_cells, config.map_cell_m
                 )
             elif sense == "pose":
-                found["pose"] = senses.pose_since(self._task.start, pose)
+                found["pose"] = senses.pose_since(self.task.start, pose)
         return found
 
     def _info(self, pose: Float[np.ndarray, "3"], collided: bool, arrived: bool) -> dict[str, Any]:
         return {
             "pose": pose.copy(),
-            "target": self._task.target.copy(),
+            "target": self.task.target.copy(),
             "distance_m": self._distance,
             "collided": collided,
             "arrived": arrived,
@@ -311,18 +333,15 @@ def make_spaces(
     observed = senses.observation_space(config, simulator, lidar)
     actions: spaces.Space[Any] = (
         spaces.Box(-1.0, 1.0, (2,), np.float32)
-        if velocity_scale(config, simulator) is not None
+        if config.actions == "velocity"
         else spaces.Discrete(len(discrete_actions(simulator)))
     )
     return observed, actions
 
 
-def velocity_scale(config: SearchConfig, simulator: SimulatorConfig) -> tuple[float, float] | None:
-    """Full scale of velocity actions [m/s, rad/s]; None if actions are discrete."""
-    if config.continuous:
-        return MAX_SPEED_MPS, MAX_TURN_RADPS
-    robot = simulator.robot
-    return (robot.max_speed_mps, robot.turn_rate_radps) if config.actions == "velocity" else None
+def velocity_scale(simulator: SimulatorConfig) -> Float[np.ndarray, "2"]:
+    """Full scale of velocity actions [m/s, rad/s]: the limits of the robot."""
+    return np.array([simulator.robot.max_speed_mps, simulator.robot.turn_rate_radps])
 
 
 def discrete_actions(simulator: SimulatorConfig) -> tuple[Action, ...]:

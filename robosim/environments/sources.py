@@ -7,7 +7,7 @@ An environment is given one of
 - "homes" or "homes:500": that many generated homes (`robosim.generator`); or `GeneratedHomes(...)`.
 
 Plans are read on first use, and cached. A building holds walls for robots and rays, the places that a robot can reach,
-a simulator to clone, and shortest drives to targets. The most recently used buildings are cached.
+a world to clone, and shortest drives to targets. The most recently used buildings are cached.
 
 The guide along the shortest drive turns to the nearby place from which the remaining drive is shortest, and drives
 there. Collected trajectories mix in random actions, so that they show how to return to the route, as in DART (Laskey et
@@ -32,10 +32,11 @@ from robosim.parts import CLASSIFIER
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.link_state import Classifier
-from robosim.simulator import Simulator, SimulatorConfig
+from robosim.simulator import SimulatorConfig
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part
 from robosim.task.tasks import make_task
+from robosim.world import ROBOT, World
 from slam.actions import TURN_RAD, Action
 from slam.poses import wrap
 
@@ -165,7 +166,7 @@ class Place:
         self.plan, self.config, self.uses_radio = plan, config, uses_radio
         self.building = make_building(plan)
         self.reach = places = reach(self.building, *config.robot.hull_m)
-        self._simulator = Simulator(self.building, config, uses_radio=uses_radio)
+        self._world = World(self.building, {ROBOT: config}, uses_radio=uses_radio)
         # The cached functions do not refer to this object, so that it is freed with its last reference.
         self._travel_m = lru_cache(_DRIVES)(lambda x, y: places.travel_m(np.array([x, y])))
         self._targets = cache(lambda count: _draw_targets(places, count))
@@ -176,9 +177,9 @@ class Place:
         """Outlines for pictures [m]."""
         return building_rings(self.building)
 
-    def simulator(self) -> Simulator:
-        """A simulator for another robot."""
-        return self._simulator.clone()
+    def world(self) -> World:
+        """Return a world of another robot, alone in the building."""
+        return self._world.clone()
 
     def classifier(self, part: Part) -> Classifier:
         """The link-state classifier, one for all robots: its results for tables are cached with it."""

@@ -1,6 +1,7 @@
-"""The search for a target as an environment of Gymnasium: `robosim/TargetSearch-v1`, and -v0."""
+"""The search for a target as an environment of Gymnasium: `robosim/TargetSearch-v1`."""
 
-from typing import Any
+from operator import index
+from typing import Any, SupportsIndex
 
 import gymnasium
 import numpy as np
@@ -8,7 +9,7 @@ from jaxtyping import UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
 from robosim.environments.search import Search, make_spaces
-from robosim.environments.sources import Place, source_of
+from robosim.environments.sources import source_of
 from robosim.simulator import SimulatorConfig
 
 
@@ -19,7 +20,7 @@ class TargetSearch(gymnasium.Env):
     Discrete (default): 0 forward 0.25 m, 1 left 10 degrees, 2 right 10 degrees (among people also 3, wait), each
     subject to actuation noise. With `actions="velocity"`: Box (2,), forward speed [-1, 1] as a fraction of the robot's
     `max_speed_mps` and turn rate [-1, 1] as a fraction of its `turn_rate_radps`, held for 0.5 s; the wheels reduce what
-    they cannot do along the same arc. With `continuous=True` the same as fractions of 0.5 m/s and 90 degrees/s.
+    they cannot do along the same arc.
 
     ## Observation space
     Dict of the senses in `observe`, all in the robot's own frame: rgb, depth, lidar, odometry, radio, map, pose. By
@@ -41,11 +42,6 @@ class TargetSearch(gymnasium.Env):
     `info` holds ground truth that the robot must not know: `pose`, `target`, `distance_m` (of the shortest drive),
     `collided`, `arrived`; after a step also `rewards`, the weighted terms, whose sum is the reward; after a reset
     `plan` and `difficulty`.
-
-    ## Versions
-    v1: radio, lidar, map and pose; depth as a picture of 8 bits; many plans, difficulty and named rewards. By default
-    the fastest simulator with the needed sensors.
-    v0: rgb, depth in metres, odometry; by default MuJoCo and pictures of 128 x 128.
     """
 
     metadata = {"render_modes": ["rgb_array", "ansi"], "render_fps": 20}  # noqa: RUF012
@@ -78,10 +74,10 @@ class TargetSearch(gymnasium.Env):
         self.observation_space, self.action_space = make_spaces(self.search, simulator)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: SupportsIndex | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Start a new search; see the class for `options`."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else index(seed))
         return self._search.reset(self.np_random, options)
 
     def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
@@ -96,31 +92,13 @@ class TargetSearch(gymnasium.Env):
         return self._search.text() if self.render_mode == "ansi" else self._search.picture()
 
     @property
-    def place(self) -> Place:
-        """The building of the current search, for guides that know the route."""
-        return self._search.place
+    def current(self) -> Search:
+        """The current search, for guides that know the route and agents that need the robot's own observation."""
+        return self._search
 
     def close(self) -> None:
         """Free the camera."""
         self._search.close()
-
-
-def target_search_v0(
-    plan: object = "flat",
-    *,
-    continuous: bool = False,
-    config: SimulatorConfig | None = None,
-    render_mode: str | None = None,
-) -> TargetSearch:
-    """`TargetSearch` with the observations of its first version."""
-    return TargetSearch(
-        plan,
-        config=config or SimulatorConfig(),
-        render_mode=render_mode,
-        observe=("rgb", "depth", "odometry"),
-        depth="metres",
-        continuous=continuous,
-    )
 
 
 def check_render_mode(mode: str | None, known: list[str]) -> None:

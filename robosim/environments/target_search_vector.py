@@ -6,7 +6,8 @@ Robots can be in different buildings.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from operator import index
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import gymnasium
 import numpy as np
@@ -48,6 +49,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         config: SimulatorConfig | None = None,
         max_episode_steps: int = 1000,
         render_mode: str | None = None,
+        autoreset: bool = True,
         **search: Any,
     ) -> None:
         """Nothing is built before the first reset.
@@ -58,6 +60,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             config: Configuration of the simulator; by default the fastest with the needed sensors.
             max_episode_steps: Steps after which a search is truncated.
             render_mode: None, "rgb_array" or "ansi" (text).
+            autoreset: Whether robots whose search has ended start another at the next step, or stand still.
             search: Fields of `SearchConfig`.
 
         Raises:
@@ -69,9 +72,13 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         check_number("max_episode_steps", max_episode_steps, 1, 10**9, "steps", whole=True)
         check_render_mode(render_mode, self.metadata["render_modes"])
         self.num_envs, self.render_mode, self._most = num_envs, render_mode, max_episode_steps
+        self._autoreset = autoreset
+        if not autoreset:
+            self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode.DISABLED}
         self.search = SearchConfig(**search)
         simulator, source = config or simulator_for(self.search), source_of(plan)
-        self._searches = [Search(source, self.search, simulator) for _ in range(num_envs)]
+        self.searches = [Search(source, self.search, simulator) for _ in range(num_envs)]
+        """The current search of each robot."""
         self.single_observation_space, self.single_action_space = make_spaces(self.search, simulator)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -81,7 +88,10 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         self._seen: list[dict[str, np.ndarray]] = [{}] * num_envs
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: SupportsIndex | Sequence[SupportsIndex | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Start a new search with each robot.
 
@@ -96,51 +106,57 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             raise ValueError(
                 f"reset_mask is {mask}, expected {self.num_envs} of True or False, one of them True."
             )
-        seeds: list[int | None] = list(seed) if isinstance(seed, Sequence) else [None] * self.num_envs
-        if isinstance(seed, int):
-            seeds = [seed + i for i in range(self.num_envs)]
+        seeds: list[SupportsIndex | None] = [None] * self.num_envs
+        if isinstance(seed, Sequence):
+            seeds = list(seed)
+        elif seed is not None:
+            seeds = [index(seed) + i for i in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise ValueError(
                 f"seed has {len(seeds)} numbers, expected one for each of {self.num_envs} robots."
             )
         infos: dict[str, Any] = {}
         for i in np.flatnonzero(mask).tolist():
-            if (own := seeds[i]) is not None:
-                self._rngs[i], _ = seeding.np_random(own)
+            if (new := seeds[i]) is not None:
+                self._rngs[i], _ = seeding.np_random(index(new))
             self._seen[i], info = self._begin(i, options)
             infos = self._add_info(infos, info, i)
         return self._stack(self._seen), infos
 
     def step(self, actions: np.ndarray) -> Batch:
-        """Do one action with each robot; robots whose search has ended start a new one instead."""
+        """Do one action with each robot; robots whose search has ended start a new one instead, or stand still."""
         rewards = np.zeros(self.num_envs)
         arrived, late = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, bool)
         infos: dict[str, Any] = {}
         for i, action in enumerate(iterate(self.action_space, actions)):
-            if self._over[i]:
-                self._seen[i], info = self._begin(i, {})
-            else:
-                self._seen[i], rewards[i], arrived[i], info = self._searches[i].step(action)
+            if not self._over[i]:
+                self._seen[i], rewards[i], arrived[i], info = self.searches[i].step(action)
                 self._steps[i] += 1
                 late[i] = self._steps[i] >= self._most
+            elif self._autoreset:
+                self._seen[i], info = self._begin(i, {})
+            else:
+                continue
             infos = self._add_info(infos, info, i)
-        self._over = arrived | late
+        self._over = arrived | late | (self._over & (not self._autoreset))
         return self._stack(self._seen), rewards, arrived, late, infos
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"] | str, ...] | None:
         """A picture of each search, as `TargetSearch.render` draws one."""
         if self.render_mode is None:
             return None
-        return tuple(one.text() if self.render_mode == "ansi" else one.picture() for one in self._searches)
+        return tuple(
+            search.text() if self.render_mode == "ansi" else search.picture() for search in self.searches
+        )
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the cameras."""
-        for search in self._searches:
+        for search in self.searches:
             search.close()
 
     def _begin(self, i: int, options: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         self._steps[i], self._over[i] = 0, False
-        return self._searches[i].reset(self._rngs[i], options)
+        return self.searches[i].reset(self._rngs[i], options)
 
     def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""

@@ -92,8 +92,13 @@ class Fused:
         self.uses_camera = self.config.uses_camera
         self._explorer = explorer
         # Where walls are passed, an arrival in line of sight may lead into a wall: the belief decides.
-        trusted = (LinkState.LOS,) if belief.frequency_hz >= OPAQUE_HZ else ()
-        self._in_sight = FollowArrival(trusted, self.config.in_sight)
+        self._trusted = (LinkState.LOS,) if belief.frequency_hz >= OPAQUE_HZ else ()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        self._explorer.reset()
+        self._in_sight = FollowArrival(self._trusted, self.config.in_sight)
         strong = FollowConfig(min_snr_db=self.config.first_snr_db)
         self._at_first = FollowArrival((LinkState.FIRST_ORDER,), strong)
         self._decisions = 0

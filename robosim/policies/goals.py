@@ -49,11 +49,7 @@ SEEKERS = tuple(name for name in GOAL.names if name != "explore")
 
 @runtime_checkable
 class GoalPolicy(Protocol):
-    """Chooses a goal at each decision; a derived class inherits the defaults below.
-
-    An optional attribute `reason`, a `robosim.policies.reason.Reason`, gives the reason of the last goal. If
-    an optional attribute `uses_directions` is False, measurements have powers and ranges only.
-    """
+    """Chooses a goal at each decision. A policy that lacks an attribute has the default below."""
 
     #: Whether the policy searches for the target, so that an episode ends on arrival.
     seeks_target: bool = True
@@ -61,27 +57,32 @@ class GoalPolicy(Protocol):
     uses_radio: bool = False
     #: Whether it needs the recogniser of the target.
     uses_camera: bool = False
+    #: Whether it is given directions of arrival, or powers and ranges only.
+    uses_directions: bool = True
+    #: Whether its robot knows the building and its own pose, as a reference of other policies.
+    uses_true_map: bool = False
     #: The belief over the target's position; None without one.
     belief: TargetBelief | None = None
+    #: Reason of the last goal; None if the policy gives none.
+    reason: Reason | None = None
+
+    def reset(self) -> None:
+        """Forget the last episode; a policy without memory has nothing to do."""
+        return
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
-        """A point of `map` to go to, or None if nothing is left to do."""
+        """Return a point of `map` to go to, or None if nothing is left to do."""
         ...
-
-
-@runtime_checkable
-class Driver(Protocol):
-    """A goal policy that also chooses actions, instead of the controller."""
 
     def action(self) -> Action | None:
-        """The action; called after the goal, in the same decision. None leaves it to the controller."""
-        ...
+        """Return an action in place of the controller's, after the goal of the same decision; None leaves it to it."""
+        return None
 
 
 class Oracle(GoalPolicy):
     """Knows the target."""
 
-    reason: Reason | None = KNOWN
+    reason = KNOWN
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
@@ -95,10 +96,14 @@ class Explore(GoalPolicy):
     """Explores until there are no frontiers."""
 
     seeks_target = False
-    reason: Reason | None = EXPLORE
+    reason = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        self._explorer.reset()
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A frontier, or None if there is none."""
@@ -109,11 +114,16 @@ class Visual(GoalPolicy):
     """Explores until the target is seen, then goes to its last seen position."""
 
     uses_camera = True
-    reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        self._explorer.reset()
         self._seen: np.ndarray | None = None
+        self.reason = EXPLORE
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """The target if it has been seen, else a frontier."""
@@ -127,11 +137,15 @@ class Wireless(GoalPolicy):
     """Follows the strongest path in trusted link states, and explores in others."""
 
     uses_radio = True
-    reason: Reason | None = None
 
     def __init__(self, explorer: Explorer, trusted: tuple[LinkState, ...]) -> None:
-        self._explorer = explorer
-        self._follow = FollowArrival(trusted)
+        self._explorer, self._trusted = explorer, trusted
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        self._explorer.reset()
+        self._follow = FollowArrival(self._trusted)
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path, or a frontier."""

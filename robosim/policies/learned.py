@@ -75,18 +75,23 @@ class Learned:
         guard: Guard,
         hfov_deg: float = CameraConfig.hfov_deg,
     ) -> None:
-        self._network, self._senses = network, SearchSenses()
+        self._network, self._fused, self._guard = network, fused, guard
+        column = (np.arange(COLUMNS) + 0.5) / COLUMNS
+        self._left = math.tan(math.radians(hfov_deg) / 2) * (1 - 2 * column)
+        self.uses_camera = fused.uses_camera
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        self._fused.reset()
+        self._senses = SearchSenses()
         self._before = self._memory = empty_memory()
         self._rng = np.random.default_rng(_SEED)
         self._stuck = StuckDetector(_STUCK_STEPS, _STUCK_M)
         self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
         self._action: Action | None = None
         self._reason: Reason | None = None
-        self._fused, self._has_fallen_back = fused, False
-        self._guard = guard
-        column = (np.arange(COLUMNS) + 0.5) / COLUMNS
-        self._left = math.tan(math.radians(hfov_deg) / 2) * (1 - 2 * column)
-        self.uses_camera = fused.uses_camera
+        self._has_fallen_back = False
 
     @property
     def belief(self) -> TargetBelief | None:
@@ -120,8 +125,9 @@ class Learned:
             measured.snr_db,
             np.nan_to_num(measured.delay_s),
             measured.probability,
+            waited=sensed.action is Action.WAIT,
         )
-        if sensed.odometry.any():  # after a wait it decides again
+        if sensed.action is not Action.WAIT:  # after a wait it decides again
             self._before = self._memory
         scores, _, self._memory = self._network(inputs, self._before)
         belief = self._fused.observe(sensed, estimated)

@@ -71,6 +71,8 @@ class SearchSenses:
         snr_db: Float[np.ndarray, " n"],
         delay_s: Float[np.ndarray, " n"],
         probability: Float[np.ndarray, "4"],
+        *,
+        waited: bool = False,
     ) -> Float32[np.ndarray, " k"]:
         """Inputs of the network; to be called once per step, at the start of the search first.
 
@@ -81,8 +83,9 @@ class SearchSenses:
             snr_db: SNR of these paths [dB].
             delay_s: Their delays relative to the strongest [s].
             probability: Of each link state.
+            waited: Whether the last action was a wait, which does not count as a visit.
         """
-        if odometry.any() or self._steps < 0:  # waits do not count
+        if not waited:
             self._move(odometry)
         ahead = np.minimum(horizon(depth_m), _FAR_M)
         n = min(len(direction_rad), PATHS)

@@ -20,6 +20,7 @@ from robosim.plans.formats.raster import winding_numbers
 from robosim.policies.goals import Oracle, PolicyContext
 from slam.actions import Command
 from slam.grid import GridFrame, MapEstimate
+from slam.mapping.classical import Mapper
 
 #: Side of the cells [m], as in mappers.
 _CELL_M = 0.05
@@ -30,7 +31,9 @@ _STEP_M, _BEHIND_M = 0.01, 0.001
 
 
 class Shortest(Oracle):
-    """Knows the target; an episode gives its robot a `TrueMapper`."""
+    """Knows the target; its robot has a `TrueMapper`."""
+
+    uses_true_map = True
 
 
 def shortest(context: PolicyContext) -> Shortest:
@@ -40,7 +43,7 @@ def shortest(context: PolicyContext) -> Shortest:
     return Shortest(context.target)
 
 
-class TrueMapper:
+class TrueMapper(Mapper):
     """A mapper that returns the true map and pose."""
 
     collided = False
@@ -67,9 +70,7 @@ class TrueMapper:
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Nothing to do."""
 
-    def update(
-        self, depth: object, action: Command | None = None, odometry: object = None, laser: object = None
-    ) -> MapEstimate:
+    def update(self, depth: object, action: Command | None = None, odometry: object = None) -> MapEstimate:
         """The true map and pose, whatever the sensors measure."""
         return self.estimate()
 

@@ -17,7 +17,7 @@ sight in generated homes, 80 % of the directions of BLE are within 13 degrees, a
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -183,6 +183,10 @@ class Interpreter:
             return radio.table_probability(self._classifier)
         resolved = measured(aod_rad=turned.aod_rad, delay_s=turned.delay_s)
         return self._classifier.predict(turned.aoa_rad, turned.snr_db, **resolved)[0]
+
+
+#: Interprets a measurement of the transmitter of a name, from an estimated pose.
+Interpret = Callable[[str, PathEstimates | None, Float[np.ndarray, "3"]], Measurement]
 
 
 #: Standard deviation of directions of a separate path, of one that is close to others, and of any path below 10 GHz,

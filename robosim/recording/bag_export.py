@@ -127,7 +127,7 @@ class _Messages:
             ):
                 yield "/tf", time_s, self._tf(time_s, parent, child, self._planar(pose))
             yield "/odom", time_s, self._odometry(time_s, odom)
-            if isinstance(command := step.decided.action, Velocity):
+            if isinstance(command := step.decided.command, Velocity):
                 header, twist = self._header(time_s, "base_link"), self._twist(command.v_mps, command.w_radps)
                 yield (
                     "/cmd_vel",

@@ -76,8 +76,8 @@ def encode_without_pictures(step: Step) -> dict[str, Any]:
         "map_frame": NO_FRAME,
         "map_corner": np.zeros(2),
         "odometry": np.array(step.sensed.odometry),
-        "action": int(nearest_action(decided.action)),
-        "velocity": np.array([decided.action]) if isinstance(decided.action, Velocity) else NO_VELOCITY,
+        "action": int(nearest_action(decided.command)),
+        "velocity": np.array([decided.command]) if isinstance(decided.command, Velocity) else NO_VELOCITY,
         "goal": np.array(decided.goal, float),
         "goal_kind": decided.reason.kind.value,
         "because": decided.reason.because,
@@ -147,12 +147,12 @@ def decode_step(number: int, row: Row, map_: Layer, belief: Layer | None) -> Ste
         sensed=Observation(
             rgb, depth_mm / np.float32(1000), np.array(row["odometry"]), laser=_decode_laser(row)
         ),
-        estimated=Estimates(map_of_layer(map_, pose), measurement),
         decided=Decision(
             goal=np.array(row["goal"]),
             reason=Reason(GoalKind(str(row["goal_kind"])), str(row["because"]), float(row["mass"])),
             path=row["path"],
-            action=_decode_command(row),
+            command=_decode_command(row),
+            estimates=Estimates(map_of_layer(map_, pose), measurement),
             belief=None if belief is None else LevelledBelief(belief),
         ),
         true=Truth(

@@ -54,6 +54,10 @@ class Physics(Protocol):
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
         """Drive with a forward speed and a turn rate for a while, as far as walls let it."""
 
+    def clone(self) -> "Physics | None":
+        """A second robot, alone in the same building; None if another one has to be made."""
+        return None
+
 
 @dataclass(frozen=True)
 class SpeedProfile:

@@ -16,11 +16,12 @@ parts only: their readers use `Kind.name_in_data`. Suites and configurations may
 
 import dataclasses
 import importlib.util
+import inspect
 import os
 import re
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -56,6 +57,8 @@ class Kind:
     """Endings of files that stand for a part, too."""
     from_file: str = ""
     """What makes a part of such a file, as `module:Name`; it is called with the file's path first."""
+    protocol: str = ""
+    """Class, as `module:Name`, whose attributes and methods are the defaults of those that a part lacks."""
 
     def is_name(self, part: Part) -> bool:
         """Whether a part is given by a name, right or wrong, and not by `module:Name` or a file."""
@@ -125,7 +128,7 @@ class Kind:
             else:
                 target = imported(field, place)
         if self._is_one(target):
-            return target
+            return self._completed(target)
         if not callable(target):
             self._check_object(field, target)
         try:
@@ -143,7 +146,15 @@ class Kind:
                 f"{field} is {part_name(part)}, which made a {type(made).__name__} without {missing[0]}. A {self.name} "
                 f"has {', '.join(self.has)}."
             )
-        return made
+        return self._completed(made)
+
+    def _completed(self, part: Any) -> Any:
+        """The part, with the defaults of its protocol for what it lacks: users' parts need not derive from it."""
+        defaults = vars(imported(self.name, self.protocol)) if self.protocol else {}
+        for name, default in defaults.items():
+            if not name.startswith("_") and not hasattr(part, name):
+                setattr(part, name, default.__get__(part) if callable(default) else default)
+        return part
 
     def option(self, *more: str, metavar: str = "") -> tyro.constructors.PrimitiveConstructorSpec[Any]:
         """How the command line takes such a part, or one of the words `more`: an annotation of a field.
@@ -186,6 +197,14 @@ def part_name(part: Part) -> str:
         return part
     known = part if hasattr(part, "__qualname__") else type(part)
     return f"{known.__module__}:{known.__qualname__}"
+
+
+def accepted(function: Callable[..., Any], names: Sequence[str]) -> tuple[str, ...]:
+    """Names of keyword arguments that a function accepts: a part is given those inputs that it has arguments for."""
+    parameters = inspect.signature(function).parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+        return tuple(names)
+    return tuple(name for name in names if name in parameters)
 
 
 def names_code(part: Part) -> bool:

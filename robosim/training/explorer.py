@@ -26,7 +26,7 @@ from robosim.support.progress import tracked
 from robosim.support.restoring import check_weights, restore_optimiser
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
-from robosim.training.grid_walk import GridWalk
+from robosim.training.grid_walk import GridAgent, GridWorld
 from robosim.training.policy_weights import (
     Checkpoint,
     as_arrays,
@@ -80,7 +80,7 @@ def walk_home(
     """
     building = home_building(CollectConfig(seed=recipe.seed), home)
     robot = SimulatorConfig().robot
-    walk = GridWalk(
+    world = GridWorld(
         building,
         reach(building, *robot.hull_m),
         np.random.default_rng([recipe.seed, home, 2]),
@@ -88,13 +88,15 @@ def walk_home(
     )
     settings = LEARNED if rating == "learned" else {}
     config = ExplorerConfig(rating=rating, cost=CostConfig(radius_m=robot.radius_m), **settings)
-    explorer = FrontierExplorer(config, choose)
+    agent = GridAgent(FrontierExplorer(config, choose))
     coverage = [] if coverage is None else coverage
-    coverage.append(walk.coverage)
+    coverage.append(world.coverage)
     while len(coverage) <= recipe.decisions:
-        if not walk.decide(explorer):
+        pose = agent.act(world.estimate())
+        if pose is None:
             return np.array(coverage), True
-        coverage.append(walk.coverage)
+        world.step(pose)
+        coverage.append(world.coverage)
     return np.array(coverage), False
 
 

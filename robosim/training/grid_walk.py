@@ -1,8 +1,8 @@
 """Exploration of a building without physics, noise and pictures: thousands of decisions per second, for training.
 
-Explorer and planner are those of episodes. Rays over the plan's cells make the map of a perfect camera and mapper; the
-robot turns by 10 degrees and then goes straight along the planned path. Rendering, odometry, scan matching, collisions
-and the controller are left out, since they take most of the time.
+A world and an agent, as in episodes, with the explorer and planner of episodes. Rays over the plan's cells make the map
+of a perfect camera and mapper; the agent turns by 10 degrees and then goes straight along the planned path. Rendering,
+odometry, scan matching, collisions and the controller are left out, since they take most of the time.
 """
 
 import math
@@ -30,8 +30,8 @@ _REPLAN = 8
 _AIM_RAD = 0.51 * TURN_RAD
 
 
-class GridWalk:
-    """One robot in one building."""
+class GridWorld:
+    """A building on a grid with one robot, whose map and pose have no errors."""
 
     def __init__(self, building: Building, places: Reach, rng: np.random.Generator, hfov_rad: float) -> None:
         """Put the robot at a random pose on the largest part of the floor where its hull fits."""
@@ -51,33 +51,56 @@ class GridWalk:
         self._half_rad = hfov_rad / 2
         home = np.argwhere(np.pad(places.parts, 1) == 1)
         row, column = home[rng.integers(len(home))] + 0.5
-        self.pose = np.array([*self._frame.to_points(np.array([column, row])), rng.uniform(-np.pi, np.pi)])
-        self._planner = Planner()
-        self._plan: Plan | None = None
-        self._corners: list[Float[np.ndarray, 2]] = []
-        self._age = 0
-        self._look()
+        x, y = self._frame.to_points(np.array([column, row]))
+        self.step(np.array([x, y, rng.uniform(-np.pi, np.pi)]))
 
     @property
     def coverage(self) -> float:
-        """Share of the reachable floor that has been seen."""
+        """Fraction of the reachable floor that has been seen."""
         return np.count_nonzero(self._explored & self._region) / self._n_region
 
-    def decide(self, explorer: FrontierExplorer) -> bool:
-        """Make one decision; returns False if no frontier is left."""
-        estimate = MapEstimate(
+    def step(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Move the robot to a pose x [m], y [m], yaw [rad], and look from there."""
+        self.pose = pose
+        column, row = self._frame.to_cells(pose[:2])
+        _mark(
+            self._wall,
+            self._probability,
+            self._explored,
+            float(column),
+            float(row),
+            float(pose[2]),
+            self._half_rad,
+            _FREE_RANGE_M / self._frame.resolution_m,
+            VISION_RANGE_M / self._frame.resolution_m,
+            _FREE,
+            _WALL,
+        )
+
+    def estimate(self) -> MapEstimate:
+        """Return map and pose."""
+        return MapEstimate(
             frame=self._frame,
             obstacle_probability=self._probability,
             explored=self._explored,
             blocked=self._not_blocked,
             pose=self.pose,
         )
-        goal = explorer.goal(estimate)
-        if goal is None:
-            return False
-        self._move(self._path(estimate, goal))
-        self._look()
-        return True
+
+
+class GridAgent:
+    """Explores a grid: explorer, planner, and turns and steps along the path."""
+
+    def __init__(self, explorer: FrontierExplorer) -> None:
+        self._explorer, self._planner = explorer, Planner()
+        self._plan: Plan | None = None
+        self._corners: list[Float[np.ndarray, 2]] = []
+        self._age = 0
+
+    def act(self, estimate: MapEstimate) -> Float[np.ndarray, "3"] | None:
+        """Return the next pose x [m], y [m], yaw [rad]; None if no frontier is left."""
+        goal = self._explorer.goal(estimate)
+        return None if goal is None else self._next_pose(estimate.pose, self._path(estimate, goal))
 
     def _path(self, estimate: MapEstimate, goal: Float[np.ndarray, "2"]) -> Plan:
         """The plan for a goal, cached for some decisions."""
@@ -87,9 +110,9 @@ class GridWalk:
             self._corners = [*self._plan.path[1:]]
         return self._plan
 
-    def _move(self, plan: Plan) -> None:
+    def _next_pose(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Float[np.ndarray, "3"]:
         """Turn by 10 degrees, or go straight on."""
-        x, y, yaw = self.pose
+        x, y, yaw = pose
         while self._corners and math.hypot(*(self._corners[0] - (x, y))) < 0.02:
             self._corners.pop(0)
         ahead = (self._corners[0] if self._corners else plan.asked_xy) - (x, y)
@@ -97,27 +120,9 @@ class GridWalk:
         # At the end of the path it turns towards the goal, and then on, to look around.
         off = wrap(math.atan2(ahead[1], ahead[0]) - yaw) if distance > 0.02 else math.pi
         if abs(off) > _AIM_RAD or not self._corners:
-            self.pose = np.array([x, y, wrap(yaw + math.copysign(TURN_RAD, off))])
-            return
+            return np.array([x, y, wrap(yaw + math.copysign(TURN_RAD, off))])
         step = min(1.0, FORWARD_M / distance)
-        self.pose = np.array([x + step * ahead[0], y + step * ahead[1], yaw])
-
-    def _look(self) -> None:
-        """Update the map by the camera's view."""
-        column, row = self._frame.to_cells(self.pose[:2])
-        _mark(
-            self._wall,
-            self._probability,
-            self._explored,
-            float(column),
-            float(row),
-            float(self.pose[2]),
-            self._half_rad,
-            _FREE_RANGE_M / self._frame.resolution_m,
-            VISION_RANGE_M / self._frame.resolution_m,
-            _FREE,
-            _WALL,
-        )
+        return np.array([x + step * ahead[0], y + step * ahead[1], yaw])
 
 
 @compiled

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from robosim.camera.model import CameraConfig
 from robosim.environments.sources import GeneratedHomes, TaskSpec, route_action
-from robosim.environments.target_search import TargetSearch
+from robosim.environments.target_search_vector import TargetSearchVector
 from robosim.generator.generate import GeneratorConfig
 from robosim.policies.search_network import (
     INPUTS,
@@ -84,9 +84,9 @@ class Walks:
 
 
 class Robots:
-    """Robots on their searches; after the end of one, the next step begins another."""
+    """Robots on their searches; after the end of one, the next step begins another, or the robot rests."""
 
-    def __init__(self, walks: Walks) -> None:
+    def __init__(self, walks: Walks, *, again: bool = True) -> None:
         """Begin a search of each robot."""
         # Eight rows are the fewest of a camera; two of them are used.
         simulator = SimulatorConfig(
@@ -95,79 +95,71 @@ class Robots:
             image=CameraConfig(width=64, height=8),
             radio=RadioLinkConfig(engine="table", tables=walks.tables),
         )
-        self.count, self._most, self._seed = walks.robots, walks.steps, walks.seed
-        homes = GeneratedBuildings(count=walks.homes, seed=walks.first, offices=walks.offices)
-        self._envs = [
-            TargetSearch(
-                homes,
-                config=simulator,
-                observe=("depth", "odometry", "radio"),
-                depth="metres",
-                rewards=REWARDS,
-                targets=walks.targets,
-                difficulty=walks.difficulty,
-            )
-            for _ in range(walks.robots)
-        ]
+        self.count = walks.robots
+        self._env = TargetSearchVector(
+            walks.robots,
+            GeneratedBuildings(count=walks.homes, seed=walks.first, offices=walks.offices),
+            config=simulator,
+            max_episode_steps=walks.steps,
+            autoreset=again,
+            observe=("depth", "odometry", "radio"),
+            depth="metres",
+            rewards=REWARDS,
+            targets=walks.targets,
+            difficulty=walks.difficulty,
+        )
         self._senses = [SearchSenses() for _ in range(walks.robots)]
-        self._steps = np.zeros(walks.robots, int)
         self.over = np.zeros(walks.robots, bool)
         """Whether the search of each robot has ended."""
         self.begins = np.ones(walks.robots, bool)
         """Whether the next step begins its search."""
         self.inputs = np.empty((walks.robots, INPUTS), np.float32)
         """Inputs of the network."""
-        self.infos: list[dict[str, Any]] = [{}] * walks.robots
-        """The truth, which the network does not receive."""
-        for i in range(walks.robots):
-            self._begin(i, walks.seed + i)
+        self.pose, self.target = np.empty((walks.robots, 3)), np.empty((walks.robots, 2))
+        """True poses, and places of the targets, which the network does not receive."""
+        self.collided = np.zeros(walks.robots, bool)
+        observations, infos = self._env.reset(seed=walks.seed)
+        self.shortest_m = infos["distance_m"]
+        self._take(observations, infos)
 
     def guide_actions(self) -> np.ndarray:
         """Actions along the routes to the targets, (robots,) int."""
-        known = zip(self._envs, self.infos, strict=True)
-        return np.array([int(route_action(env.place, info["pose"], info["target"])) for env, info in known])
+        known = zip(self._env.searches, self.pose, self.target, strict=True)
+        return np.array([int(route_action(search.place, pose, target)) for search, pose, target in known])
 
-    def step(self, actions: np.ndarray, *, again: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """One action of each robot; robots whose search has ended begin another, or rest without `again`.
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Do one action of each robot.
 
         Returns:
             Rewards, arrivals, and which robots ran out of time.
         """
-        reward = np.zeros(self.count)
-        arrived, late = np.zeros(self.count, bool), np.zeros(self.count, bool)
-        before = self.over.copy()
-        for i, env in enumerate(self._envs):
-            if not before[i]:
-                seen, reward[i], arrived[i], _, self.infos[i] = env.step(actions[i])
-                self._steps[i] += 1
-                late[i] = self._steps[i] >= self._most
-                self.over[i], self.begins[i] = arrived[i] or late[i], False
-                self._encode(i, seen)
-            elif again:
-                self._begin(i, None)
+        ended = self.over
+        observations, reward, arrived, late, infos = self._env.step(actions)
+        self.begins = ended & infos["_pose"]
+        self.over = arrived | late | (ended & ~infos["_pose"])
+        self._take(observations, infos)
         return reward, arrived, late
 
     def close(self) -> None:
         """Release the cameras."""
-        for env in self._envs:
-            env.close()
+        self._env.close()
 
-    def _begin(self, i: int, seed: int | None) -> None:
-        seen, self.infos[i] = self._envs[i].reset(seed=seed)
-        self._senses[i], self._steps[i] = SearchSenses(), 0
-        self.over[i], self.begins[i] = False, True
-        self._encode(i, seen)
-
-    def _encode(self, i: int, seen: dict[str, np.ndarray]) -> None:
-        n = int(seen["path_found"].sum())
-        self.inputs[i] = self._senses[i].encode(
-            seen["depth"][..., 0],
-            seen["odometry"],
-            seen["path_direction"][:n],
-            seen["path_snr"][:n],
-            1e-9 * seen["path_delay"][:n],
-            seen["link_state"],
-        )
+    def _take(self, observations: dict[str, np.ndarray], infos: dict[str, Any]) -> None:
+        """Store what has changed: all but robots that rest."""
+        for i in np.flatnonzero(infos["_pose"]):
+            self.pose[i], self.target[i] = infos["pose"][i], infos["target"][i]
+            self.collided[i] = infos["collided"][i]
+            if self.begins[i]:
+                self._senses[i] = SearchSenses()
+            n = int(observations["path_found"][i].sum())
+            self.inputs[i] = self._senses[i].encode(
+                observations["depth"][i, ..., 0],
+                observations["odometry"][i],
+                observations["path_direction"][i, :n],
+                observations["path_snr"][i, :n],
+                1e-9 * observations["path_delay"][i, :n],
+                observations["link_state"][i],
+            )
 
 
 def walk(
@@ -228,9 +220,8 @@ def evaluate_driver(
 
 def drive(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False) -> Scores:
     """One search of each robot by a network, "guide" or "random" (three of five actions forward)."""
-    robots, rng = Robots(walks), np.random.default_rng([walks.seed, 2])
+    robots, rng = Robots(walks, again=False), np.random.default_rng([walks.seed, 2])
     n, memory = robots.count, empty_memory(robots.count)
-    shortest = np.array([info["distance_m"] for info in robots.infos])
     driven, bumps, steps, arrived = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, bool)
     while not robots.over.all():
         is_running = ~robots.over
@@ -241,11 +232,10 @@ def drive(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = Fals
             actions = robots.guide_actions()
         else:
             actions = rng.choice([Action.FORWARD] * 3 + [Action.LEFT, Action.RIGHT], n)
-        before = np.array([info["pose"] for info in robots.infos])
-        arrived |= robots.step(actions, again=False)[1]
-        after = np.array([info["pose"] for info in robots.infos])
-        driven += np.hypot(*(after - before)[:, :2].T)
-        bumps += is_running * np.array([info["collided"] for info in robots.infos])
+        before = robots.pose.copy()
+        arrived |= robots.step(actions)[1]
+        driven += np.hypot(*(robots.pose - before)[:, :2].T)
+        bumps += is_running & robots.collided
         steps += is_running
     robots.close()
-    return Scores(arrived, arrived * shortest / np.maximum(shortest, driven), steps, bumps)
+    return Scores(arrived, arrived * robots.shortest_m / np.maximum(robots.shortest_m, driven), steps, bumps)

@@ -115,6 +115,14 @@ class LocalPolicy(Protocol):
     def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Command:
         """The next action at an estimated pose x [m], y [m], yaw [rad], along a plan."""
 
+    def withdraw(self) -> None:
+        """Learn nothing from the last action: another one was done in its place. By default nothing is to be done."""
+        return
+
+    def reset(self) -> None:
+        """Forget the last episode; by default nothing is to be done."""
+        return
+
 
 class Controller:
     """Chooses actions; remembers bumps and lack of progress, and learns what its actions do."""

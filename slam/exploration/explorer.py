@@ -104,6 +104,10 @@ class Explorer(Protocol):
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The spot to go to, in `map` [m]; None when nothing is left to see."""
 
+    def reset(self) -> None:
+        """Forget the last episode; an explorer without memory has nothing to do."""
+        return
+
 
 class FrontierExplorer:
     """Chooses goals one after another until nothing is left to see."""

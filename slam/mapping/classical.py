@@ -112,23 +112,20 @@ class Mapper(Protocol):
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
-        One that takes scans of a laser too has an argument `laser`, which is given where the robot has one. Where
-        others move, `time_s` is given, the time since the last update [s].
+        A mapper with arguments `laser` (the scan of a lidar) and `time_s` (the time since the last update [s], where
+        others move) is given them too.
         """
 
     def estimate(self) -> MapEstimate:
-        """The current map and pose."""
-
-
-@runtime_checkable
-class RadioMapper(Protocol):
-    """Interface of mappers that use bearings of a radio too."""
+        """Return the current map and pose."""
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
-        """Add bearings of sources from the pose of the last update."""
+        """Add bearings of radio sources from the pose of the last update; by default they are not used."""
+        return
 
     def transmitters(self) -> dict[str, Transmitter]:
-        """Positions of sources that were in line of sight, by name."""
+        """Positions of sources that were in line of sight, by name; by default none is estimated."""
+        return {}
 
 
 @runtime_checkable

@@ -7,24 +7,23 @@ memory is that of the process, with the simulator and its OpenGL.
 
 import pickle
 import resource
-from collections.abc import Iterator
 from contextlib import closing
 
 import numpy as np
 from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.agent import Agent
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import drive
 from robosim.navigation import make_navigator
 from robosim.plans.floorplan import FloorPlan
-from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
-from robosim.simulator import Observation, Simulator
-from robosim.step import Truth
+from robosim.policies.goals import GoalPolicy
+from robosim.simulator import Observation
 from robosim.support.progress import tracked
 from robosim.support.stopwatch import Stopwatch
+from robosim.world import ROBOT, World
 from slam.exploration.explorer import Explorer
 from slam.grid import MapEstimate
 from tests.benchmarks.harness import DEFAULT, Options, console, plans_of
@@ -62,48 +61,47 @@ def run(plan: FloorPlan, settings: Settings, seed: int) -> Results:
     navigator = make_navigator(config, mapper=settings.mapper)
     wanderer = Wanderer(navigator.explorer, np.random.default_rng([seed, 2]))
     watch, results, turns = Stopwatch(), Results(), settings.steps // PARTS
-    with tracked(range(PARTS), "parts", console) as parts, closing(Simulator(building, config)) as simulator:
-        remaining: Iterator[int] = iter(parts)
-        next(remaining)
-        errors_m, bad, collisions, decisions, before_s = [], 0, 0, 0, 0.0
-
-        def look(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
-            nonlocal bad, collisions, decisions, before_s
-            errors_m.append(float(np.hypot(*(estimated.pose - true.pose)[:2])))
-            bad += not _is_finite(estimated.map)
-            if true.motion is not None:
-                collisions += true.motion.collided
-                decisions += 1
-            if decisions and decisions % turns == 0 and true.motion is not None:
-                seconds = sum(watch.seconds[stage] for stage in ("mapper", "goal", "planner"))
-                values = {
-                    "not finite": (bad, "", 0),
-                    "pose error, median": (100 * np.median(errors_m), "cm", 1),
-                    "largest": (100 * np.max(errors_m), "cm", 1),
-                    "collisions": (collisions, "", 0),
-                    "a decision": (1000 * (seconds - before_s) / turns, "ms", 1),
-                    "cells of the map": (int(np.prod(estimated.map.frame.shape)), "", 0),
-                    "navigator": (len(pickle.dumps(tuple(navigator))) / 1e6, "MB", 1),
-                    "process, peak": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3, "MB", 0),
-                }
-                for name, (value, unit, digits) in values.items():
-                    results.add(
-                        "endurance", f"{decisions:,} decisions", name, value, unit, digits=digits, cases=turns
-                    )
-                errors_m.clear()
-                bad, collisions, before_s = 0, 0, seconds
-                next(remaining, None)
-            return decisions < settings.steps
-
-        drive(simulator, navigator, wanderer, task, np.random.default_rng([seed, 1]), look, watch=watch)
+    agent = Agent(navigator, wanderer, turning_m=config.robot.hull.turning_m, watch=watch)
+    with (
+        tracked(range(PARTS), "parts", console) as parts,
+        closing(World(building, {ROBOT: config}, watch)) as world,
+    ):
+        sensed = world.reset({ROBOT: task}, np.random.default_rng([seed, 1]))[ROBOT]
+        agent.reset(task.start)
+        before_s = 0.0
+        for number in parts:
+            errors_m, not_finite, collisions = [], 0, 0
+            for _ in range(turns):
+                decision = agent.act(sensed)
+                assert decision is not None  # it wanders on
+                estimate = decision.estimates
+                errors_m.append(float(np.hypot(*(estimate.pose - world.truth(ROBOT).pose)[:2])))
+                sensed = world.step({ROBOT: decision.command})[ROBOT]
+                motion = world.truth(ROBOT).motion
+                not_finite += not _is_finite(estimate.map)
+                collisions += motion is not None and motion.collided
+            seconds = sum(watch.seconds[stage] for stage in ("mapper", "goal", "planner"))
+            values = {
+                "not finite": (not_finite, "", 0),
+                "pose error, median": (100 * np.median(errors_m), "cm", 1),
+                "largest": (100 * np.max(errors_m), "cm", 1),
+                "collisions": (collisions, "", 0),
+                "a decision": (1000 * (seconds - before_s) / turns, "ms", 1),
+                "cells of the map": (int(np.prod(estimate.map.frame.shape)), "", 0),
+                "navigator": (len(pickle.dumps(tuple(navigator))) / 1e6, "MB", 1),
+                "process, peak": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3, "MB", 0),
+            }
+            done = f"{(number + 1) * turns:,} decisions"
+            for name, (value, unit, digits) in values.items():
+                results.add("endurance", done, name, value, unit, digits=digits, cases=turns)
+            before_s = seconds
     return results
 
 
-class Wanderer:
+class Wanderer(GoalPolicy):
     """A goal policy that explores, and when all is seen goes to places drawn at random."""
 
-    seeks_target, uses_radio, uses_camera = False, False, False
-    belief: TargetBelief | None = None
+    seeks_target = False
 
     def __init__(self, explorer: Explorer, rng: np.random.Generator) -> None:
         self._explorer, self._rng = explorer, rng

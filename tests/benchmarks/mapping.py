@@ -271,12 +271,12 @@ class _Observer:
     def look(self, log: EpisodeLog, step: Step) -> None:
         """Take in one step."""
         view, estimated = step.sensed, step.estimated
-        estimate = self._learned.update(view.depth, step.true.action, view.odometry)
+        estimate = self._learned.update(view.depth, view.action, view.odometry)
         measured = estimated.measurement
         received = {} if measured is None else {"target": measured, **estimated.anchors}
         bearings = bearings_of(received, self._radio, {})
         for track in self._tracks.values():
-            track.update(view, step.true.action)
+            track.update(view, view.action)
             if isinstance(track, MapperTrack):
                 track.listen(bearings)
         self._true.append(np.array(step.true.pose))

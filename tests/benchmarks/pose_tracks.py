@@ -20,7 +20,7 @@ from robosim.camera.model import CameraConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action
-from slam.mapping.classical import Mapper, RadioMapper
+from slam.mapping.classical import ClassicalMapper
 from slam.poses import between, compose, wrap
 from slam.sensing.bearings import Bearing
 
@@ -112,7 +112,9 @@ class Track:
 class MapperTrack:
     """The poses of a mapper that gets the same frames."""
 
-    def __init__(self, mapper: Mapper, start: Float[np.ndarray, "3"], sources: Collection[str] = ()) -> None:
+    def __init__(
+        self, mapper: ClassicalMapper, start: Float[np.ndarray, "3"], sources: Collection[str] = ()
+    ) -> None:
         """Begin.
 
         Args:
@@ -126,12 +128,14 @@ class MapperTrack:
 
     def update(self, view: Observation, action: Action | None) -> None:
         """Take in a frame and the action that led to it; None at the first."""
-        self.poses.append(self._mapper.update(view.depth, action, view.odometry, **view.mapper_inputs).pose)
+        estimate = self._mapper.update(
+            view.depth, action, view.odometry, laser=view.laser, time_s=view.time_s
+        )
+        self.poses.append(estimate.pose)
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where transmitters appear."""
-        if isinstance(self._mapper, RadioMapper):
-            self._mapper.listen([one for one in bearings if one.source in self._sources])
+        self._mapper.listen([bearing for bearing in bearings if bearing.source in self._sources])
 
 
 def trajectory_errors(

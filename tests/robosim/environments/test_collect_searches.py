@@ -64,7 +64,7 @@ def test_the_route_is_followed_through_a_door(config):
     _, info = env.reset(seed=0, options={"start": [0.7, 0.6, np.pi], "target": [5.4, 2.4]})
     least, steps, arrived = info["distance_m"] / 0.25, 0, False
     while not arrived and steps < 200:
-        _, _, arrived, _, info = env.step(int(route_action(env.place, info["pose"], info["target"])))
+        _, _, arrived, _, info = env.step(int(route_action(env.current.place, info["pose"], info["target"])))
         steps += 1
     assert arrived
     assert steps < 2 * least + 18  # half a turn at first

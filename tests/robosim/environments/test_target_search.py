@@ -47,14 +47,12 @@ def test_gymnasium_and_stable_baselines_accept_it(options):
     env.close()
 
 
-@pytest.mark.parametrize("kind", ["velocity", "former"])
-def test_velocity_actions_are_fractions_of_what_the_robot_can_do(kind):
-    """Speed and turn rate of a step of 0.5 s, exactly; `continuous` has 0.5 m/s and 90 degrees/s with any robot."""
-    robot = RobotConfig(max_speed_mps=1.2, max_turn_rate_radps=0.8)
+def test_velocity_actions_are_fractions_of_what_the_robot_can_do():
+    """Speed and turn rate of a step of 0.5 s, exactly."""
+    v, w = 1.2, 0.8
+    robot = RobotConfig(max_speed_mps=v, max_turn_rate_radps=w)
     config = SimulatorConfig(physics="kinematic", camera="plan", robot=robot)
-    options = {"actions": "velocity"} if kind == "velocity" else {"continuous": True}
-    env = made(config=config, observe=("depth",), **options)
-    v, w = (1.2, 0.8) if kind == "velocity" else (0.5, np.pi / 2)
+    env = made(config=config, observe=("depth",), actions="velocity")
     env.reset(seed=1, options={"start": (1.5, 1.5, 0.0), "target": (4.5, 1.5)})
     info = env.step(np.array([0.5, 0.0], np.float32))[4]
     np.testing.assert_allclose(info["pose"], [1.5 + 0.25 * v, 1.5, 0.0], atol=1e-9)
@@ -322,12 +320,16 @@ def test_picture_is_drawn():
     assert picture.std() > 10
 
 
-@pytest.mark.filterwarnings("ignore:.*The environment robosim/TargetSearch-v0 is out of date")
 def test_ids():
-    """v0 observes in metres what it always did; v1 is made by its id with any of its options."""
+    """The environment is made by its id with any of its options."""
     with gymnasium.make("robosim/TargetSearch-v1", plan=PLAN, observe=("pose",)) as env:
         assert env.spec.max_episode_steps == 1000
         assert set(env.observation_space) == {"pose"}
-    with gymnasium.make("robosim/TargetSearch-v0", plan=PLAN) as env:
-        assert env.observation_space["depth"].dtype == np.float32
     assert SearchConfig().observe == ("depth", "odometry", "radio")
+
+
+def test_seeds_of_numpy_are_seeds():
+    """An integer of NumPy starts the same search as one of Python."""
+    env = made(observe=("pose",))
+    first, second = (env.reset(seed=seed)[1]["target"] for seed in (3, np.int64(3)))
+    np.testing.assert_array_equal(first, second)

@@ -13,6 +13,7 @@ from robosim import sb3_vec_env
 from robosim.environments.sources import shared_place
 from robosim.environments.target_search_vector import TargetSearchVector
 from robosim.simulator import SimulatorConfig
+from robosim.world import ROBOT
 from tests.plans import two_rooms
 
 PLAN = two_rooms(0.8)
@@ -90,13 +91,31 @@ def test_robots_share_a_building_and_not_their_poses():
     config = SimulatorConfig(physics="dynamic", camera="none", lidar="ring-64")
     place = shared_place(PLAN, config, uses_radio=False)
     assert shared_place(PLAN, config, uses_radio=False) is place
-    first, second = place.simulator(), place.simulator()
+    first, second = (place.world().robots[ROBOT] for _ in range(2))
     first.world.reset(np.array([1.0, 1.0, 0.0]))
     second.world.reset(np.array([2.0, 2.0, 1.0]))
     first.world.move(np.array([0.25, 0.0, 0.0]))
     assert first.world.model is second.world.model
     assert second.world.pose == pytest.approx([2.0, 2.0, 1.0], abs=1e-6)
     assert first.world.pose[0] == pytest.approx(1.25, abs=2e-3)
+
+
+def test_seeds_of_numpy_are_seeds():
+    """An integer of NumPy starts the same searches as one of Python."""
+    env = TargetSearchVector(2, plan=PLAN, observe=("pose",))
+    first, second = (env.reset(seed=seed)[1]["target"] for seed in (3, np.int64(3)))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_robots_rest_without_autoreset():
+    """After the end of its search a robot keeps its observation, and has no reward."""
+    env = TargetSearchVector(2, plan=PLAN, observe=("pose",), max_episode_steps=2, autoreset=False)
+    env.reset(seed=0)
+    for _ in range(2):
+        last, *_ = env.step(np.zeros(2, int))
+    after, reward, arrived, late, infos = env.step(np.zeros(2, int))
+    np.testing.assert_array_equal(after["pose"], last["pose"])
+    assert not reward.any() and not arrived.any() and not late.any() and infos == {}
 
 
 def test_some_may_start_again():

@@ -51,7 +51,7 @@ def test_it_falls_back_to_fused_in_one_place():
     actions, is_network = [], []
 
     def look(_, step) -> None:
-        actions.append(step.decided.action)
+        actions.append(step.decided.command)
         is_network.append(step.decided.reason.kind is GoalKind.ACTION)
 
     log = _search(_biased(Action.LEFT), 400, look)

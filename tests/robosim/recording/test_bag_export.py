@@ -128,7 +128,7 @@ def test_velocities_are_recorded_and_in_the_bag(tmp_path):
     result = record_episode(two_rooms(0.8), config, tmp_path, start=start, target=target, video=False)
     assert result["arrived"] and result["simulated_s"] == pytest.approx(0.5 * result["steps"])
     episode = read_episode(tmp_path)
-    seen = [step.decided.action for step in episode.steps()]
+    seen = [step.decided.command for step in episode.steps()]
     assert all(isinstance(one, Velocity) for one in seen) and max(one.v_mps for one in seen) == 0.5
     for (v, w, s), before, after in zip(seen, episode.poses, episode.poses[1:], strict=False):
         assert wrap(after[2] - before[2] - w * s) == pytest.approx(0, abs=1e-9)

@@ -1,0 +1,141 @@
+"""The agent: the mind of one robot. It turns what the robot senses into what the robot does next.
+
+    agent.reset(start)
+    decision = agent.act(observation)          # decision.command, decision.goal, decision.estimates, ...
+
+The mapper estimates map and pose, the interpreter the link state; the goal policy chooses a goal, the planner a path to
+it, and the controller a command along the path. An agent knows no simulator, no truth and no log: the same agent drives
+in an episode (`robosim.episode`), in a Gymnasium environment, through a recorded bag, and on a real robot.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.navigation import Navigator
+from robosim.policies.estimates import Estimates
+from robosim.policies.goals import GoalPolicy
+from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
+from robosim.radio.link import RadioLinkConfig
+from robosim.radio.measurement import Interpret, Measurement, bearings_of
+from robosim.simulator import Observation
+from robosim.step import Decision
+from robosim.support.parts import accepted
+from robosim.support.stopwatch import Stopwatch
+from slam.actions import Command
+from slam.control.avoidance import Avoidance, AvoidanceConfig
+from slam.grid import MapEstimate
+from slam.planning.loop_detector import LoopDetector, Remedy
+
+
+class Agent:
+    """Maps, localises, chooses goals, plans and steers."""
+
+    def __init__(
+        self,
+        navigator: Navigator,
+        policy: GoalPolicy,
+        *,
+        turning_m: float,
+        radio: RadioLinkConfig | None = None,
+        interpret: Interpret | None = None,
+        anchor_places: Mapping[str, Float[np.ndarray, "2"]] | None = None,
+        watch: Stopwatch | None = None,
+    ) -> None:
+        """Combine the parts.
+
+        Args:
+            navigator: Mapper, planner and controller.
+            policy: Chooses the goals.
+            turning_m: Radius of the circle in which the robot turns on the spot [m].
+            radio: Carrier and waveform of the radio, for bearings.
+            interpret: Interprets radio measurements; None without a radio.
+            anchor_places: Places in `map` [m] of the transmitters whose places are known, by name.
+            watch: Collects the time by stage.
+        """
+        self.policy, self.mapper = policy, navigator.mapper
+        self._planner, self._controller = navigator.planner, navigator.controller
+        self._avoidance_config = AvoidanceConfig(radius_m=turning_m)
+        self._radio, self._interpret = radio, interpret
+        self._anchor_places = anchor_places or {}
+        self._watch = watch or Stopwatch()
+        self._mapper_inputs = accepted(self.mapper.update, ("laser", "time_s"))
+        self.measurements: dict[str, Measurement] = {}
+        """Radio measurements of the last decision by transmitter, "target" first; empty without a radio."""
+        self._sensed: Observation | None = None
+        self._map: MapEstimate | None = None
+
+    def reset(self, start: Float[np.ndarray, "3"]) -> None:
+        """Forget the last episode, and begin at a pose x [m], y [m], yaw [rad] in `map`."""
+        self.mapper.reset(start)
+        self.policy.reset()
+        self._planner.reset()
+        self._controller.reset()
+        self._loop_detector, self._avoidance = LoopDetector(), Avoidance(self._avoidance_config)
+        self._chosen: Command | None = None
+        self._sensed = self._map = None
+
+    def act(self, sensed: Observation) -> Decision | None:
+        """Decide what to do next; None if nothing is left to do."""
+        self.observe(sensed)
+        return self.decide()
+
+    def observe(self, sensed: Observation) -> MapEstimate:
+        """Add an observation to the map, and return the estimates of map and pose."""
+        if sensed.action is not None and sensed.action != self._chosen:
+            self._controller.withdraw()  # another action was done, such as a wait for people
+        measured = {"laser": sensed.laser, "time_s": sensed.time_s}
+        inputs = {name: measured[name] for name in self._mapper_inputs if measured[name] is not None}
+        with self._watch.stage("mapper"):
+            self._map = self.mapper.update(sensed.depth, sensed.action, sensed.odometry, **inputs)
+        self._sensed = sensed
+        return self._map
+
+    def decide(self) -> Decision | None:
+        """Decide what to do after the last observation; None if nothing is left to do."""
+        sensed, map_ = self._sensed, self._map
+        if sensed is None or map_ is None:
+            raise RuntimeError("The agent has observed nothing yet. Call reset, then observe or act.")
+        with self._watch.stage("link state"):
+            estimates = self._estimates(sensed, map_)
+        with self._watch.stage("goal"):
+            around = self._avoidance.around(map_)
+            requested = self.policy.goal(sensed, replace(estimates, map=around))
+        if requested is None:
+            return None
+        with self._watch.stage("planner"):
+            goal = self._loop_detector.goal(requested, map_.pose)
+            reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
+            # A robot sees the floor of a niche from outside; but a target may stand in it.
+            look = reason.kind is GoalKind.EXPLORE and not self.policy.seeks_target
+            plan = self._planner.plan(around, goal, look=look)
+            if self._loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
+                self._planner.look_closely()
+            self._chosen = self.policy.action()
+            if self._chosen is None:
+                self._chosen = self._controller.act(map_.pose, plan)
+            command = self._avoidance.checked(map_, self._chosen)
+        return Decision(
+            goal=goal,
+            reason=reason,
+            path=plan.path,
+            command=command,
+            estimates=estimates,
+            belief=self.policy.belief,
+        )
+
+    def _estimates(self, sensed: Observation, map_: MapEstimate) -> Estimates:
+        """Map, pose, and what the robot makes of its radio measurements; the mapper is given their bearings."""
+        if self._interpret is None or self._radio is None:
+            return Estimates(map_)
+        paths = {"target": sensed.paths, **sensed.anchors}
+        self.measurements = {name: self._interpret(name, paths[name], map_.pose) for name in paths}
+        target, anchors = self.measurements["target"], dict(self.measurements)
+        del anchors["target"]
+        if not self.policy.uses_directions:
+            target = target.power_only()
+        bearings = bearings_of({"target": target, **anchors}, self._radio, self._anchor_places)
+        self.mapper.listen(bearings)
+        return Estimates(map_, target, anchors, self._anchor_places, self.mapper.transmitters)

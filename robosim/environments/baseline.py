@@ -1,0 +1,86 @@
+"""Agents of episodes as baselines in an environment: any goal policy, compared with one that has learned.
+
+agent = Baseline(env, "fused")
+observation, info = env.reset(seed=1)
+observation, reward, terminated, truncated, info = env.step(agent.act())
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from robosim.agent import Agent
+from robosim.environments.search import Search
+from robosim.environments.target_search import TargetSearch
+from robosim.episode import EpisodeConfig, make_agent_parts
+from robosim.navigation import control_of
+from robosim.support.parts import Part
+from slam.actions import Action
+from slam.control.controller import Controller
+
+
+class Baseline:
+    """An agent with mapper, planner and controller for the robot of an environment.
+
+    It is given what the robot senses, in full, and not the observation of the environment; it never sees the truth,
+    except for the start of its map, and the target if the policy is `oracle`.
+    """
+
+    def __init__(
+        self, env: gymnasium.Env[Any, Any], goal: Part = "fused", mapper: Part = "classical"
+    ) -> None:
+        """Make an agent.
+
+        Args:
+            env: `TargetSearch`, also wrapped.
+            goal: Goal policy: a name, `module:Name`, or an object.
+            mapper: Mapper.
+
+        Raises:
+            ValueError: If the environment is another, or lacks the radio that the policy needs.
+        """
+        environment = env.unwrapped
+        if not isinstance(environment, TargetSearch):
+            raise ValueError(f"env is {environment}, expected robosim/TargetSearch-v1.")
+        self._search: Search = environment.current
+        simulator = self._search.simulator_config
+        controller: Part = "velocity"
+        if self._search.config.actions == "discrete":  # of which none goes back
+            controller = Controller(replace(control_of(simulator), reverses=False))
+        self._config = EpisodeConfig(
+            goal=goal,
+            mapper=mapper,
+            explorer="gain",
+            controller=controller,
+            simulator=simulator,
+            link_states=self._search.config.link_states,
+        )
+        self._agent: Agent | None = None
+
+    def act(self) -> Any:
+        """Return the action for what the robot senses now; at the start of a search, the agent starts anew."""
+        search = self._search
+        if self._agent is None or search.sensed.action is None:
+            self._agent = self._new_agent()
+        decision = self._agent.act(search.sensed)
+        return search.action_of(Action.LEFT if decision is None else decision.command)
+
+    def _new_agent(self) -> Agent:
+        search, simulator = self._search, self._search.simulator_config
+        navigator, policy = make_agent_parts(self._config, np.array(search.task.target))
+        interpret = search.robot.interpreter(search.place.classifier(self._config.link_states))
+        if policy.uses_radio and interpret is None:
+            raise ValueError(
+                f"goal is {self._config.goal!r}, which needs a radio. Give the environment the observation 'radio'."
+            )
+        agent = Agent(
+            navigator,
+            policy,
+            turning_m=simulator.robot.hull.turning_m,
+            radio=simulator.radio,
+            interpret=interpret,
+        )
+        agent.reset(search.task.start)
+        return agent
