@@ -16,5 +16,5 @@ def test_training_and_comparison_run():
     spec.loader.exec_module(example)
     example.SEARCH["max_episode_steps"] = 20
     shares = example.main(256, robots=1, searches=1, homes=1)
-    assert set(shares) == {"learned", "at random"}
-    assert all(0 <= share <= 1 for share in shares.values())
+    assert set(shares) == {"learned", "at random", "snr", "oracle"}
+    assert all(0 <= spl <= share <= 1 for share, spl in shares.values())

@@ -110,7 +110,7 @@ def test_all_python_blocks_run() -> None:
 
 @pytest.mark.slow
 def test_mapper_on_the_page_of_parts(tmp_path: Path, separate_process: Callable[..., Ended]) -> None:
-    """It resets its map at the 100th scan and accepts laser scans: 130 decisions of exploring."""
+    """It resets its map at the 100th scan and accepts laser scans, among people too: 130 decisions of exploring."""
     ended = separate_process(_explore, DOCS / "tasks" / "parts.md", folder=tmp_path)
     assert ended.status == 0, ended.output[-3000:]
 
@@ -125,13 +125,14 @@ def _explore(page: Path) -> int:
         read_plan,
         run_episode,
     )
+    from robosim.movers.movers import MoversConfig
 
     names: dict[str, Any] = {}
     exec(blocks(page, "python")[0], names)
     config = EpisodeConfig(
         goal="explore",
         mapper=names["Mapper"],
-        simulator=SimulatorConfig(physics="kinematic", lidar="lds-01"),
+        simulator=SimulatorConfig(physics="kinematic", lidar="lds-01", movers=MoversConfig(people=1)),
         max_steps=130,
     )
     building = make_building(read_plan("office"))
