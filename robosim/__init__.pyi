@@ -46,7 +46,7 @@ from robosim.task.tasks import make_task as make_task
 from robosim.task.tasks import Task as Task
 from robosim.episode import run_episode as run_episode
 from robosim.run import record_episode as record_episode
-from robosim.episode import EpisodeConfig as EpisodeConfig
+from robosim.episode_config import EpisodeConfig as EpisodeConfig
 from robosim.episode_log import EpisodeLog as EpisodeLog
 from robosim.step import Step as Step
 from robosim.recording.episode_file import read_episode as read_episode

@@ -14,20 +14,24 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from robosim.navigation import Navigator
+from robosim.episode_config import EpisodeConfig
+from robosim.navigation import Navigator, calibrated_robot, make_navigator
+from robosim.policies.belief import BeliefConfig
 from robosim.policies.estimates import Estimates
-from robosim.policies.goals import GoalPolicy
+from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
 from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
 from robosim.radio.link import RadioLinkConfig
-from robosim.radio.measurement import Interpret, Measurement, bearings_of
+from robosim.radio.measurement import Interpret, Measurement, bearings_of, check_classifier
 from robosim.simulator import Observation
 from robosim.step import Decision
 from robosim.support.parts import accepted
 from robosim.support.stopwatch import Stopwatch
+from robosim.task.tasks import Task
 from slam.actions import Command
-from slam.control.avoidance import Avoidance, AvoidanceConfig
+from slam.control.avoidance import Avoidance
 from slam.grid import MapEstimate
 from slam.planning.loop_detector import LoopDetector, Remedy
+from slam.robot import Robot
 
 
 class Agent:
@@ -37,10 +41,9 @@ class Agent:
         self,
         navigator: Navigator,
         policy: GoalPolicy,
+        robot: Robot,
         *,
-        turning_m: float,
         radio: RadioLinkConfig | None = None,
-        interpret: Interpret | None = None,
         anchor_places: Mapping[str, Float[np.ndarray, "2"]] | None = None,
         watch: Stopwatch | None = None,
     ) -> None:
@@ -49,21 +52,19 @@ class Agent:
         Args:
             navigator: Mapper, planner and controller.
             policy: Chooses the goals.
-            turning_m: Radius of the circle in which the robot turns on the spot [m].
+            robot: The robot.
             radio: Carrier and waveform of the radio, for bearings.
-            interpret: Interprets radio measurements; None without a radio.
             anchor_places: Places in `map` [m] of the transmitters whose places are known, by name.
             watch: Collects the time by stage.
         """
         self.policy, self.mapper = policy, navigator.mapper
-        self._planner, self._controller = navigator.planner, navigator.controller
-        self._avoidance_config = AvoidanceConfig(radius_m=turning_m)
-        self._radio, self._interpret = radio, interpret
-        self._anchor_places = anchor_places or {}
-        self._watch = watch or Stopwatch()
-        self._mapper_inputs = accepted(self.mapper.update, ("laser", "time_s"))
+        self.interpret: Interpret | None = None
+        """Interprets radio measurements; None without a radio."""
         self.measurements: dict[str, Measurement] = {}
         """Radio measurements of the last decision by transmitter, "target" first; empty without a radio."""
+        self._planner, self._controller = navigator.planner, navigator.controller
+        self._robot, self._radio, self._anchor_places = robot, radio, anchor_places or {}
+        self._watch = watch or Stopwatch()
         self._sensed: Observation | None = None
         self._map: MapEstimate | None = None
 
@@ -73,7 +74,8 @@ class Agent:
         self.policy.reset()
         self._planner.reset()
         self._controller.reset()
-        self._loop_detector, self._avoidance = LoopDetector(), Avoidance(self._avoidance_config)
+        self._loop_detector, self._avoidance = LoopDetector(), Avoidance(self._robot)
+        self._mapper_inputs = accepted(self.mapper.update, ("laser", "time_s"))
         self._chosen: Command | None = None
         self._sensed = self._map = None
 
@@ -128,10 +130,10 @@ class Agent:
 
     def _estimates(self, sensed: Observation, map_: MapEstimate) -> Estimates:
         """Map, pose, and what the robot makes of its radio measurements; the mapper is given their bearings."""
-        if self._interpret is None or self._radio is None:
+        if self.interpret is None or self._radio is None:
             return Estimates(map_)
         paths = {"target": sensed.paths, **sensed.anchors}
-        self.measurements = {name: self._interpret(name, paths[name], map_.pose) for name in paths}
+        self.measurements = {name: self.interpret(name, paths[name], map_.pose) for name in paths}
         target, anchors = self.measurements["target"], dict(self.measurements)
         del anchors["target"]
         if not self.policy.uses_directions:
@@ -139,3 +141,45 @@ class Agent:
         bearings = bearings_of({"target": target, **anchors}, self._radio, self._anchor_places)
         self.mapper.listen(bearings)
         return Estimates(map_, target, anchors, self._anchor_places, self.mapper.transmitters)
+
+
+def make_agent(config: EpisodeConfig, task: Task | None = None, watch: Stopwatch | None = None) -> Agent:
+    """Make the agent of an episode's configuration.
+
+    Args:
+        config: Parts and robot.
+        task: Places of anchors that the robot knows, and the target, which is for oracles only; None for a robot whose
+            task nobody knows.
+        watch: Collects the time by stage.
+
+    Raises:
+        ValueError: If there is no such part, or its weights cannot be read.
+    """
+    simulator, robot = config.simulator, calibrated_robot(config.simulator)
+    navigator = make_navigator(simulator, config.explorer, config.mapper, config.controller)
+    fused, belief = config.fused, config.fused.belief
+    # A carrier that differs from the default is deliberate; else that of the radio is used.
+    if belief.frequency_hz == BeliefConfig.frequency_hz:
+        belief = replace(belief, frequency_hz=simulator.radio.frequency_hz)
+    # Without a camera none of the floor counts as seen to be empty.
+    fused = replace(fused, belief=belief, uses_camera=fused.uses_camera and simulator.renderer != "none")
+    target = None if task is None else task.target
+    context = PolicyContext(explorer=navigator.explorer, fused=fused, robot=robot, target=target)
+    return Agent(
+        navigator,
+        make_policy(config.goal, context),
+        robot,
+        radio=simulator.radio,
+        anchor_places={} if task is None else {a.name: a.place for a in task.anchors if a.known},
+        watch=watch,
+    )
+
+
+def check_weights(config: EpisodeConfig) -> None:
+    """Read the weights that an episode needs, so that a bad file is found before the work begins.
+
+    Without a radio no link state is classified, and the classifier's weights are not read.
+    """
+    nowhere = Task(start=np.zeros(3), target=np.zeros(2), shortest_m=0.0)
+    if make_agent(config, nowhere).policy.uses_radio:
+        check_classifier(config.link_states, config.simulator.radio)

@@ -5,42 +5,29 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.episode_log import EpisodeLog
 from robosim.simulator import Simulator
 from robosim.step import Truth
 from robosim.task.coverage import Coverage
-from robosim.task.tasks import Task
 
 
 class Judge:
     """Keeps the log of an episode, and ends it: by the true pose, by one rule for every policy."""
 
-    def __init__(
-        self,
-        robot: Simulator,
-        building: Building,
-        reach: Reach,
-        task: Task,
-        max_steps: int,
-        seeks_target: bool,
-    ) -> None:
+    def __init__(self, log: EpisodeLog, robot: Simulator, reach: Reach, max_steps: int) -> None:
         """Begin with nothing seen.
 
         Args:
+            log: Is filled; its task says where to.
             robot: Body and sensors of the robot.
-            building: Where it is.
-            reach: What its hull can reach there; coverage is counted over it.
-            task: From where to where.
+            reach: What its hull can reach; coverage is counted over it.
             max_steps: Actions before the episode is given up.
-            seeks_target: Whether the episode ends on arrival.
         """
-        self.log = EpisodeLog(task, seeks_target=seeks_target)
-        self._robot, self._max_steps = robot, max_steps
-        floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
+        self.log, self._robot, self._max_steps = log, robot, max_steps
+        floor = reach.swept(reach.part_near(log.task.start[:2], reach.radius_m))
         image = robot.config.image
-        self._coverage = Coverage(building.plan, floor, np.radians(image.hfov_deg), image.ahead_m)
+        self._coverage = Coverage(robot.building.plan, floor, np.radians(image.hfov_deg), image.ahead_m)
 
     def observe(self, truth: Truth, estimate: Float[np.ndarray, "3"]) -> Truth:
         """Log a step, and set `log.ended` if the episode ends with it; return the truth with the coverage so far.

@@ -16,20 +16,21 @@ from robosim.parts import CONTROLLER, EXPLORER, MAPPER
 from robosim.robot.calibration import open_floor, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import Part
-from slam.control.controller import ControlConfig, LocalPolicy
+from slam.control.controller import LocalPolicy
 from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
 from slam.mapping.moving import MovingConfig
 from slam.mapping.odometry import OdometryConfig, calibrated
-from slam.planning.cost_map import CostConfig
-from slam.planning.planner import Planner, PlannerConfig
-from slam.sensing.projection import Band, CameraModel
+from slam.planning.planner import Planner
+from slam.robot import Robot
+from slam.sensing.projection import Band
 
 #: How often each action is run to calibrate the odometry of a robot without a calibration.
 CALIBRATION_RUNS = 1000
@@ -51,52 +52,27 @@ def make_navigator(
     controller: Part = "planned",
 ) -> Navigator:
     """The navigator of the simulated robot, of classical parts where no others are named."""
-    hull = config.robot.hull
-    odometry = _odometry(config)
-    cost = CostConfig().for_hull(hull)
-    look_room_m = PlannerConfig.look_room_m + hull.turning_m - hull.radius_m
-    # What hangs higher than the mast and the camera on it does not stop the robot.
-    top_m = config.robot.mast_m + 0.1
-    image = config.image
-    camera = CameraModel(hfov_deg=image.hfov_deg, height_m=image.height_m, ahead_m=image.ahead_m)
+    robot = calibrated_robot(config)
     mapping = MapperConfig(
-        radius_m=hull.radius_m,
-        outline_m=hull.outline_m,
-        camera=camera,
-        odometry=odometry,
-        band=Band(high_m=top_m),
+        # What hangs higher than the mast and the camera on it does not stop the robot.
+        band=Band(high_m=robot.mast_m + 0.1),
         moving=MovingConfig(tracks=config.movers.any and config.movers.tracking),
     )
     return Navigator(
-        MAPPER.make(mapper, mapping, field="mapper"),
-        Planner(PlannerConfig(cost=cost, look_room_m=look_room_m)),
-        CONTROLLER.make(controller, control_of(config), field="controller"),
-        EXPLORER.make(explorer, ExplorerConfig(cost=cost), field="explorer"),
+        MAPPER.make(mapper, robot, mapping, field="mapper"),
+        Planner(robot),
+        CONTROLLER.make(controller, robot, field="controller"),
+        EXPLORER.make(explorer, robot, field="explorer"),
     )
 
 
-def control_of(config: SimulatorConfig) -> ControlConfig:
-    """How the robot that is simulated is steered: its hull, what its actions do, and its limits."""
-    motions = tuple(error.motion for error in _odometry(config).of_actions)
-    robot = config.robot
-    return ControlConfig(
-        radius_m=robot.hull.radius_m,
-        outline_m=robot.hull.outline_m,
-        motions=motions,
-        speed_mps=robot.max_speed_mps,
-        turn_rate_radps=min(ControlConfig.turn_rate_radps, robot.turn_rate_radps),
-        accel_mps2=robot.max_accel_mps2,
-        track_m=robot.track_m,
-        latency_s=robot.latency_s,
-    )
+def calibrated_robot(config: SimulatorConfig) -> RobotConfig:
+    """The simulated robot with the errors of its odometry, by default those of its noise on an open floor."""
+    return replace(config.robot, odometry=config.robot.odometry or odometry_of(config.robot.noise))
 
 
-def _odometry(config: SimulatorConfig) -> OdometryConfig:
-    return config.robot.odometry or odometry_of(config.noise)
-
-
-def _rated(rating: ExplorerName, config: ExplorerConfig) -> FrontierExplorer:
-    return FrontierExplorer(replace(config, rating=rating))
+def _rated(rating: ExplorerName, robot: Robot) -> FrontierExplorer:
+    return FrontierExplorer(robot, ExplorerConfig(rating=rating))
 
 
 nearest_explorer = partial(_rated, "nearest")
@@ -105,36 +81,36 @@ gain_explorer = partial(_rated, "gain")
 tour_explorer = partial(_rated, "tour")
 
 
-def learned_explorer(config: ExplorerConfig) -> FrontierExplorer:
+def learned_explorer(robot: Robot) -> FrontierExplorer:
     """Chooses among frontiers by the shipped network."""
-    config = replace(config, rating="learned", **LEARNED)
-    return FrontierExplorer(config, load_chooser(shipped_network("explorer")))
+    config = ExplorerConfig(rating="learned", **LEARNED)
+    return FrontierExplorer(robot, config, load_chooser(shipped_network("explorer")))
 
 
-def learned_controller(config: ControlConfig) -> LearnedController:
+def learned_controller(robot: Robot) -> LearnedController:
     """Chooses actions by the shipped network."""
-    return load_steering(shipped_network("steering"), config)
+    return load_steering(shipped_network("steering"), robot)
 
 
-def neural_mapper(config: MapperConfig) -> Mapper:
+def neural_mapper(robot: Robot, config: MapperConfig) -> Mapper:
     """The mapper with the shipped network."""
-    return mapper_of_file(shipped_network("mapper"), config)
+    return mapper_of_file(shipped_network("mapper"), robot, config)
 
 
-def mapper_of_file(path: Path, config: MapperConfig) -> Mapper:
+def mapper_of_file(path: Path, robot: Robot, config: MapperConfig) -> Mapper:
     """A mapper with a network of its own."""
     from slam.mapping.neural import NeuralMapper
     from slam.networks.files import load_mapper
 
-    return NeuralMapper(load_mapper(path)[0], config)
+    return NeuralMapper(load_mapper(path)[0], robot, config)
 
 
-def learned_pose_mapper(config: MapperConfig) -> Mapper:
+def learned_pose_mapper(robot: Robot, config: MapperConfig) -> Mapper:
     """The classical mapper with the pose found by the shipped network instead of by scan matching."""
     from slam.mapping.learned_matching import LearnedMatcher
     from slam.networks.files import load_pose
 
-    return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
+    return ClassicalMapper(robot, config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
 
 @cache

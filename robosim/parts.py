@@ -58,7 +58,7 @@ EXPLORER = Kind(
         "learned": "robosim.navigation:learned_explorer",
     },
     has=("goal",),
-    made_from="a slam.exploration.explorer.ExplorerConfig",
+    made_from="a slam.robot.Robot",
     protocol="slam.exploration.explorer:Explorer",
 )
 MAPPER = Kind(
@@ -69,7 +69,7 @@ MAPPER = Kind(
         "learned-pose": "robosim.navigation:learned_pose_mapper",
     },
     has=("reset", "update"),
-    made_from="a slam.mapping.classical.MapperConfig",
+    made_from="a slam.robot.Robot and a slam.mapping.classical.MapperConfig",
     suffixes=(".safetensors",),
     from_file="robosim.navigation:mapper_of_file",
     protocol="slam.mapping.classical:Mapper",
@@ -82,7 +82,7 @@ CONTROLLER = Kind(
         "velocity": "slam.control.velocity:VelocityController",
     },
     has=("act",),
-    made_from="a slam.control.controller.ControlConfig",
+    made_from="a slam.robot.Robot",
     protocol="slam.control.controller:LocalPolicy",
 )
 PHYSICS = Kind(
@@ -106,7 +106,7 @@ ROBOT = Kind(
         "create3": "robosim.robot.named:CREATE3",
         "jackal": "robosim.robot.named:JACKAL",
     },
-    has=("radius_m", "mast_m", "height_m", "hull", "hull_m", "profile", "within_reach"),
+    has=("mast_m", "height_m", "hull", "hull_m", "profile", "within_reach"),
     made_from="nothing",
     suffixes=(".yaml", ".yml", ".json", ".urdf", ".xml"),
     from_file="robosim.robot.robot_files:read_robot",

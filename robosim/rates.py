@@ -16,7 +16,8 @@ from robosim.building.reach import reach
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.task.tasks import make_task

@@ -10,11 +10,13 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress
 
+from robosim.agent import check_weights
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.drawing.picture import Picture, status_line
 from robosim.drawing.plan_view import building_rings
-from robosim.episode import EpisodeConfig, check_weights, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan

@@ -7,7 +7,7 @@ for judging only.
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,11 +16,10 @@ from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
 from robosim.camera.cameras import make_camera
-from robosim.camera.depth_noise import DepthNoise
 from robosim.camera.model import Camera, CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import Recogniser, target_mesh
-from robosim.lidar import Lidar, LidarConfig
+from robosim.lidar import Lidar
 from robosim.movers.movers import MoversConfig, make_movers
 from robosim.parts import (
     CAMERA,
@@ -28,14 +27,12 @@ from robosim.parts import (
     PHYSICS,
     RECOGNISER,
     CameraPart,
-    LidarPart,
     PhysicsPart,
     RecogniserPart,
 )
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpret, Interpreter
 from robosim.robot.motion import Motion, Physics
-from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
 from robosim.support.parts import Part
 from robosim.support.randomness import named_generator
@@ -55,20 +52,9 @@ class SimulatorConfig:
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
     camera: CameraPart = "pyrender"
     """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL. plan: one ray per column, fastest,
-    schematic colours. none: the robot has no camera."""
-    image: CameraConfig = field(default_factory=CameraConfig)
-    """Size and optics of the camera's pictures."""
-    lidar: LidarPart = "none"
-    """2D lidar with the camera or, with --camera none, instead of it: rplidar-a1, lds-01, ust-10lx,
-    ring-64, rangers-4 or vl53l5cx."""
-    laser: LidarConfig = field(default_factory=LidarConfig)
-    """Height and errors of the lidar's beams."""
+    schematic colours. none: the robot goes without its camera."""
     robot: RobotConfig = field(default_factory=RobotConfig)
-    """The robot's body."""
-    noise: NoiseModel = field(default_factory=NoiseModel)
-    """Actuation and odometry noise."""
-    depth_noise: DepthNoise = field(default_factory=DepthNoise)
-    """Noise of the depth camera."""
+    """The robot, with its sensors and errors."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
     """Transmitter of the target, and receiver of the robot."""
     movers: Annotated[MoversConfig, tyro.conf.arg(name="")] = field(default_factory=MoversConfig)
@@ -79,22 +65,19 @@ class SimulatorConfig:
     def __post_init__(self) -> None:
         PHYSICS.check("physics", self.physics)
         CAMERA.check("camera", self.camera)
-        LIDAR.check("lidar", self.lidar)
-        if self.camera == self.lidar == "none":
+        if self.renderer == self.robot.lidar == "none":
             raise ValueError("camera and lidar are 'none': the robot would see nothing. Give it one of them.")
         RECOGNISER.check("recognition", self.recognition)
 
-    def of_robot(self, robot: RobotConfig) -> "SimulatorConfig":
-        """The same with another robot, and the sensors that it comes with."""
-        has = robot.sensors
-        if has is None:
-            return replace(self, robot=robot)
-        laser = replace(self.laser, ahead_m=has.lidar_m[0], height_m=has.lidar_m[1])
-        if has.camera_m is None:
-            return replace(self, robot=robot, camera="none", lidar=has.lidar, laser=laser)
-        ahead_m, height_m = has.camera_m
-        image = replace(self.image, ahead_m=ahead_m, height_m=height_m, hfov_deg=has.hfov_deg)
-        return replace(self, robot=robot, image=image, lidar=has.lidar, laser=laser)
+    @property
+    def renderer(self) -> Part:
+        """How pictures are made; "none" if the robot has no camera, or goes without it."""
+        return "none" if self.robot.camera is None else self.camera
+
+    @property
+    def image(self) -> CameraConfig:
+        """The pictures; without a camera they show nothing."""
+        return self.robot.camera or CameraConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +127,15 @@ class Simulator:
             self.movers = make_movers(self.config.movers, building, self.config.robot.hull.turning_m)
             self.world = self._make_world()
             # Light takes a second in a large building; it cuts walls into pieces.
-            plain = self.config.camera in ("none", "plan")
+            plain = self.config.renderer in ("none", "plan")
             self._shaded = building.mesh if plain else shaded_mesh(building)
             self.radio = RadioLink(building, self.config.radio) if uses_radio else None
             self._lidar: Lidar | None = None
-            if self.config.lidar != "none":
+            if self.config.robot.lidar != "none":
                 meshes = [building.mesh]
-                self._lidar = LIDAR.make(self.config.lidar, meshes, self.config.laser, field="lidar")
+                self._lidar = LIDAR.make(
+                    self.config.robot.lidar, meshes, self.config.robot.laser, field="lidar"
+                )
         self.anchors: dict[str, RadioLink] = {}
         self._anchor_rngs: dict[str, np.random.Generator] = {}
         self.motion: Motion | None = None
@@ -205,13 +190,13 @@ class Simulator:
         """Do one discrete action, with actuation noise, or drive with a velocity."""
         if isinstance(action, Velocity):
             return self.drive(*action)
-        commanded = self.config.noise.actuation(action, self._rng)
+        commanded = self.config.robot.noise.actuation(action, self._rng)
         before = self.pose
         with self.watch.stage("physics"):
             waits = action is Action.WAIT
             motion = self.world.drive(0.0, 0.0, WAIT_S) if waits else self.world.move(commanded)
         self.motion, displacement = motion, between(before, self.pose)
-        return self._observe(self.config.noise.sense(action, displacement, self._rng), action), motion
+        return self._observe(self.config.robot.noise.sense(action, displacement, self._rng), action), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
         """Drive with a forward speed and a turn rate for a time.
@@ -224,7 +209,7 @@ class Simulator:
             motion = self.world.drive(v_mps, w_radps, duration_s)
         self.motion, displacement = motion, between(before, self.pose)
         done = Velocity(v_mps, w_radps, duration_s)
-        return self._observe(self.config.noise.sense_motion(displacement, self._rng), done), motion
+        return self._observe(self.config.robot.noise.sense_motion(displacement, self._rng), done), motion
 
     def interpreter(self, classifier: Part) -> Interpret | None:
         """Make what interprets measurements of a transmitter by its name; None without a radio."""
@@ -246,7 +231,7 @@ class Simulator:
     @property
     def true_depth(self) -> Float[np.ndarray, "h w"] | None:
         """Depth of the last observation without noise, for judging [m]; 0 where nothing was hit, None if blind."""
-        return None if self.config.camera == "none" else self._depth
+        return None if self.config.renderer == "none" else self._depth
 
     @property
     def true_laser(self) -> LaserScan | None:
@@ -265,10 +250,10 @@ class Simulator:
         with self.watch.stage("camera"):
             pose = camera_pose(self.pose, self.config.image)
             frame = self._camera.render(pose)
-            if self.movers is not None and self.config.camera != "none":
+            if self.movers is not None and self.config.renderer != "none":
                 frame = self.movers.draw(frame, pose, self.config.image)
         self._depth = frame.depth
-        noise, focal_px = self.config.depth_noise, float(self.config.image.focal_px)
+        noise, focal_px = self.config.robot.depth_noise, float(self.config.image.focal_px)
         with self.watch.stage("noise"):
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)
         with self.watch.stage("lidar"):
@@ -300,5 +285,5 @@ class Simulator:
         self.close()
         with self.watch.stage("scene"):
             meshes = [self._shaded, target_mesh(target, ceiling_m=self.building.height_m)]
-            self._camera = make_camera(meshes, self.config.image, backend=self.config.camera)
+            self._camera = make_camera(meshes, self.config.image, backend=self.config.renderer)
         self._target = tuple(target)

@@ -59,7 +59,8 @@ def call_loops(part: int = 0) -> None:
     # Here, so that both processes import the simulator at the same time.
     from robosim.building.building import make_building
     from robosim.building.reach import reach
-    from robosim.episode import EpisodeConfig, run_episode
+    from robosim.episode import run_episode
+    from robosim.episode_config import EpisodeConfig
     from robosim.task.tasks import make_task
 
     if part == 1:

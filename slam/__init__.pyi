@@ -1,5 +1,7 @@
 """Public names of `slam`."""
 
+from slam.robot import Robot as Robot
+
 # Mapping
 from slam.mapping.classical import ClassicalMapper as ClassicalMapper
 from slam.mapping.classical import MapperConfig as MapperConfig

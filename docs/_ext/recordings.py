@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.live.page_export import export
 from robosim.live.recordings import read_recording
 from robosim.plans.files import read_plan

@@ -20,29 +20,25 @@ from jaxtyping import Float, Float32, UInt8
 
 from robosim.support.checks import SIZE_PX, Range, checked
 from slam.poses import moved_ahead
+from slam.sensing.projection import CameraModel
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class CameraConfig:
-    """Size, optics and place of an RGB-D camera."""
+class CameraConfig(CameraModel):
+    """Size, optics and mount of an RGB-D camera."""
 
     width: Annotated[int, SIZE_PX] = 128
     """Columns of a picture [pixels]."""
     height: Annotated[int, SIZE_PX] = 128
     """Rows of a picture [pixels]."""
-    hfov_deg: Annotated[float, Range(1, 170, "degrees", "The angle is in degrees, not in radians.")] = 90.0
-    """Horizontal field of view, between the outer edges of the first and last column [deg]."""
-    height_m: Annotated[float, Range(-100, 100, "m")] = 1.25
-    """Height above the floor [m]."""
-    ahead_m: Annotated[float, Range(-10, 10, "m")] = 0.0
-    """How far it is ahead of the robot's centre [m]."""
     near_m: Annotated[float, Range(1e-4, 1e4, "m")] = 0.05
     """Nearer things are not seen [m along the view]."""
     far_m: Annotated[float, Range(1e-3, 1e5, "m")] = 50.0
     """Farther things are not seen [m along the view]."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.near_m < self.far_m:
             raise ValueError(
                 f"near_m is {self.near_m} and far_m is {self.far_m}, expected near_m < far_m. Try 0.05 and 50."

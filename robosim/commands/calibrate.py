@@ -204,7 +204,7 @@ def calibrate(
         else:
             world = PHYSICS.make(simulator.physics, open_floor(), robot=simulator.robot)
             with tracked(range(runs), "runs of each action", console) as numbers:
-                done = run_actions(world, simulator.noise, numbers, np.random.default_rng(seed))
+                done = run_actions(world, simulator.robot.noise, numbers, np.random.default_rng(seed))
         found = calibrated(*done)
         write_robot(folder / "robot.json", replace(simulator.robot, odometry=found))
         draw_errors(done, folder / "odometry.png")

@@ -7,7 +7,7 @@ the others start from.
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
@@ -16,10 +16,12 @@ import tyro
 from tyro.conf import OmitArgPrefixes
 
 from robosim.commands.command_table import value_of, with_signature
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.ablations import POLICY
+from robosim.lidar import LidarConfig
 from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
+from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import Part, is_part, names_code, part_name
 from robosim.support.reading import naming
@@ -65,6 +67,7 @@ def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Cal
     if robot is not None:
         made: RobotConfig = ROBOT.make(robot, field="robot")
         config = config.of_robot(made)
+    config = replace(config, simulator=_without_sensors(config.simulator, words))
     changes: dict[str, dict[str, Any]] = {"settings": {"default": config}}
     if file is not None:
         # Commands without a default seed, such as evaluate, keep their own.
@@ -73,6 +76,29 @@ def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Cal
         )
         changes |= {name: {"default": getattr(config, name)} for name in own}
     return with_signature(lambda *args, **options: command(*args, **options), command, changes)
+
+
+def _without_sensors(simulator: SimulatorConfig, words: Sequence[str]) -> SimulatorConfig:
+    """Take the lidar off with `--lidar none`.
+
+    Raises:
+        ValueError: If there are options of a sensor that the robot does not have.
+    """
+    robot, camera, lidar = simulator.robot, value_of("--camera", words), value_of("--lidar", words)
+    has_camera = robot.camera is not None and (camera or simulator.camera) != "none"
+    has_lidar = (lidar or robot.lidar) != "none"
+    for word in words:
+        if not has_camera and (word.startswith("--image.") or (word == "--camera" and camera != "none")):
+            raise ValueError(
+                f"{word} is given, but the robot has no camera. Leave it out, or choose another robot."
+            )
+        if not has_lidar and word.startswith("--laser."):
+            raise ValueError(
+                f"{word} is given, but the robot has no lidar. Name one, such as --lidar rplidar-a1."
+            )
+    if lidar == "none":
+        simulator = replace(simulator, robot=replace(robot, lidar="none", laser=LidarConfig()))
+    return simulator
 
 
 def read_config(path: Path) -> EpisodeConfig:
@@ -90,6 +116,7 @@ def read_config(path: Path) -> EpisodeConfig:
         # Settings of an evaluation hold digests of weights: see `robosim.evaluation.evaluate`.
         given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
         _keep_passage(given)
+        _move_to_robot(given.get("simulator"))
         _rename_fields(given.get("fused"))
         return from_dict(EpisodeConfig, given)
 
@@ -101,6 +128,23 @@ def _keep_passage(values: dict[str, Any]) -> None:
         found = found.get(key) if isinstance(found, dict) else None
     if isinstance(found, dict) and "max_transmissions" in found:
         found.setdefault("wall_passage", "face")
+
+
+def _move_to_robot(simulator: Any) -> None:
+    """Move sensors and noise to the robot, of which files of version 0.3 had them beside it."""
+    former = {
+        "image": "camera",
+        "lidar": "lidar",
+        "laser": "laser",
+        "noise": "noise",
+        "depth_noise": "depth_noise",
+    }
+    if isinstance(simulator, dict) and former.keys() & simulator.keys():
+        robot = check_object(simulator.setdefault("robot", {}))
+        robot.pop("sensors", None)
+        robot |= {name: simulator.pop(field) for field, name in former.items() if field in simulator}
+        if robot.get("lidar", "none") == "none":
+            robot.pop("laser", None)
 
 
 #: Fields of the settings of `fused` with other names in files of version 0.2.
@@ -115,6 +159,7 @@ _RENAMED = {
 def _rename_fields(values: Any) -> None:
     """Replace former names of fields."""
     if isinstance(values, dict):
+        values.pop("radius_m", None)  # of the robot
         for former, name in _RENAMED.items():
             if former in values:
                 values[name] = values.pop(former)
@@ -123,7 +168,15 @@ def _rename_fields(values: Any) -> None:
 
 
 #: Fields of a robot that are no options: they are in files only.
-_OF_FILES = ("outline_m", "sensors", "model", "odometry")
+_OF_FILES = ("outline_m", "model", "odometry")
+#: Fields of a robot that are options without its name.
+_OF_SENSORS = {
+    "camera": "image",
+    "lidar": "lidar",
+    "laser": "laser",
+    "noise": "noise",
+    "depth_noise": "depth-noise",
+}
 
 
 def command_options(config: EpisodeConfig) -> str:
@@ -132,7 +185,9 @@ def command_options(config: EpisodeConfig) -> str:
     A robot with more than the options describe, such as a calibrated one, is in the `settings.json` of a run.
     """
     robot = config.simulator.robot
-    in_file = any(getattr(robot, name) != getattr(RobotConfig, name) for name in _OF_FILES)
+    in_file = robot.camera is None or any(
+        getattr(robot, name) != getattr(RobotConfig, name) for name in _OF_FILES
+    )
     words = _words(config, DEFAULTS, "")
     if in_file:
         words = ["--config settings.json", *(["--allow-code"] if any(map(names_code, words)) else []), *words]
@@ -150,11 +205,17 @@ def _words(value: Any, default: Any, prefix: str) -> list[str]:
         if mine == usual or (prefix == "robot." and field.name in _OF_FILES):
             continue
         option = field.name.replace("_", "-")
+        if prefix == "robot." and field.name in _OF_SENSORS:
+            option, prefix_here = _OF_SENSORS[field.name], ""
+        else:
+            prefix_here = prefix
+        if mine is None and field.name == "camera":
+            continue  # the robot's name says so
         if hasattr(mine, "__dataclass_fields__"):
-            words += _words(mine, usual, "" if field.name == "simulator" else f"{prefix}{option}.")
+            words += _words(mine, usual, "" if field.name == "simulator" else f"{prefix_here}{option}.")
         elif isinstance(mine, bool):
-            words.append(f"--{prefix}{option}" if mine else f"--{prefix}no-{option}")
+            words.append(f"--{prefix_here}{option}" if mine else f"--{prefix_here}no-{option}")
         else:
             several = mine if isinstance(mine, tuple) else (mine,)
-            words += [f"--{prefix}{option}", *(quote(str(one)) for one in several)]
+            words += [f"--{prefix_here}{option}", *(quote(str(one)) for one in several)]
     return words

@@ -130,7 +130,7 @@ def live(
         return
     folder = Path(plan) if Path(plan).is_dir() else None
     floor_plan = None if folder else read_place(plan, reading)
-    from robosim.episode import EpisodeConfig
+    from robosim.episode_config import EpisodeConfig
     from robosim.live.page import Page
     from robosim.live.recordings import check_results
     from robosim.movers.movers import MoversConfig

@@ -54,7 +54,7 @@ def plan(
     from wireless.tracing.tracer import TracerConfig
 
     config = BuildingConfig(tolerance_m=tolerance)
-    robot = replace(robot_of_radius(radius), mast_m=mast)
+    robot = replace(robot_of_radius(radius), mast_m=mast, camera=None)
     with results_folder(out, "plan") as folder:
         floor_plan = read(plan, reading)
         building = make_building(floor_plan, config=config)

@@ -38,6 +38,7 @@ from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.navigation import make_navigator
 from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, Range, checked
@@ -139,8 +140,8 @@ def home_building(config: CollectConfig, home: int) -> Building:
 
 def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dict[str, np.ndarray]:
     """Explore one building; `seed` and that of the configuration seed all random numbers. Returns a shard's arrays."""
-    settings = SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise)
-    robot = settings.robot
+    robot = RobotConfig(noise=config.noise, depth_noise=config.depth_noise)
+    settings = SimulatorConfig(physics="kinematic", robot=robot)
     places = reach(building, *robot.hull_m)
     truth = TruePatches(building, hfov_deg=settings.image.hfov_deg, height_m=robot.height_m)
     rng = np.random.default_rng([config.seed, seed, 1])
@@ -150,7 +151,7 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
             if len(rows) == config.steps:
                 break
             navigator = make_navigator(settings)  # explores until everything is seen
-            agent = Agent(navigator, Explore(navigator.explorer), turning_m=robot.hull.turning_m)
+            agent = Agent(navigator, Explore(navigator.explorer), robot)
             task = make_task(places, rng, min_path_m=1.0)
             sensed = world.reset({ROBOT: task}, rng)[ROBOT]
             agent.reset(task.start)

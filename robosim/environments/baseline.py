@@ -5,20 +5,18 @@ observation, info = env.reset(seed=1)
 observation, reward, terminated, truncated, info = env.step(agent.act())
 """
 
-from dataclasses import replace
 from typing import Any
 
 import gymnasium
-import numpy as np
 
-from robosim.agent import Agent
+from robosim.agent import Agent, make_agent
 from robosim.environments.search import Search
 from robosim.environments.target_search import TargetSearch
-from robosim.episode import EpisodeConfig, make_agent_parts
-from robosim.navigation import control_of
+from robosim.episode_config import EpisodeConfig
+from robosim.navigation import calibrated_robot
 from robosim.support.parts import Part
 from slam.actions import Action
-from slam.control.controller import Controller
+from slam.control.controller import ControlConfig, Controller
 
 
 class Baseline:
@@ -48,7 +46,7 @@ class Baseline:
         simulator = self._search.simulator_config
         controller: Part = "velocity"
         if self._search.config.actions == "discrete":  # of which none goes back
-            controller = Controller(replace(control_of(simulator), reverses=False))
+            controller = Controller(calibrated_robot(simulator), ControlConfig(reverses=False))
         self._config = EpisodeConfig(
             goal=goal,
             mapper=mapper,
@@ -68,19 +66,12 @@ class Baseline:
         return search.action_of(Action.LEFT if decision is None else decision.command)
 
     def _new_agent(self) -> Agent:
-        search, simulator = self._search, self._search.simulator_config
-        navigator, policy = make_agent_parts(self._config, np.array(search.task.target))
-        interpret = search.robot.interpreter(search.place.classifier(self._config.link_states))
-        if policy.uses_radio and interpret is None:
+        search = self._search
+        agent = make_agent(self._config, search.task)
+        agent.interpret = search.robot.interpreter(search.place.classifier(self._config.link_states))
+        if agent.policy.uses_radio and agent.interpret is None:
             raise ValueError(
                 f"goal is {self._config.goal!r}, which needs a radio. Give the environment the observation 'radio'."
             )
-        agent = Agent(
-            navigator,
-            policy,
-            turning_m=simulator.robot.hull.turning_m,
-            radio=simulator.radio,
-            interpret=interpret,
-        )
         agent.reset(search.task.start)
         return agent

@@ -9,6 +9,7 @@ from robosim.environments.rewards import DEFAULT_WEIGHTS, OwnTerm, check_weights
 from robosim.parts import ClassifierPart
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import check_classifier
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import Range, check_some, checked
 
@@ -70,8 +71,7 @@ def simulator_for(config: SearchConfig) -> SimulatorConfig:
     return SimulatorConfig(
         physics="kinematic",
         camera=camera,
-        image=CameraConfig(width=64, height=64),
-        lidar=lidar,
+        robot=RobotConfig(camera=CameraConfig(width=64, height=64), lidar=lidar),
         radio=RadioLinkConfig(engine="table"),
     )
 
@@ -80,8 +80,9 @@ def check_senses(config: SearchConfig, simulator: SimulatorConfig) -> None:
     """Raise ValueError if the robot lacks a sensor that it observes by, or not what the classifier needs."""
     if config.uses_radio:  # reading a classifier takes seconds
         check_classifier(config.link_states, simulator.radio)
-    for sense, carrier in (("rgb", "camera"), ("depth", "camera"), ("lidar", "lidar")):
-        if sense in config.observe and getattr(simulator, carrier) == "none":
+    camera, lidar = ("camera", simulator.renderer), ("lidar", simulator.robot.lidar)
+    for sense, (carrier, kind) in (("rgb", camera), ("depth", camera), ("lidar", lidar)):
+        if sense in config.observe and kind == "none":
             raise ValueError(
                 f"observe has {sense!r}, but the simulator's {carrier} is 'none'. Give it one, or leave {sense!r} out."
             )

@@ -329,7 +329,7 @@ def make_spaces(
     if "lidar" in config.observe:
         # In any mesh: only the beams of the lidar are used.
         room = trimesh.creation.box((1.0, 1.0, 1.0))
-        lidar = LIDAR.make(simulator.lidar, [room], simulator.laser, field="lidar")
+        lidar = LIDAR.make(simulator.robot.lidar, [room], simulator.robot.laser, field="lidar")
     observed = senses.observation_space(config, simulator, lidar)
     actions: spaces.Space[Any] = (
         spaces.Box(-1.0, 1.0, (2,), np.float32)

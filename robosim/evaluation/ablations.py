@@ -14,7 +14,7 @@ They have names of their own wherever goal policies do, so that they run on the 
 from dataclasses import replace
 from typing import Any
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.parts import GOAL
 from robosim.support.parts import Part
 
@@ -28,7 +28,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "fused-no-memory": {**_NO_GRAPH, "fused.belief.remembers": False},
     "fused-no-graph": _NO_GRAPH,
     "fused-true-states": {"link_states": "true"},
-    "fused-true-pose": {"simulator.noise.exact_odometry": True},
+    "fused-true-pose": {"simulator.robot.noise.exact_odometry": True},
 }
 #: Goal policies and the variants of one.
 POLICY = replace(GOAL, shipped={**GOAL.shipped, **dict.fromkeys(VARIANTS, GOAL.shipped["fused"])})

@@ -22,7 +22,8 @@ from rich.text import Text
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.reach import Reach, reach
 from robosim.drawing.plan_view import building_rings
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.evaluation.ablations import configured
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
@@ -274,7 +275,7 @@ def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
     walls, poses = building.floor(robot.height_m).boundary, np.array(log.poses)
     clearance = shapely.distance(shapely.points(poses[:, :2]), walls)
     seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
-    deepest = max(0.0, robot.radius_m - float(clearance.min()))
+    deepest = max(0.0, robot.hull.radius_m - float(clearance.min()))
     if robot.outline_m:
         hull = robot.hull
         near = poses[clearance < hull.turning_m]

@@ -22,7 +22,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robosim.episode import EpisodeConfig, check_weights
+from robosim.agent import check_weights
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.ablations import POLICY, configured, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_job_head, run_jobs
 from robosim.evaluation.report import Evaluation, summary_rows, write_results

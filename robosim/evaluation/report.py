@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart, trajectories_figure
 from robosim.evaluation.episodes import Failure, Job, read_job_episode
 from robosim.evaluation.search_scores import Compared, Estimate, Summary, compared, subject_of
@@ -184,8 +184,8 @@ def write_report(
     title = f"Evaluation of {', '.join(policies)}"
     lead = (
         f"{counted(count, 'task')} in {counted(len(plans), 'floor plan')}, {counted(len(result.rows), 'episode')}. "
-        f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
-        f"{config.simulator.noise.level:g}, at most {counted(config.max_steps, 'step')}."
+        f"Physics {config.simulator.physics}, camera {config.simulator.renderer}, noise level "
+        f"{config.simulator.robot.noise.level:g}, at most {counted(config.max_steps, 'step')}."
     )
     order = (
         f"Tasks that {subject_of(policies)} failed come first, then those where it lost most to the best of the other "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.live.building_scene import FIELD_DEG, BuildingScene, light, view_of_all
 from robosim.live.link_model import LinkModel
 from robosim.live.page_html import page_head

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.ablations import POLICY, configured
 from robosim.live.player import Player
 from robosim.live.radio_panel import RadioPanel
@@ -160,7 +160,7 @@ class SearchPanel:
             self._seed = gui.add_number("seed", self._config.seed, min=0, max=2**31 - 1, step=1)
             people = self._config.simulator.movers.people
             self._people = gui.add_number("people", people, min=0, max=max(50, people), step=1)
-            noise = self._config.simulator.noise.level
+            noise = self._config.simulator.robot.noise.level
             self._noise = gui.add_slider("noise [times published]", 0.0, max(3.0, noise), 0.25, noise)
         actions = {
             SET_START: lambda: self.await_click("start"),
@@ -181,13 +181,14 @@ class SearchPanel:
     def _jobs(self) -> list[tuple[str, SearchJob, int]]:
         """Title, job and mode of each search."""
         radio, simulator = self._radio.model.config, self._config.simulator
+        robot = simulator.robot
         config = replace(
             self._config,
             seed=int(self._seed.value),
             building=replace(radio.building, furniture_material=radio.building.wall_material),
             simulator=replace(
                 simulator,
-                noise=replace(simulator.noise, level=float(self._noise.value)),
+                robot=replace(robot, noise=replace(robot.noise, level=float(self._noise.value))),
                 movers=replace(simulator.movers, people=int(self._people.value)),
                 radio=replace(
                     simulator.radio,

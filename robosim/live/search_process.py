@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from robosim.agent import check_weights
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.drawing.plan_view import building_rings
-from robosim.episode import EpisodeConfig, check_weights, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.live.recordings import Recording
 from robosim.plans.floorplan import FloorPlan

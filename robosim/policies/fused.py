@@ -29,6 +29,7 @@ from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box, near_box, travel_time_from_robot
 from slam.poses import to_map
+from slam.robot import Robot
 from wireless.paths import LinkState
 from wireless.tracing.tracer import OPAQUE_HZ
 
@@ -85,7 +86,8 @@ class Fused:
     seeks_target, uses_radio = True, True
     make_belief = TargetBelief
 
-    def __init__(self, explorer: Explorer, config: FusedConfig | None = None) -> None:
+    def __init__(self, explorer: Explorer, config: FusedConfig | None = None, robot: Robot = Robot()) -> None:
+        self._hull = robot.hull
         self.config = config or FusedConfig()
         belief = self.config.belief
         self._belief_config = belief if self.config.uses_camera else replace(belief, look_m=0.0)
@@ -193,7 +195,7 @@ class Fused:
         for find_box in (near_box, known_box) if estimate.size_factor > 1 else (known_box,):
             low, high = find_box(estimate)
             box = cut_box(estimate, low - margin, high + margin)
-            times = travel_time_from_robot(box, self.config.cost)
+            times = travel_time_from_robot(box, self.config.cost, self._hull)
             frontiers = find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
             if frontiers:
                 break

@@ -27,7 +27,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from robosim.camera.model import CameraConfig
 from robosim.parts import GOAL
 from robosim.policies.arrival import FollowArrival
 from robosim.policies.belief import TargetBelief
@@ -38,9 +37,9 @@ from robosim.policies.received_power import PowerSearch
 from robosim.simulator import Observation
 from robosim.support.parts import Part
 from slam.actions import Action
-from slam.control.controller import ControlConfig
 from slam.exploration.explorer import Explorer
 from slam.poses import to_map
+from slam.robot import Robot
 from wireless.paths import LinkState
 
 #: Policies of this package that search for the target.
@@ -162,10 +161,8 @@ class PolicyContext:
     """Chooses among frontiers."""
     fused: FusedConfig = field(default_factory=FusedConfig)
     """Settings of `fused`."""
-    control: ControlConfig = field(default_factory=ControlConfig)
-    """The robot's hull and actions."""
-    hfov_deg: float = CameraConfig.hfov_deg
-    """Horizontal field of view of the camera [deg]."""
+    robot: Robot = field(default_factory=Robot)
+    """The robot."""
     target: Float[np.ndarray, "2"] | None = None
     """True position of the target, for the oracle and `shortest` only."""
 
@@ -214,4 +211,4 @@ def rss(context: PolicyContext) -> PowerSearch:
 
 def fused(context: PolicyContext) -> Fused:
     """The policy `fused`."""
-    return Fused(context.explorer, context.fused)
+    return Fused(context.explorer, context.fused, context.robot)

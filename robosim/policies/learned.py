@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32
 
-from robosim.camera.model import CameraConfig
 from robosim.policies.arrival import StuckDetector
 from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
@@ -44,6 +43,7 @@ from slam.actions import TURN_RAD, Action
 from slam.control.guard import Guard
 from slam.grid import MapEstimate
 from slam.poses import to_map
+from slam.robot import Robot
 from slam.sensing.background import background
 
 #: Seed of the draws.
@@ -72,12 +72,11 @@ class Learned:
         self,
         network: SearchNetwork,
         fused: Fused,
-        guard: Guard,
-        hfov_deg: float = CameraConfig.hfov_deg,
+        robot: Robot = Robot(),
     ) -> None:
-        self._network, self._fused, self._guard = network, fused, guard
+        self._network, self._fused, self._guard = network, fused, Guard(robot)
         column = (np.arange(COLUMNS) + 0.5) / COLUMNS
-        self._left = math.tan(math.radians(hfov_deg) / 2) * (1 - 2 * column)
+        self._left = math.tan(math.radians(robot.optics.hfov_deg) / 2) * (1 - 2 * column)
         self.uses_camera = fused.uses_camera
         self.reset()
 
@@ -176,6 +175,4 @@ def learned_of_file(path: Path, context: PolicyContext) -> Learned:
         candidates=_CANDIDATES,
         belief=replace(context.fused.belief, silence=True, beyond_m=_BEYOND_M),
     )
-    return Learned(
-        load_search(path), Fused(context.explorer, config), Guard(context.control), context.hfov_deg
-    )
+    return Learned(load_search(path), Fused(context.explorer, config, context.robot), context.robot)

@@ -95,7 +95,10 @@ def _camera(folder: Path) -> CameraConfig:
     """The camera of an episode."""
     with reading(folder / "result.json", "the result of an episode", "Run the episode again.") as file:
         config = check_object(parse_json(file.read())["config"], ("simulator",))
-        return CameraConfig(**check_object(config["simulator"], ("image",))["image"])
+        simulator = check_object(config["simulator"], ("robot",))
+        # Files of version 0.3 have the pictures beside the robot.
+        camera = simulator.get("image") or check_object(simulator["robot"]).get("camera")
+        return CameraConfig(**check_object(camera or {}))
 
 
 class _Messages:

@@ -41,7 +41,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
     """
     imported = None if robot.model is None else model_of(robot.model)
-    com_m = 0.5 * robot.radius_m if imported is None else imported.com_m
+    com_m = 0.5 * robot.hull.radius_m if imported is None else imported.com_m
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint(name="robot")
     body.explicitinertial = True
@@ -77,7 +77,11 @@ def _add_hull(
 ) -> None:
     """Add what walls meet, and the casters."""
     geom, hull = mujoco.mjtGeom, robot.hull
-    shape: dict[str, Any] = {"type": geom.mjGEOM_SPHERE, "pos": (0, 0, com_m), "size": (robot.radius_m, 0, 0)}
+    shape: dict[str, Any] = {
+        "type": geom.mjGEOM_SPHERE,
+        "pos": (0, 0, com_m),
+        "size": (robot.hull.radius_m, 0, 0),
+    }
     if robot.outline_m:
         shape = _prism(spec, "hull", hull.corners, com_m - _PLATE_M, com_m + _PLATE_M)
     body.add_geom(
@@ -91,7 +95,7 @@ def _add_hull(
         **shape,
         **physics.hard,
     )
-    caster_m = 0.15 * robot.radius_m
+    caster_m = 0.15 * robot.hull.radius_m
     # As far from the axle to the front as to the back: robots lean to neither.
     for name, x in (("front", hull.inner_m), ("back", -hull.inner_m)):
         body.add_geom(
@@ -131,7 +135,7 @@ def _add_wheel(
     wheel.add_geom(
         name=f"{name}_tyre",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=(r, 0.12 * robot.radius_m, 0),
+        size=(r, 0.12 * robot.hull.radius_m, 0),
         quat=(math.sqrt(0.5), math.sqrt(0.5), 0, 0),
         rgba=(0.1, 0.1, 0.1, 1),
         contype=0,
@@ -185,7 +189,7 @@ def _prism(
 
 def _add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, robot: RobotConfig) -> None:
     """What is drawn of the body, and collides with nothing."""
-    R, top = robot.radius_m, robot.mast_m
+    R, top = robot.hull.radius_m, robot.mast_m
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
     looks: list[tuple[str, dict[str, Any], tuple[float, ...]]] = [
         ("base", {"type": cylinder, "pos": (0, 0, 0.65 * R), "size": (R, 0.25 * R, 0)}, (0.3, 0.3, 0.33, 1)),

@@ -64,7 +64,7 @@ class KinematicWorld:
         self._walls = (
             _PolygonWalls(walls, self.robot.hull.corners)
             if self.robot.outline_m
-            else _Tiles(walls, self.robot.radius_m + GAP_M)
+            else _Tiles(walls, self.robot.hull.radius_m + GAP_M)
         )
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
         self._commands = CommandQueue(self.robot.latency_s)

@@ -18,16 +18,19 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from jaxtyping import Float
 
+from robosim.camera.model import CameraConfig
+from robosim.lidar import LidarConfig
 from robosim.robot.physics_engine import mujoco
-from robosim.robot.robots import RobotConfig, Sensors, convex_outline
+from robosim.robot.robots import RobotConfig
 from robosim.support.reading import reading
 from slam.hull import Hull, Outline
+from slam.robot import convex_outline
 
 logger = logging.getLogger(__name__)
 
@@ -88,31 +91,31 @@ def read_model(path: Path) -> RobotConfig:
     hull = Hull(max(abs(y) for _, y in model.outline_m), model.outline_m)
     is_round = hull.inner_m > (1 - _ROUND) * hull.turning_m
     missing = [f"speeds ({RobotConfig.max_speed_mps:g} m/s, --robot.max-speed-mps)"]
-    sensors = None
+    sensors: dict[str, Any] = {}
     if model.camera is not None or model.lidar is not None:
         if model.camera is not None and model.hfov_deg is None:
             missing.append(f"the camera's field of view ({_SOME_HFOV_DEG:g} degrees, --image.hfov-deg)")
         if model.lidar is not None:
             missing.append(f"the kind of lidar ({_SOME_LIDAR}, --lidar)")
-        sensors = Sensors(
-            camera_m=None if model.camera is None else _mount(model.camera),
-            hfov_deg=model.hfov_deg or _SOME_HFOV_DEG,
-            lidar="none" if model.lidar is None else _SOME_LIDAR,
-            lidar_m=Sensors.lidar_m if model.lidar is None else _mount(model.lidar),
-        )
+        heights_m = [_mount(place)["height_m"] for place in (model.camera, model.lidar) if place is not None]
+        sensors = {"camera": None, "mast_m": max(model.height_m, *heights_m, 0.01)}
+        if model.camera is not None:
+            camera = CameraConfig(hfov_deg=model.hfov_deg or _SOME_HFOV_DEG)
+            sensors["camera"] = replace(camera, **_mount(model.camera))
+        if model.lidar is not None:
+            sensors |= {"lidar": _SOME_LIDAR, "laser": LidarConfig(**_mount(model.lidar))}
     else:
         missing.append(f"sensors (a camera at {RobotConfig.mast_m:g} m, --image.height-m)")
     logger.warning("%s does not state %s. Give what differs.", path, " and ".join(missing))
     return RobotConfig(
-        radius_m=hull.turning_m,
+        radius_m=hull.turning_m if is_round else None,
         outline_m=() if is_round else model.outline_m,
         mass_kg=model.mass_kg,
         wheel_radius_m=wheel_radius_m,
         track_m=float(left - right),
         # Of what rolls, as of the other robots.
         rotor_inertia_kgm2=0.2 * model.mass_kg * wheel_radius_m**2,
-        mast_m=max(model.height_m, 0.01) if sensors else RobotConfig.mast_m,
-        sensors=sensors,
+        **sensors,
         model=path.absolute() if len(model.wheels[0]) == 1 else None,
     )
 
@@ -304,9 +307,9 @@ def _place_of(
     return None
 
 
-def _mount(place: Float[np.ndarray, "3"]) -> tuple[float, float]:
+def _mount(place: Float[np.ndarray, "3"]) -> dict[str, float]:
     """How far ahead a sensor is, and how high."""
-    return round(float(place[0]), 6), round(float(place[2]), 6)
+    return {"ahead_m": round(float(place[0]), 6), "height_m": round(float(place[2]), 6)}
 
 
 def _surface(model: mujoco.MjModel, data: mujoco.MjData, k: int) -> Float[np.ndarray, "n 3"]:

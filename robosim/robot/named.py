@@ -17,7 +17,9 @@ Left out: offsets of cameras to the side (up to 5 cm), the part of a lidar's vie
 of these robots' odometry: that of the configuration holds.
 """
 
-from robosim.robot.robots import RobotConfig, Sensors
+from robosim.camera.model import CameraConfig
+from robosim.lidar import LidarConfig
+from robosim.robot.robots import RobotConfig
 from slam.hull import Outline
 
 
@@ -38,7 +40,9 @@ TURTLEBOT3_BURGER = RobotConfig(
     mast_m=0.192,
     max_speed_mps=0.22,
     max_turn_rate_radps=2.84,
-    sensors=Sensors(lidar="lds-01", lidar_m=(-0.032, 0.182)),
+    camera=None,
+    lidar="lds-01",
+    laser=LidarConfig(ahead_m=-0.032, height_m=0.182),
 )
 TURTLEBOT3_WAFFLE = RobotConfig(
     outline_m=_rectangle(0.197, 0.073, 0.153),
@@ -48,7 +52,9 @@ TURTLEBOT3_WAFFLE = RobotConfig(
     mast_m=0.141,
     max_speed_mps=0.26,
     max_turn_rate_radps=1.82,
-    sensors=Sensors(camera_m=(0.069, 0.117), hfov_deg=59.0, lidar="lds-01", lidar_m=(-0.064, 0.132)),
+    camera=CameraConfig(ahead_m=0.069, height_m=0.117, hfov_deg=59.0),
+    lidar="lds-01",
+    laser=LidarConfig(ahead_m=-0.064, height_m=0.132),
 )
 CREATE3 = RobotConfig(
     radius_m=0.171,
@@ -68,7 +74,9 @@ TURTLEBOT4 = RobotConfig(
     max_speed_mps=0.306,
     max_turn_rate_radps=1.9,
     rotor_inertia_kgm2=0.002,
-    sensors=Sensors(camera_m=(-0.06, 0.244), hfov_deg=72.0, lidar="rplidar-a1", lidar_m=(-0.04, 0.193)),
+    camera=CameraConfig(ahead_m=-0.06, height_m=0.244, hfov_deg=72.0),
+    lidar="rplidar-a1",
+    laser=LidarConfig(ahead_m=-0.04, height_m=0.193),
 )
 JACKAL = RobotConfig(
     outline_m=_rectangle(0.254, 0.254, 0.215),
@@ -79,5 +87,7 @@ JACKAL = RobotConfig(
     max_speed_mps=2.0,
     max_turn_rate_radps=4.0,
     rotor_inertia_kgm2=0.02,
-    sensors=Sensors(lidar="ust-10lx", lidar_m=(0.12, 0.297)),
+    camera=None,
+    lidar="ust-10lx",
+    laser=LidarConfig(ahead_m=0.12, height_m=0.297),
 )

@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from robosim.robot.model_file import read_model
 from robosim.robot.robots import RobotConfig
@@ -20,7 +21,23 @@ def read_robot(path: Path) -> RobotConfig:
         if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
             return read_model(path)
         parse = parse_json if path.suffix == ".json" else parse_yaml
-        return from_dict(RobotConfig, parse(content))
+        values = parse(content)
+        _replace_sensors(values)
+        return from_dict(RobotConfig, values)
+
+
+def _replace_sensors(values: Any) -> None:
+    """Replace `sensors`, as files of version 0.3 have them."""
+    sensors = values.pop("sensors", None) if isinstance(values, dict) else None
+    if sensors is not None:
+        place, mount = sensors.get("camera_m"), sensors.get("lidar_m", (0.0, 0.2))
+        values["camera"] = place and {
+            "ahead_m": place[0],
+            "height_m": place[1],
+            "hfov_deg": sensors.get("hfov_deg", 90.0),
+        }
+        if sensors.get("lidar", "none") != "none":
+            values |= {"lidar": sensors["lidar"], "laser": {"ahead_m": mount[0], "height_m": mount[1]}}
 
 
 def write_robot(path: Path, robot: RobotConfig) -> None:

@@ -39,7 +39,6 @@ from robosim.training.training_plots import plot_coverage
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.exploration.explorer import LEARNED, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve
-from slam.planning.cost_map import CostConfig
 from slam.support.weights import Weights
 
 #: Numbers of the first homes for the choice of weights, for the comparison, and for training.
@@ -87,8 +86,8 @@ def walk_home(
         np.radians(SimulatorConfig().image.hfov_deg),
     )
     settings = LEARNED if rating == "learned" else {}
-    config = ExplorerConfig(rating=rating, cost=CostConfig(radius_m=robot.radius_m), **settings)
-    agent = GridAgent(FrontierExplorer(config, choose))
+    config = ExplorerConfig(rating=rating, **settings)
+    agent = GridAgent(FrontierExplorer(robot, config, choose))
     coverage = [] if coverage is None else coverage
     coverage.append(world.coverage)
     while len(coverage) <= recipe.decisions:

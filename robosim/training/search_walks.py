@@ -24,6 +24,7 @@ from robosim.policies.search_network import (
     empty_memory,
 )
 from robosim.radio.link import RadioLinkConfig
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.training.search_learning import Segment
 from slam.actions import Action
@@ -92,7 +93,7 @@ class Robots:
         simulator = SimulatorConfig(
             physics="kinematic",
             camera="plan",
-            image=CameraConfig(width=64, height=8),
+            robot=RobotConfig(camera=CameraConfig(width=64, height=8)),
             radio=RadioLinkConfig(engine="table", tables=walks.tables),
         )
         self.count = walks.robots

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
+from slam.robot import Robot
 
 #: Velocities with larger standard deviations are not known yet [m/s].
 _UNSURE_MPS = 0.6
@@ -27,8 +28,6 @@ _UNSURE_MPS = 0.6
 class AvoidanceConfig:
     """Distances from people, and how far ahead they are predicted."""
 
-    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the robot's hull [m]."""
     body_m: Annotated[float, Range(0.01, 5, "m")] = 0.17
     """Radius of a person [m]."""
     distance_m: Annotated[float, Range(0, 5, "m")] = 0.15
@@ -50,7 +49,8 @@ class AvoidanceConfig:
 class Avoidance:
     """Keeps a robot from running into people."""
 
-    def __init__(self, config: AvoidanceConfig = AvoidanceConfig()) -> None:
+    def __init__(self, robot: Robot = Robot(), config: AvoidanceConfig = AvoidanceConfig()) -> None:
+        self._hull_m = robot.hull.turning_m
         self.config = config
         self._waited = 0
 
@@ -90,7 +90,7 @@ class Avoidance:
         share = np.linspace(0.25, 1.0, 4)
         share_left = max(1 - self._waited / config.waits, 0.0)
         distance_m = config.squeeze_m + share_left * (config.distance_m - config.squeeze_m)
-        least_m = config.radius_m + config.body_m + distance_m
+        least_m = self._hull_m + config.body_m + distance_m
         std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)
         # Of somebody who has just come into view the velocity is not known yet.
         unsure_mps = config.deviations * std_mps if thing.unseen_s == 0 and std_mps > _UNSURE_MPS else 0.0

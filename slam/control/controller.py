@@ -26,13 +26,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.support.checks import Range, checked
-from slam.actions import FORWARD_M, MOVES, PUBLISHED, STEPS, TURN_RAD, Action, Command
+from slam.actions import FORWARD_M, MOVES, STEPS, TURN_RAD, Action, Command
 from slam.control.action_search import find_actions, is_clear
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
-from slam.hull import Hull, Outline
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
+from slam.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +40,6 @@ from slam.poses import between, wrap
 class ControlConfig:
     """How actions are chosen."""
 
-    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the hull [m]; of a polygon half its width."""
-    outline_m: Outline = ()
-    """Corners of the hull, see `slam.hull`; empty for a disk."""
     slacks_m: Annotated[tuple[float, ...], Range(-1, 1, "m")] = (-0.02, 0.01, 0.03, 0.06, 0.1)
     """Space that a run leaves around the hull [m], in rising order ..."""
     slack_prices: Annotated[tuple[float, ...], Range(0, 1e6, "decisions")] = (20.0, 12.0, 6.0, 2.0, 0.0)
@@ -54,9 +50,6 @@ class ControlConfig:
     """Nominal distance of a step forward [m]; the actual one is learned."""
     turn_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = TURN_RAD
     """Nominal angle of a turn [rad]."""
-    motions: tuple[tuple[float, float, float] | None, ...] = (None,) * len(MOVES)
-    """Mean displacement of each action, in the order of `Action`: x, y [m], yaw [rad], from a calibration; None for
-    nominal. The step back may be left out."""
     push_price: Annotated[float, Range(0, 1e6, "decisions")] = 2.0
     """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
     reverses: bool = True
@@ -67,30 +60,12 @@ class ControlConfig:
     """Decisions without getting away by `stuck_radius_m` after which the robot drives away [decisions]."""
     stuck_radius_m: Annotated[float, Range(0, 100, "m")] = 0.35
     """See above [m]."""
-    speed_mps: Annotated[float, Range(0.001, 10, "m/s")] = 0.5
-    """Greatest speed of a wheel [m/s]; this and what follows for `slam.control.velocity`."""
     turn_rate_radps: Annotated[float, Range(0.001, 20, "rad/s")] = 1.0
-    """Greatest turn rate [rad/s]."""
-    accel_mps2: Annotated[float, Range(0.001, 1000, "m/s2")] = 2.0
-    """Greatest acceleration of a wheel [m/s^2]."""
-    track_m: Annotated[float, Range(0.001, 10, "m")] = 0.16
-    """Distance between the wheels [m]."""
-    latency_s: Annotated[float, Range(0, 10, "s")] = 0.0
-    """Time from a command of speeds until the wheels follow it [s]."""
+    """Greatest turn rate that `slam.control.velocity` commands, if the robot allows it [rad/s]."""
     control_s: Annotated[float, Range(0.01, 10, "s")] = 0.5
     """Time between commands of speeds [s]."""
 
-    @property
-    def hull(self) -> Hull:
-        """The hull."""
-        return Hull(self.radius_m, self.outline_m)
-
     def __post_init__(self) -> None:
-        if len(self.motions) not in (len(PUBLISHED), len(MOVES)):
-            raise ValueError(
-                f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(MOVES)} with a "
-                "step back."
-            )
         if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
             raise ValueError(
                 f"slacks_m is {self.slacks_m} and slack_prices {self.slack_prices}, expected as many prices as "
@@ -127,8 +102,8 @@ class LocalPolicy(Protocol):
 class Controller:
     """Chooses actions; remembers bumps and lack of progress, and learns what its actions do."""
 
-    def __init__(self, config: ControlConfig = ControlConfig()):
-        self.config, self.hull = config, config.hull
+    def __init__(self, robot: Robot = Robot(), config: ControlConfig = ControlConfig()):
+        self.robot, self.config, self.hull = robot, config, robot.hull
         half = math.ceil(math.pi / config.turn_rad)
         # No turn first, then pairs: of equal prices the smaller turn wins.
         self._turns = np.array(sorted(range(-half, half + 1), key=lambda k: (abs(k), k)))
@@ -140,7 +115,7 @@ class Controller:
         ahead = self.config.forward_m
         self.motion = np.array([[ahead, 0, 0], [0, 0, turn], [0, 0, -turn], [-ahead, 0, 0]], float)
         self._motions = np.ones(len(MOVES))
-        for action, known in zip(MOVES, self.config.motions, strict=False):
+        for action, known in zip(MOVES, self.robot.motions, strict=True):
             if known is not None and self._usual(action, np.array(known)):
                 self.motion[action], self._motions[action] = known, _CALIBRATED
         self._last: Action | None = None

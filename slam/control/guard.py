@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Bool
 
 from slam.actions import FORWARD_M, PUBLISHED, Action
-from slam.control.controller import ControlConfig
 from slam.control.manoeuvre import pushes, swung
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
+from slam.robot import Robot
 
 #: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep.
 _ERROR_M, _MARGIN_M = 0.01, 0.01
@@ -20,12 +20,11 @@ _ERROR_M, _MARGIN_M = 0.01, 0.01
 class Guard:
     """Predicts bumps of one robot."""
 
-    def __init__(self, control: ControlConfig) -> None:
-        """Take hull and motions from a controller's configuration."""
-        self._hull = control.hull
+    def __init__(self, robot: Robot) -> None:
+        self._hull = robot.hull
         self._turns = {
             action: np.array(motion)
-            for action, motion in zip(PUBLISHED, control.motions, strict=False)
+            for action, motion in zip(PUBLISHED, robot.motions, strict=False)
             if motion is not None and action is not Action.FORWARD
         }
 

@@ -20,6 +20,7 @@ from slam.actions import PUBLISHED, Action
 from slam.control.controller import ControlConfig, Controller
 from slam.planning.clearance import LIMIT_M
 from slam.planning.planner import Plan
+from slam.robot import Robot
 from slam.support.weights import Weights, read_weights
 
 #: Free space is sampled at these distances [m] in this many directions around the robot.
@@ -44,9 +45,11 @@ def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "
 class LearnedController(Controller):
     """Follows the path by a network."""
 
-    def __init__(self, weights: Weights, config: ControlConfig) -> None:
+    def __init__(
+        self, weights: Weights, robot: Robot = Robot(), config: ControlConfig = ControlConfig()
+    ) -> None:
         self.weights = weights
-        super().__init__(config)
+        super().__init__(robot, config)
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         return Action(int(np.argmax(self.scores(self.senses(pose, plan)))))
@@ -91,12 +94,10 @@ def _points_along(path: Float[np.ndarray, "n 2"], distances_m: tuple[float, ...]
     return np.column_stack([np.interp(distances_m, arc_length, path[:, axis]) for axis in (0, 1)])
 
 
-def load_steering(path: Path, config: ControlConfig) -> LearnedController:
+def load_steering(path: Path, robot: Robot = Robot()) -> LearnedController:
     """A controller with the weights of a trained local policy.
 
     Raises:
         ValueError: If the file is missing, damaged, or of something else.
     """
-    return LearnedController(
-        read_weights(path, initial_weights(np.random.default_rng(0)), "steering"), config
-    )
+    return LearnedController(read_weights(path, initial_weights(np.random.default_rng(0)), "steering"), robot)

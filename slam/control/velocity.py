@@ -26,6 +26,7 @@ from slam.control.controller import ControlConfig
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import compose, wrap
+from slam.robot import Robot
 
 #: Numbers of speeds and, to each side, of turn rates that are compared.
 _SPEEDS, _RATES = 5, 8
@@ -42,18 +43,18 @@ _ESCAPE, _ESCAPE_PART, _ESCAPE_SPACE_M = 8, 0.4, 0.03
 class VelocityController:
     """Chooses speeds and turn rates; remembers the last command, and lack of progress."""
 
-    def __init__(self, config: ControlConfig | None = None) -> None:
-        self.config = config = config or ControlConfig()
-        self.hull = config.hull
-        rates = config.turn_rate_radps * np.linspace(0, 1, _RATES + 1) ** 1.5  # finer near straight on
-        speeds = np.linspace(0, config.speed_mps, _SPEEDS + 1)[1:]
-        if config.outline_m:  # a disk can always turn
+    def __init__(self, robot: Robot = Robot(), config: ControlConfig = ControlConfig()) -> None:
+        self.robot, self.config, self.hull = robot, config, robot.hull
+        self._turn_rate_radps = min(config.turn_rate_radps, robot.turn_rate_radps)
+        rates = self._turn_rate_radps * np.linspace(0, 1, _RATES + 1) ** 1.5  # finer near straight on
+        speeds = np.linspace(0, robot.max_speed_mps, _SPEEDS + 1)[1:]
+        if robot.outline_m:  # a disk can always turn
             speeds = np.append(speeds, -speeds[1])
         v, w = np.meshgrid(speeds, np.concatenate([-rates[:0:-1], rates]), indexing="ij")
         # What a wheel is too slow for is reduced along the same arc, as the base does.
-        part = np.minimum(1.0, config.speed_mps / (np.abs(v) + np.abs(w) * config.track_m / 2))
+        part = np.minimum(1.0, robot.max_speed_mps / (np.abs(v) + np.abs(w) * robot.track_m / 2))
         self._v, self._w = (part * v).ravel(), (part * w).ravel()
-        least_s = config.control_s + config.speed_mps / config.accel_mps2
+        least_s = config.control_s + robot.max_speed_mps / robot.max_accel_mps2
         self._first = math.ceil(least_s / _STEP_S) - 1
         self._times = _STEP_S * np.arange(1, self._first + 2 + round(_BEYOND_S / _STEP_S))
         self._runs_m = self._arcs(np.zeros(3), (0.0, 0.0))[1]  # from rest, straight on
@@ -103,13 +104,13 @@ class VelocityController:
         """
         config, start = self.config, np.array(self._speeds)
         change = np.array(self._command) - start
-        ramp_s = (abs(change[0]) + abs(change[1]) * config.track_m / 2) / config.accel_mps2
-        before_s = max(config.control_s - config.latency_s, 0.0)
+        ramp_s = (abs(change[0]) + abs(change[1]) * self.robot.track_m / 2) / self.robot.max_accel_mps2
+        before_s = max(config.control_s - self.robot.latency_s, 0.0)
         now, then = (
             start + change * min(1.0, time_s / max(ramp_s, 1e-9)) for time_s in (before_s, config.control_s)
         )
         self._speeds = float(then[0]), float(then[1])
-        ahead_m, turn = config.latency_s * (now + then) / 2
+        ahead_m, turn = self.robot.latency_s * (now + then) / 2
         return compose(pose, np.array([ahead_m * math.cos(turn / 2), ahead_m * math.sin(turn / 2), turn]))
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> tuple[float, float]:
@@ -126,8 +127,8 @@ class VelocityController:
         runs_m = np.broadcast_to(self._runs_m, runs.shape[:3])
         run_price = self._price(runs, runs_m, plan).min(axis=(1, 2))
         run_price[~self._can_turn(pose, plan.clearance)] = np.inf
-        turns = np.clip(_TURNS_RAD / config.control_s, -config.turn_rate_radps, config.turn_rate_radps)
-        price = np.append(price, run_price + np.abs(_TURNS_RAD) / config.turn_rate_radps)
+        turns = np.clip(_TURNS_RAD / config.control_s, -self._turn_rate_radps, self._turn_rate_radps)
+        price = np.append(price, run_price + np.abs(_TURNS_RAD) / self._turn_rate_radps)
         v, w = np.append(self._v, np.zeros_like(turns)), np.append(self._w, turns)
         price += _CHANGE_S * np.abs(w - self._speeds[1])
         k = int(np.argmin(price))
@@ -151,7 +152,9 @@ class VelocityController:
         space = np.minimum.accumulate(space, axis=-1)[..., first:]
         price = np.interp(space, config.slacks_m, config.slack_prices) * config.control_s
         price[space < least] = np.inf
-        return price + self._times[first:] + cost_m / config.speed_mps + turn_rad / config.turn_rate_radps
+        return (
+            price + self._times[first:] + cost_m / self.robot.max_speed_mps + turn_rad / self._turn_rate_radps
+        )
 
     def _can_turn(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> Bool[np.ndarray, " k"]:
         """Which turns on the spot leave the hull clear, or no nearer to obstacles than it is; of a disk all."""
@@ -166,9 +169,9 @@ class VelocityController:
         self, pose: Float[np.ndarray, "3"], speeds: tuple[float, float]
     ) -> tuple[Float[np.ndarray, "k n 3"], Float[np.ndarray, "k n"]]:
         """Poses and driven distances [m] at all times of all candidates, from a speed and a turn rate."""
-        config, (v, w) = self.config, speeds
+        v, w = speeds
         dv, dw = self._v[:, None] - v, self._w[:, None] - w
-        ramp_s = (np.abs(dv) + np.abs(dw) * config.track_m / 2) / config.accel_mps2
+        ramp_s = (np.abs(dv) + np.abs(dw) * self.robot.track_m / 2) / self.robot.max_accel_mps2
         share = np.clip((self._times - _STEP_S / 2) / np.maximum(ramp_s, 1e-9), 0, 1)
         turns, steps_m = _STEP_S * (w + share * dw), _STEP_S * (v + share * dv)
         yaw = pose[2] + np.cumsum(turns, axis=1)
@@ -183,17 +186,17 @@ class VelocityController:
         dx, dy = plan.asked_xy - pose[:2]
         off = wrap(math.atan2(dy, dx) - pose[2])
         if not self._looking and (math.hypot(dx, dy) < 0.1 or abs(off) < self.config.turn_rad):
-            self._looking = math.copysign(self.config.turn_rate_radps, off)
+            self._looking = math.copysign(self._turn_rate_radps, off)
         rate = self._looking or self._turn(off)
         yaws = pose[2] + np.array([0.0, rate * self.config.control_s])
         here, there = plan.clearance.space(self.hull, np.broadcast_to(pose[:2], (2, 2)), yaws)
         if there < min(0.0, here) - 1e-3:  # of a disk never
-            rate = self._looking = -math.copysign(self.config.turn_rate_radps, rate)
+            rate = self._looking = -math.copysign(self._turn_rate_radps, rate)
         return rate
 
     def _turn(self, off: float) -> float:
         """Turn rate towards a heading at an angle [rad]."""
-        most = self.config.turn_rate_radps
+        most = self._turn_rate_radps
         return max(-most, min(most, off / self.config.control_s))
 
     def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
@@ -205,4 +208,4 @@ class VelocityController:
         if abs(off) > 2 * self.config.turn_rad:
             return 0.0, self._turn(off)
         self._escape_decisions -= 1
-        return _ESCAPE_PART * self.config.speed_mps, self._turn(off)
+        return _ESCAPE_PART * self.robot.max_speed_mps, self._turn(off)

@@ -35,6 +35,7 @@ from slam.planning.cost_map import (
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap
+from slam.robot import Robot
 
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400
@@ -114,12 +115,14 @@ class FrontierExplorer:
 
     def __init__(
         self,
+        robot: Robot = Robot(),
         config: ExplorerConfig = ExplorerConfig(),
         choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
     ):
         """Make an explorer.
 
         Args:
+            robot: Its hull.
             config: How frontiers are found and rated.
             choose: Index of the best frontier for the rating "learned", given features of
                 `slam.exploration.choosing.describe`.
@@ -129,7 +132,7 @@ class FrontierExplorer:
         """
         if (config.rating == "learned") != (choose is not None):
             raise ValueError(f"rating = {config.rating!r}, expected 'learned' with `choose`, and only then.")
-        self.config = config
+        self.config, self._hull = config, robot.hull
         self._choose_offer = choose
         self.reset()
 
@@ -212,7 +215,7 @@ class FrontierExplorer:
                 continue
             low, high = find_box(estimate)
             box = cut_box(estimate, low - margin, high + margin, bumps=bumps)
-            travel_time = travel_time_from_robot(box, self.config.cost, through_unknown=False)
+            travel_time = travel_time_from_robot(box, self.config.cost, self._hull, through_unknown=False)
             frontiers = find_frontiers(
                 box,
                 travel_time,

@@ -30,19 +30,19 @@ from slam.graph.submaps import View
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
 from slam.grid import GridFrame, MapEstimate
-from slam.hull import Hull, Outline
-from slam.mapping.collisions import CollisionConfig, CollisionMarks
+from slam.mapping.collisions import CollisionMarks
 from slam.mapping.moving import MovingConfig, MovingThings
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
-from slam.mapping.odometry import OdometryConfig, OdometryCorrector
+from slam.mapping.odometry import OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
 from slam.matching.levels import ARM_M
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_beams, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import between, rotation, wrap
+from slam.robot import Robot
 from slam.sensing.bearings import Bearing
 from slam.sensing.laser import LaserScan
-from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
+from slam.sensing.projection import Band, Scan, scan_from_depth
 
 logger = logging.getLogger(__name__)
 
@@ -71,12 +71,6 @@ class MapperConfig:
     """Side of a map cell [m]."""
     max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 1e6
     """Area to which the map may grow [m^2]; bounds the memory."""
-    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the robot's hull [m]; of a polygon half its width."""
-    outline_m: Outline = ()
-    """Corners of the hull, see `slam.hull`; empty for a disk."""
-    camera: CameraModel = field(default_factory=CameraModel)
-    """The depth camera."""
     band: Band = field(default_factory=Band)
     """Heights above the floor that stop the robot."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
@@ -85,8 +79,6 @@ class MapperConfig:
     """Settings of scan matching."""
     relocalization: RelocalizationConfig = field(default_factory=RelocalizationConfig)
     """When the robot counts as lost."""
-    odometry: OdometryConfig = field(default_factory=OdometryConfig)
-    """Errors of odometry."""
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     """Settings of the tracker; cells and matching are those above."""
     moving: MovingConfig = field(default_factory=MovingConfig)
@@ -159,15 +151,20 @@ class _Frame:
 class ClassicalMapper:
     """Builds a map and estimates the pose of the robot."""
 
-    def __init__(self, config: MapperConfig = MapperConfig(), matcher: PoseMatcher | None = None):
+    def __init__(
+        self,
+        robot: Robot = Robot(),
+        config: MapperConfig = MapperConfig(),
+        matcher: PoseMatcher | None = None,
+    ):
         """Make a mapper.
 
         Args:
+            robot: Its hull, height, camera and errors of odometry.
             config: Settings.
             matcher: Finds the pose; scan matching if None.
         """
-        self.config = config
-        self.hull = Hull(config.radius_m, config.outline_m)
+        self.robot, self.config, self.hull, self.camera = robot, config, robot.hull, robot.optics
         self._matcher = matcher
         self.reset(np.zeros(3))
 
@@ -180,9 +177,8 @@ class ClassicalMapper:
         self.frame = frame
         self.occupancy = OccupancyGrid(frame, config.occupancy)
         self.surfaces = SurfaceGrid(frame)
-        hull = CollisionConfig(radius_m=config.radius_m, outline_m=config.outline_m)
-        self.marks = CollisionMarks(frame, hull)
-        self.odometry = OdometryCorrector(config.odometry)
+        self.marks = CollisionMarks(frame, self.hull)
+        self.odometry = OdometryCorrector(self.robot.errors)
         self.relocalizer = Relocalizer(config.relocalization)
         tracking = replace(config.tracking, cell_m=cell, match=config.match)
         self.tracker = Tracker(tracking)
@@ -221,7 +217,7 @@ class ClassicalMapper:
             Map and pose; the arrays are views that the next update changes.
         """
         self._step += 1
-        scan = scan_from_depth(depth, self.config.camera, self.config.band)
+        scan = scan_from_depth(depth, self.camera, self.config.band)
         displacement, covariance = self._measured(action, odometry)
         start, open_before = self.pose, self.tracker.covariance
         predicted, prior = self.tracker.predict(displacement, covariance)
@@ -255,7 +251,7 @@ class ClassicalMapper:
             self.occupancy,
             self.surfaces,
             self.config.match,
-            self.config.camera.height_m,
+            self.camera.height_m,
         )
         # A NaN reading must not enter the learned bias, where it would stay forever.
         if action is not None and odometry is not None and np.isfinite(odometry).all() and not doubted:
@@ -264,7 +260,7 @@ class ClassicalMapper:
             self.tracker.jump(match, points)
         self.redrawn = []
         if not self.relocalizer.lost:
-            lowest = float(self.config.camera.slopes(depth.shape)[1][-1])
+            lowest = float(self.camera.slopes(depth.shape)[1][-1])
             stored = replace(drawn, sigma_m=None, loose=None)
             circle = self._circle(scan, drawn, laser)
             frame = _Frame(scan=scan, points=stored, lowest=lowest, laser=laser, circle=circle)
@@ -351,9 +347,7 @@ class ClassicalMapper:
         self, frame: _Frame, pose: Float[np.ndarray, "3"], occupancy: OccupancyGrid, surfaces: SurfaceGrid
     ) -> None:
         """Draw a scan at a pose on grids, as far as it lies inside."""
-        rows, columns, cleared = occupancy.integrate(
-            frame.scan, pose, self.config.camera.height_m, frame.lowest
-        )
+        rows, columns, cleared = occupancy.integrate(frame.scan, pose, self.camera.height_m, frame.lowest)
         surfaces.clear(rows, columns, cleared)
         if frame.laser is not None:
             surfaces.clear(*occupancy.integrate_laser(frame.laser, pose))

@@ -21,8 +21,9 @@ from jaxtyping import Float, Float32
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
 from slam.grid import GridFrame, enlarged, zeros
-from slam.hull import Hull, Outline
+from slam.hull import Hull
 from slam.poses import to_map
+from slam.robot import Robot
 
 #: Shorter motions are not judged [m]; number of commanded speeds that count.
 _JUDGED_M, _COMMANDS = 0.04, 3
@@ -33,10 +34,6 @@ _JUDGED_M, _COMMANDS = 0.04, 3
 class CollisionConfig:
     """When a step counts as stopped, and which cells are marked."""
 
-    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the hull [m]; of a polygon half its width."""
-    outline_m: Outline = ()
-    """Corners of the hull, see `slam.hull`; empty for a disk."""
     short_m: Annotated[float, Range(1e-6, FORWARD_M, "m", "That is the length of a step.")] = 0.8 * FORWARD_M
     """A step measured shorter than this was stopped [m]; what a velocity leads to, in proportion."""
     touch_m: Annotated[float, Range(0, 1, "m")] = 0.05
@@ -54,10 +51,12 @@ class CollisionConfig:
 class CollisionMarks:
     """Blocked cells of a grid that may grow."""
 
-    def __init__(self, frame: GridFrame, config: CollisionConfig = CollisionConfig()):
+    def __init__(
+        self, frame: GridFrame, hull: Hull = Robot().hull, config: CollisionConfig = CollisionConfig()
+    ):
         self.frame = frame
         self.config = config
-        self._hull = Hull(config.radius_m, config.outline_m)
+        self._hull = hull
         self.blocked = zeros(frame.shape, bool)
         self._bumps = zeros(frame.shape, np.uint8)
         self._until = zeros(frame.shape, np.int32)
@@ -125,7 +124,7 @@ class CollisionMarks:
         offset = frame.centres(probability[rows, columns] > 0.5) - pose[:2]
         ahead = offset @ np.array([math.cos(yaw), math.sin(yaw)])
         touches = (ahead > 0) & (np.hypot(*offset.T) < reach)
-        if self.config.outline_m:
+        if self._hull.outline_m:
             aside = offset @ np.array([-math.sin(yaw), math.cos(yaw)])
             touches &= (ahead < reach_m + margin) & (np.abs(aside) < self._hull.radius_m + margin)
         return bool(touches.any())

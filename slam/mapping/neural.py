@@ -27,6 +27,7 @@ from slam.grid import GridFrame, MapEstimate, enlarged, zeros
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
 from slam.poses import to_map
+from slam.robot import Robot
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.laser import LaserScan
@@ -51,18 +52,19 @@ class NeuralMapper:
     def __init__(
         self,
         network: MapNetwork,
-        config: MapperConfig | None = None,
+        robot: Robot = Robot(),
+        config: MapperConfig = MapperConfig(),
         fusion: FusionConfig | None = None,
         patch: GridFrame = AHEAD,
     ) -> None:
         """Make a mapper."""
-        self.classical = ClassicalMapper(config or MapperConfig())
+        self.classical = ClassicalMapper(robot, config)
         self.fusion = fusion or FusionConfig()
         self.network = network
         self._predictor = MapPredictor(network, patch)
         # What the network predicts lies ahead of the camera; from here on, in the robot's frame.
         x, y = patch.origin_xy
-        self.patch = replace(patch, origin_xy=(x + self.classical.config.camera.ahead_m, y))
+        self.patch = replace(patch, origin_xy=(x + robot.optics.ahead_m, y))
         self.reset(np.zeros(3))
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -134,7 +136,7 @@ class NeuralMapper:
     def _refresh(self, classical: MapEstimate) -> None:
         """Update the part of the maps that one frame can change."""
         # The region of the prediction, of the camera, of a laser, and of the hull.
-        reach = max(self.classical.config.radius_m + self.frame.resolution_m, self._laser_m + 1.0)
+        reach = max(self.classical.hull.radius_m + self.frame.resolution_m, self._laser_m + 1.0)
         corners = np.vstack(
             [
                 self._corners(classical.pose),

@@ -32,8 +32,6 @@ _IMPASSABLE = np.float32(1e6)
 class CostConfig:
     """Costs of paths."""
 
-    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
-    """Radius of the hull [m]."""
     slack_m: Annotated[float, Range(0, 1, "m")] = 0.005
     """Least space on each side of the hull where something has stopped the robot [m]."""
     overlap_m: Annotated[float, Range(0, 1, "m")] = 0.02
@@ -51,11 +49,6 @@ class CostConfig:
     anticipated_weight: Annotated[float, Range(0, 1e4)] = 20.0
     """Extra cost per metre through unknown cells where the anticipated map is sure of an obstacle; none where it is
     undecided, linear in between."""
-
-    def for_hull(self, hull: Hull) -> "CostConfig":
-        """The same for a hull: where it cannot turn on the spot, walls cost something."""
-        comfort_m = self.comfort_m + hull.turning_m - hull.radius_m
-        return replace(self, radius_m=hull.radius_m, comfort_m=comfort_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,20 +205,21 @@ def cut_box(
     )
 
 
-def cost_map(box: Box, config: CostConfig) -> CostMap:
-    """Cost per metre in each cell of a box, for the hull."""
-    space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
+def cost_map(box: Box, config: CostConfig, hull: Hull) -> CostMap:
+    """Cost per metre in each cell of a box, for a hull: where it cannot turn on the spot, walls cost something."""
+    space = Clearance(box.frame, box.obstacle, box.offset_m).cells(hull.radius_m) - hull.radius_m
+    comfort_m = config.comfort_m + hull.turning_m - hull.radius_m
     cost = np.ones(box.frame.shape, np.float32)
     unknown = box.probability == 0.5
     doubt = np.clip(2 * box.anticipated[unknown] - 1, 0, 1)
     cost[unknown] = config.unknown_cost + config.anticipated_weight * doubt
-    tightness = np.clip(1 - space / config.comfort_m, 0, 1)
+    tightness = np.clip(1 - space / comfort_m, 0, 1)
     cost += config.wall_weight * tightness * tightness
     cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
     passable = space >= -config.overlap_m
     if box.blocked.any():
         # Where the robot was stopped, the hull does not fit in spite of errors of the map.
-        n = 2 * math.ceil(config.radius_m / box.frame.resolution_m) + 1
+        n = 2 * math.ceil(hull.radius_m / box.frame.resolution_m) + 1
         disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (n, n))
         tried = cv2.dilate(box.blocked.astype(np.uint8), disk) > 0
         passable &= (space >= config.slack_m) | ~tried
@@ -250,9 +244,11 @@ def _let_out(
     passable[iy, ix] = True
 
 
-def travel_time_from_robot(box: Box, config: CostConfig, *, through_unknown: bool = True) -> TravelTime:
+def travel_time_from_robot(
+    box: Box, config: CostConfig, hull: Hull, *, through_unknown: bool = True
+) -> TravelTime:
     """Travel time from the robot to all cells of a box, on cells twice as large as those of the box."""
-    costs = cost_map(box, config)
+    costs = cost_map(box, config, hull)
     if not through_unknown:
         costs = replace(costs, passable=costs.passable & (box.probability < 0.5))
     costs = costs.reachable_from(box.pose[:2]).halved()

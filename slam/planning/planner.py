@@ -26,6 +26,7 @@ from slam.planning.clearance import Clearance
 from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box, travel_time_to
 from slam.planning.paths import along, arc_length, downhill, length, onward, taut
 from slam.planning.travel_time import TravelTime
+from slam.robot import Robot
 
 #: A goal that shifts by more is a new goal, for which coarse cells are tried again [m].
 _SAME_GOAL_M = 0.5
@@ -102,8 +103,9 @@ class _Far:
 class Planner:
     """Plans at every decision, and reuses the last plan where possible."""
 
-    def __init__(self, config: PlannerConfig = PlannerConfig()):
-        self.config = config
+    def __init__(self, robot: Robot = Robot(), config: PlannerConfig = PlannerConfig()):
+        self.config, self._hull = config, robot.hull
+        self._look_room_m = config.look_room_m + robot.hull.turning_m - robot.hull.radius_m
         self.reset()
 
     def reset(self) -> None:
@@ -165,8 +167,8 @@ class Planner:
         before_m = arc_length(back)
         bent = np.hypot(*(back - back[0]).T) < 0.95 * before_m
         straight = back[: int(np.argmax(bent))] if bent.any() else back
-        room = plan.clearance.at(straight) - self.config.cost.radius_m
-        k = int(np.argmax(np.minimum(room, self.config.look_room_m)))
+        room = plan.clearance.at(straight) - self._hull.radius_m
+        k = int(np.argmax(np.minimum(room, self._look_room_m)))
         corners_m = arc_length(plan.path)
         path = np.vstack([plan.path[corners_m < corners_m[-1] - before_m[k]], back[k]])
         return _completed(replace(plan, path=path), estimate)
@@ -179,7 +181,7 @@ class Planner:
         here = estimate.pose[:2]
         if math.isinf(float(plan.field.at(here))):
             return True
-        limit = min(self.config.cost.radius_m - 0.01, self._space_m - 0.015)
+        limit = min(self._hull.radius_m - 0.01, self._space_m - 0.015)
         return self._least_space(onward(plan.path, here), clearance) < limit
 
     def _least_space(self, path: Float[np.ndarray, "n 2"], clearance: Clearance) -> float:
@@ -206,7 +208,7 @@ class Planner:
         self, estimate: MapEstimate, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"]
     ) -> CostMap:
         """Costs of the reachable cells of a box."""
-        costs = cost_map(cut_box(estimate, low, high, bumps=self._bumps), self.config.cost)
+        costs = cost_map(cut_box(estimate, low, high, bumps=self._bumps), self.config.cost, self._hull)
         return costs.reachable_from(estimate.pose[:2])
 
     def _solve_directly(self, estimate: MapEstimate, requested: Float[np.ndarray, "2"]) -> Plan | None:
@@ -219,7 +221,7 @@ class Planner:
             estimate, np.minimum(here, requested) - margin, np.maximum(here, requested) + margin
         )
         cell, goal, gap_m = window.nearest(requested)
-        if gap_m > self.config.cost.radius_m + estimate.frame.resolution_m:
+        if gap_m > self._hull.radius_m + estimate.frame.resolution_m:
             return None
         field = travel_time_to(window, cell)
         # A path outside the box leaves it and returns.

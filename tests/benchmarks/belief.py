@@ -22,7 +22,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.evaluation.episodes import Job, make_jobs, task_of
 from robosim.evaluation.evaluate import find_suite

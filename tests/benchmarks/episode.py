@@ -17,7 +17,7 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.episodes import Job, make_jobs, read_job_head, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.search_scores import bootstrap

@@ -21,7 +21,8 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.parts import EXPLORER, MapperPart, PhysicsPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.robot.odometry import NoiseModel

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.live.page import Page
 from robosim.live.search_process import RUN, SearchJob, SearchProcess
 from robosim.plans.floorplan import FloorPlan

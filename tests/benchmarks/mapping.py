@@ -20,7 +20,8 @@ from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.navigation import make_navigator
 from robosim.parts import MapperPart

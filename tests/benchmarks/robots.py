@@ -13,7 +13,8 @@ from tyro.conf import OmitArgPrefixes
 
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.parts import ROBOT
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import open_floor

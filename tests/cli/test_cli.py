@@ -11,7 +11,7 @@ import trimesh
 from robosim.cli import main
 from robosim.commands.command_table import COMMANDS, GROUPS, command_summary, load_command
 from robosim.commands.episode import episode
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE
 from tests.plans import two_rooms

@@ -10,7 +10,7 @@ from PIL import Image
 
 from robosim.cli import main
 from robosim.commands.episode_config import read_config
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import write_ros
 from robosim.support.parts import to_dict
 from tests.plans import two_rooms

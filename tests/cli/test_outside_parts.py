@@ -14,7 +14,8 @@ from robosim.building.reach import reach
 from robosim.camera.rendering.embree_camera import EmbreeCamera
 from robosim.cli import main
 from robosim.commands.episode_config import command_options, read_config
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.kinematic import KinematicWorld
 from robosim.simulator import SimulatorConfig

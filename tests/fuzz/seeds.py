@@ -23,7 +23,7 @@ from robosim.building.mesh_export import export_mesh, export_mitsuba
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_units import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.evaluate import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.layers import Layer

@@ -18,7 +18,7 @@ from robosim.cli import main
 from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
 from robosim.environments.collect import collect_searches
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.episodes import read_job_episode, read_job_head
 from robosim.evaluation.evaluate import settings_of
 from robosim.evaluation.search_scores import score, summarise

@@ -15,7 +15,7 @@ import slam
 import wireless
 from robosim.commands.shared_options import PlanOptions, RadioOptions, WaveformOptions
 from robosim.datasets.link_units import LinkSetConfig
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.ablations import configured
 from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import make_navigator

@@ -9,7 +9,8 @@ import pytest
 from robosim.building.building import BuildingConfig, make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.run import record_episode

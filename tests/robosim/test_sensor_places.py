@@ -9,7 +9,8 @@ import shapely
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.camera.model import CameraConfig, camera_pose
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.lidar import LidarConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig

@@ -11,7 +11,8 @@ import numpy as np
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.task.tasks import make_task
 

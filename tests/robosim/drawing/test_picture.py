@@ -17,7 +17,7 @@ from robosim.drawing.plan_view import (
     building_rings,
     draw_scale,
 )
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.recording.replay import replay
 from robosim.run import record_episode

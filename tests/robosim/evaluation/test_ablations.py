@@ -9,7 +9,8 @@ import pytest
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.cli import main
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.ablations import POLICY, configured
 from robosim.evaluation.episodes import make_jobs
 from robosim.evaluation.evaluate import check_policies

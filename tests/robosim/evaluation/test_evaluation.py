@@ -15,7 +15,7 @@ from rich.console import Console
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation import episodes
 from robosim.evaluation.episodes import name_of
 from robosim.evaluation.evaluate import code_digest, evaluate, settings_of

@@ -7,7 +7,8 @@ import shapely
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.camera.model import CameraConfig
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.robot.robots import LOCOBOT, RobotConfig
 from robosim.simulator import SimulatorConfig

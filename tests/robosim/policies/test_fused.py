@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robosim.episode import EpisodeConfig, check_weights
+from robosim.agent import check_weights
+from robosim.episode_config import EpisodeConfig
 from robosim.navigation import make_navigator
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused, FusedConfig

@@ -6,7 +6,8 @@ import numpy as np
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.policies.belief import BeliefConfig
 from robosim.policies.received_power import PowerBelief, PowerSearch
 from robosim.radio.link import RadioLinkConfig

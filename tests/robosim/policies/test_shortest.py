@@ -6,7 +6,8 @@ import shapely
 
 from robosim.building.building import BuildingConfig, make_building
 from robosim.building.reach import reach
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.policies.shortest import TrueMapper
 from robosim.robot.odometry import NoiseModel

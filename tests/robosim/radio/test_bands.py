@@ -5,10 +5,12 @@ import logging
 import numpy as np
 import pytest
 
+from robosim.agent import check_weights
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.datasets.link_units import LinkSetConfig, plain_config
-from robosim.episode import EpisodeConfig, check_weights, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import check_classifier
 from robosim.radio.scene import RadioConfig

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from tests.plans import two_rooms

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.logs.bag import BagTopics, read_bag
 from robosim.logs.log_mapping import map_log
 from robosim.logs.robot_log import RobotLog

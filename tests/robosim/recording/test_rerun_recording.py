@@ -10,7 +10,7 @@ import pytest
 
 from robosim.cli import main
 from robosim.drawing.plan_view import PALETTE
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.recording.episode_file import read_episode
 from robosim.recording.rerun_recording import RAY_COLOURS, RECORDING, ray_kind, rerun_sdk
 from robosim.run import record_episode

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.commands.episode_config import command_options
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.parts import ROBOT
 from robosim.robot.calibration import open_floor
 from robosim.robot.dynamic import World

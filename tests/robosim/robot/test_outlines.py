@@ -8,7 +8,8 @@ import shapely
 
 from robosim.building.building import Building, make_building
 from robosim.building.reach import HEADINGS, reach
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.floorplan import FREE, OCCUPIED
 from robosim.robot.collision import check_pose, depth_in, hull_at
 from robosim.robot.dynamic import World

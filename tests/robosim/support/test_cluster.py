@@ -8,7 +8,7 @@ import time
 import pytest
 from rich.console import Console
 
-from robosim.episode import EpisodeConfig
+from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.suite import Suite, SuiteTask
 from robosim.plans.files import write_ros

@@ -8,7 +8,8 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.collect import CollectConfig, collect, collect_home, home_building
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.navigation import make_navigator
 from robosim.plans.files import read_plan
 from robosim.simulator import SimulatorConfig

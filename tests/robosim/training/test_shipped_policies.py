@@ -5,7 +5,8 @@ from safetensors.numpy import load_file
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode import run_episode
+from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.support.installation import shipped_network
 from robosim.task.tasks import make_task

@@ -1,0 +1,66 @@
+"""Configuration of an episode."""
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import tyro
+
+from robosim.building.building import BuildingConfig
+from robosim.parts import ClassifierPart, ControllerPart, ExplorerPart, GoalPart, MapperPart
+from robosim.policies.fused import FusedConfig
+from robosim.robot.robots import RobotConfig
+from robosim.simulator import SimulatorConfig
+from robosim.support.checks import SEED, STEPS, checked
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class EpisodeConfig:
+    """How an episode is run."""
+
+    goal: Annotated[GoalPart, tyro.conf.Suppress] = "learned"
+    """Goal policy."""
+    explorer: ExplorerPart = "learned"
+    """Explorer: chooses among frontiers when the goal is to explore."""
+    controller: ControllerPart = "planned"
+    """Controller: planned, a search over turns and runs, or a network that has learned from it; velocity commands
+    speeds and turn rates."""
+    mapper: MapperPart = "neural"
+    """Mapper: classical, neural, learned-pose, or a .safetensors file of a trained network."""
+    seed: Annotated[int, SEED, tyro.conf.Suppress] = 0
+    """Seed of everything random in the episode."""
+    max_steps: Annotated[int, STEPS] = 1000
+    """Actions before the episode is given up."""
+    building: BuildingConfig = field(default_factory=BuildingConfig)
+    """How the plan becomes a building."""
+    simulator: Annotated[SimulatorConfig, tyro.conf.arg(name="")] = field(default_factory=SimulatorConfig)
+    """What is simulated."""
+    link_states: ClassifierPart = "generated"
+    """Link-state classifier: a shipped one by name, a .safetensors file, or "true" for the true states."""
+    fused: FusedConfig = field(default_factory=FusedConfig)
+    """How the goal policy `fused` weighs what it knows."""
+
+    def __post_init__(self) -> None:
+        if self.simulator.renderer == "none":
+            if self.goal == "visual":
+                raise ValueError(
+                    f"goal is {self.goal!r}, which looks through the camera, but camera is 'none'. Give it one."
+                )
+            if self.mapper != "classical" and isinstance(self.mapper, str) and ":" not in self.mapper:
+                raise ValueError(
+                    f"mapper is {self.mapper!r}, which learned from pictures, but camera is 'none'. Give "
+                    "--mapper classical."
+                )
+
+    def of_robot(self, robot: RobotConfig) -> "EpisodeConfig":
+        """The same with another robot; without a camera with the classical mapper."""
+        simulator = replace(self.simulator, robot=robot)
+        return replace(
+            self, simulator=simulator, mapper="classical" if simulator.renderer == "none" else self.mapper
+        )
+
+    def in_band(self, name: str) -> "EpisodeConfig":
+        """The same in a radio band of `wireless.bands`, with the classifier of link states for it."""
+        radio = self.simulator.radio.in_band(name)
+        simulator = replace(self.simulator, radio=radio)
+        return replace(self, simulator=simulator, link_states="generated" if name == "28ghz" else name)
