@@ -92,7 +92,9 @@ def folder_digests(folder: Path) -> dict[str, str]:
             result = json.loads(path.read_text())
             scores = {key: value for key, value in result.items() if isinstance(value, int | float | str)}
             for key in [
-                key for key in scores if key.endswith(("per_s", "seconds")) or key in ("version", "commit", "date")
+                key
+                for key in scores
+                if key.endswith(("per_s", "seconds")) or key in ("version", "commit", "date")
             ]:
                 del scores[key]
             digests[name] = json.dumps(scores, sort_keys=True)

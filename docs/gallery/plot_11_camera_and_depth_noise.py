@@ -10,9 +10,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from robosim import CameraConfig, DepthNoise, Simulator, SimulatorConfig, Task, make_building, read_plan
+from robosim.robot.robots import RobotConfig
 
 image = CameraConfig(width=320, height=320)
-config = SimulatorConfig(image=image, depth_noise=DepthNoise(level=1.0), physics="kinematic")
+config = SimulatorConfig(
+    physics="kinematic", robot=RobotConfig(camera=image, depth_noise=DepthNoise(level=1.0))
+)
 simulator = Simulator(make_building(read_plan("villa")), config)
 task = Task(np.array([3.2, 9.6, -0.6]), np.array([5.3, 8.0]), shortest_m=2.3)
 view = simulator.reset(task, np.random.default_rng(0))

@@ -16,7 +16,9 @@ from slam.poses import compose
 building = robosim.make_building(robosim.read_plan("flat"))
 places = robosim.reach(building, 0.1)
 task = robosim.make_task(places, np.random.default_rng(3))
-simulated = robosim.SimulatorConfig(physics="kinematic", depth_noise=robosim.DepthNoise(level=1.0))
+simulated = robosim.SimulatorConfig(
+    physics="kinematic", robot=robosim.RobotConfig(depth_noise=robosim.DepthNoise(level=1.0))
+)
 config = robosim.EpisodeConfig(goal="explore", mapper="classical", max_steps=251, simulator=simulated)
 steps = []
 log, _ = robosim.run_episode(

@@ -19,7 +19,9 @@ last = []
 
 figure, axes = plt.subplots(2, 2, figsize=(9, 9.5), layout="constrained")
 for column, (camera, lidar) in zip(axes.T, [("pyrender", "none"), ("none", "rplidar-a1")], strict=True):
-    simulated = robosim.SimulatorConfig(physics="kinematic", noise=noise, camera=camera, lidar=lidar)
+    simulated = robosim.SimulatorConfig(
+        physics="kinematic", camera=camera, robot=robosim.RobotConfig(lidar=lidar, noise=noise)
+    )
     config = robosim.EpisodeConfig(
         goal="explore", explorer="gain", mapper="classical", max_steps=40, simulator=simulated
     )

@@ -44,7 +44,7 @@ CASES: dict[str, dict[str, Any]] = {
     "RGB-D 128 x 128, MuJoCo": {"observe": ("rgb", "depth"), "config": SimulatorConfig()},
     "lidar, radio measured and estimated": {
         "observe": ("lidar", "radio"),
-        "config": SimulatorConfig(physics="kinematic", camera="none", lidar="ring-64"),
+        "config": SimulatorConfig(physics="kinematic", camera="none", robot=RobotConfig(lidar="ring-64")),
     },
 }
 #: Environments of others: what has to be installed, and what they are.
@@ -130,7 +130,7 @@ def add_radio_errors(plan: FloorPlan, links: int, seed: int, results: Results) -
     height_m = link.config.height_m
     tracer = Tracer(building, frequency_hz=link.config.frequency_hz)
     transmitters = random_transmitters(building, TRANSMITTERS, height_m, rng)
-    centres = plan.centres(reach(building, RobotConfig().radius_m).parts == 1)
+    centres = plan.centres(reach(building, RobotConfig().hull.radius_m).parts == 1)
     at = centres[rng.integers(len(centres), size=links)]
     at = at + rng.uniform(-0.4, 0.4, at.shape) * plan.resolution_m
     rx = np.column_stack([at, np.full(links, height_m)])

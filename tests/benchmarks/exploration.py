@@ -26,6 +26,7 @@ from robosim.episode_config import EpisodeConfig
 from robosim.parts import EXPLORER, MapperPart, PhysicsPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import plain
 from robosim.support.stopwatch import LOOP_STAGES
@@ -65,7 +66,8 @@ def main(
         options: Of every benchmark.
     """
     simulator = SimulatorConfig(
-        physics=physics, noise=NoiseModel(level=noise), depth_noise=DepthNoise(level=depth_noise)
+        physics=physics,
+        robot=RobotConfig(noise=NoiseModel(level=noise), depth_noise=DepthNoise(level=depth_noise)),
     )
     units = {}
     for path in find_plans(plans):
@@ -106,7 +108,7 @@ def drive(path: Path, config: EpisodeConfig) -> dict[str, Any]:
     log, _ = run_episode(building, places, task, config)
     poses = np.array(log.poses)
     walls = building.floor(robot.height_m).boundary
-    deepest_m = robot.radius_m - float(shapely.distance(shapely.points(poses[:, :2]), walls).min())
+    deepest_m = robot.hull.radius_m - float(shapely.distance(shapely.points(poses[:, :2]), walls).min())
     return {
         **plain(log.result()),
         "coverage": held(np.array(log.coverage)),

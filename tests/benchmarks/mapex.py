@@ -345,4 +345,4 @@ def make_explorer(name: str) -> Explorer:
         return PublishedNearest()
     if name == "learned":
         return learned_explorer(ExplorerConfig(turn_weight=0.0))
-    return FrontierExplorer(ExplorerConfig(rating=cast(ExplorerName, name), **LIDAR))
+    return FrontierExplorer(config=ExplorerConfig(rating=cast(ExplorerName, name), **LIDAR))

@@ -30,6 +30,7 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.policies.goals import Explore, PolicyContext
 from robosim.radio.measurement import bearings_of
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.step import Step
 from robosim.support.stopwatch import LOOP_STAGES
@@ -103,7 +104,8 @@ class Settings:
         """The simulation."""
         noise = NoiseModel(level=self.noise)
         return SimulatorConfig(
-            physics="kinematic", noise=noise, depth_noise=DepthNoise(level=self.depth_noise)
+            physics="kinematic",
+            robot=RobotConfig(noise=noise, depth_noise=DepthNoise(level=self.depth_noise)),
         )
 
     @property

@@ -60,7 +60,7 @@ def drive(
     building: Building, row: str, world: World | KinematicWorld, legs: int, seed: int, results: Results
 ) -> None:
     """Measure one engine in one building."""
-    rng, noise, radius_m = np.random.default_rng(seed), NoiseModel(), world.robot.radius_m
+    rng, noise, radius_m = np.random.default_rng(seed), NoiseModel(), world.robot.hull.radius_m
     outline = building.free.boundary
     shapely.prepare(outline)
     errors, rates, inside_m, contacts_m, steps, collided = [], [], [0.0], 0.0, 0, 0

@@ -66,7 +66,7 @@ def main(
     }
     passed = run_units(_pass_door, doors, options.folder("robots"), workers=options.workers)
     for row, (name, _, wider_m) in DOORS.items():
-        hull_m = 2 * ROBOT.make(name).radius_m
+        hull_m = 2 * ROBOT.make(name).hull.radius_m
         results.add("doors", row, "hull", 100 * hull_m, "cm", digits=1)
         results.add("doors", row, "door", 100 * _CELL_M * _door_cells(hull_m + wider_m), "cm", digits=1)
         _add(results, "doors", row, passed[f"{row}, 0.1"] + passed[f"{row}, 0.2"])
@@ -111,7 +111,7 @@ def _pass_door(
         robot = replace(robot, sensors=None, mast_m=RobotConfig.mast_m)
     elif robot.sensors is not None:
         robot = replace(robot, sensors=replace(robot.sensors, lidar=lidar))
-    building = make_building(_rooms(2 * robot.radius_m + wider_m, wall_m))
+    building = make_building(_rooms(2 * robot.hull.radius_m + wider_m, wall_m))
     places = reach(building, *robot.hull_m)
     made = []
     for number in range(tasks):

@@ -10,6 +10,7 @@ from robosim.building.reach import reach
 from robosim.camera.model import CameraConfig
 from robosim.plans.files import read_plan
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
@@ -54,7 +55,9 @@ def drive():
     building = make_building(read_plan("flat"), config=BuildingConfig(tolerance_m=0))  # steps are seen well
     places = reach(building, 0.1)
     task = make_task(places, np.random.default_rng(3))
-    simulator = Simulator(building, SimulatorConfig(physics="kinematic", noise=NoiseModel(level=0.0)))
+    simulator = Simulator(
+        building, SimulatorConfig(physics="kinematic", robot=RobotConfig(noise=NoiseModel(level=0.0)))
+    )
     try:
         frames = [(simulator.reset(task, np.random.default_rng(0)), None, task.start)]
         for action in [Action.LEFT] * 12 + [Action.FORWARD] * 4 + [Action.RIGHT] * 8 + [Action.FORWARD] * 4:

@@ -14,6 +14,7 @@ import trimesh
 
 import robosim.cli as cli
 from robosim.commands.command_table import load_command
+from robosim.robot.robots import RobotConfig
 from tests.docs.conftest import Ended
 from tests.docs.run_page import commands_in, run_page
 
@@ -132,7 +133,9 @@ def _explore(page: Path) -> int:
     config = EpisodeConfig(
         goal="explore",
         mapper=names["Mapper"],
-        simulator=SimulatorConfig(physics="kinematic", lidar="lds-01", movers=MoversConfig(people=1)),
+        simulator=SimulatorConfig(
+            physics="kinematic", robot=RobotConfig(lidar="lds-01"), movers=MoversConfig(people=1)
+        ),
         max_steps=130,
     )
     building = make_building(read_plan("office"))

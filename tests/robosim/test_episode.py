@@ -13,6 +13,7 @@ from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.robot.robots import RobotConfig
 from robosim.run import record_episode
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.tasks import make_task
@@ -164,7 +165,8 @@ def test_depth_noise_is_measured_but_not_judged_by():
     views = {}
     for level in (0.0, 1.0):
         simulator = Simulator(
-            building, SimulatorConfig(physics="kinematic", depth_noise=DepthNoise(level=level))
+            building,
+            SimulatorConfig(physics="kinematic", robot=RobotConfig(depth_noise=DepthNoise(level=level))),
         )
         first = simulator.reset(task, np.random.default_rng(3))
         views[level] = (first, simulator.true_depth, *simulator.step(Action.LEFT))

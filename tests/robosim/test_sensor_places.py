@@ -1,6 +1,7 @@
 """Sensors ahead of the robot's centre: the map is the same as with sensors above it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +14,17 @@ from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.lidar import LidarConfig
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.grid import MapEstimate
 from tests.plans import two_rooms
 
-SIMULATOR = SimulatorConfig(physics="kinematic", camera="plan", noise=NoiseModel(level=0))
+SIMULATOR = SimulatorConfig(physics="kinematic", camera="plan", robot=RobotConfig(noise=NoiseModel(level=0)))
+
+
+def _with(**sensors: Any) -> SimulatorConfig:
+    return replace(SIMULATOR, robot=replace(SIMULATOR.robot, **sensors))
 
 
 def _explore(simulator: SimulatorConfig, mapper: str) -> tuple[MapEstimate, float]:
@@ -34,22 +40,20 @@ def _explore(simulator: SimulatorConfig, mapper: str) -> tuple[MapEstimate, floa
 
 @pytest.mark.parametrize("ahead_m", [0.3, -0.25])
 def test_a_camera_may_be_ahead_or_behind(ahead_m: float) -> None:
-    estimate, farthest_m = _explore(replace(SIMULATOR, image=CameraConfig(ahead_m=ahead_m)), "classical")
+    estimate, farthest_m = _explore(_with(camera=CameraConfig(ahead_m=ahead_m)), "classical")
     assert farthest_m < 0.06 and estimate.explored.sum() > 1000
 
 
 @pytest.mark.parametrize("ahead_m", [0.3, -0.25])
 def test_a_lidar_may_be_ahead_or_behind(ahead_m: float) -> None:
     laser = LidarConfig(ahead_m=ahead_m, level=0)
-    estimate, farthest_m = _explore(
-        replace(SIMULATOR, camera="none", lidar="rplidar-a1", laser=laser), "classical"
-    )
+    estimate, farthest_m = _explore(_with(camera=None, lidar="rplidar-a1", laser=laser), "classical")
     assert farthest_m < 0.06 and estimate.explored.sum() > 1000
 
 
 def test_the_learned_map_is_ahead_of_the_camera() -> None:
     """It predicts walls to a cell or two; a patch that is not where the camera is errs by the 0.3 m."""
-    _, farthest_m = _explore(replace(SIMULATOR, image=CameraConfig(ahead_m=0.3)), "neural")
+    _, farthest_m = _explore(_with(camera=CameraConfig(ahead_m=0.3)), "neural")
     _, at_centre_m = _explore(SIMULATOR, "neural")
     assert farthest_m < at_centre_m + 0.1
 

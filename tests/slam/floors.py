@@ -3,6 +3,8 @@
 import numpy as np
 
 from slam.grid import GridFrame, MapEstimate
+from slam.mapping.odometry import ActionError, OdometryConfig
+from slam.robot import Robot
 
 CELL = 0.05
 
@@ -53,3 +55,10 @@ def at_pose(estimate: MapEstimate, pose) -> MapEstimate:
         pose=np.array(pose, float),
         surface_offset_m=estimate.surface_offset_m,
     )
+
+
+def robot_of(motions, **fields) -> Robot:
+    """A robot whose actions have these mean displacements: forward, left, right and, if given, back."""
+    names = ("forward", "left", "right", "backward")
+    errors = {name: ActionError(motion=motion) for name, motion in zip(names, motions, strict=False)}
+    return Robot(odometry=OdometryConfig(**errors), **fields)

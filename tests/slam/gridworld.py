@@ -12,7 +12,8 @@ from scipy import ndimage
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.grid import GridFrame, MapEstimate
-from slam.mapping.collisions import CollisionConfig, CollisionMarks
+from slam.hull import Hull
+from slam.mapping.collisions import CollisionMarks
 
 CELL = 0.05
 RADIUS_M = 0.10
@@ -45,7 +46,7 @@ class GridWorld:
         self.frame = GridFrame(origin_xy=(0.0, 0.0), resolution_m=CELL, shape=solid.shape)
         self.probability = np.full(solid.shape, 0.5, np.float32)
         self.explored = np.zeros(solid.shape, bool)
-        self.marks = CollisionMarks(self.frame, CollisionConfig(radius_m=radius_m))
+        self.marks = CollisionMarks(self.frame, Hull(radius_m))
         self._corners = np.argwhere(self.hard)[:, ::-1] * CELL
         self._reach = np.arange(0.0, range_m, 0.2 * CELL)
         self._near = self._reach <= explored_range_m

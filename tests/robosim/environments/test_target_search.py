@@ -136,7 +136,9 @@ def test_walls_lie_on_the_map_where_they_are():
 
 def test_pose_is_what_was_driven_since_the_start():
     """Without noise: a step of 0.25 m and a turn of 10 degrees, whatever the heading at the start."""
-    config = SimulatorConfig(physics="kinematic", camera="none", lidar="ring-64", noise=NoiseModel(level=0))
+    config = SimulatorConfig(
+        physics="kinematic", camera="none", robot=RobotConfig(lidar="ring-64", noise=NoiseModel(level=0))
+    )
     env = made(observe=("pose",), config=config)
     first, _ = env.reset(seed=0, options={"start": [1.0, 1.5, 2.0], "target": [5.0, 1.5]})
     assert np.array_equal(first["pose"], np.zeros(3, np.float32))
@@ -198,9 +200,8 @@ def test_coming_into_sight_is_rewarded():
     config = SimulatorConfig(
         physics="kinematic",
         camera="none",
-        lidar="ring-64",
-        noise=NoiseModel(level=0),
         radio=RadioLinkConfig(engine="table"),
+        robot=RobotConfig(lidar="ring-64", noise=NoiseModel(level=0)),
     )
     env = made(observe=("lidar",), rewards={"link_state": 1.0}, config=config)
     env.reset(seed=0, options={"start": [2.0, 0.4, np.pi / 2], "target": [5.5, 1.5]})

@@ -12,6 +12,7 @@ from stable_baselines3 import PPO
 from robosim import sb3_vec_env
 from robosim.environments.sources import shared_place
 from robosim.environments.target_search_vector import TargetSearchVector
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.world import ROBOT
 from tests.plans import two_rooms
@@ -78,7 +79,7 @@ def test_a_robot_does_not_depend_on_how_many_there_are():
 def test_few_buildings_with_a_radio_are_cached(monkeypatch):
     """Their tables take much memory; those without one stay."""
     monkeypatch.setattr("robosim.environments.sources._WITH_RADIO", 2)
-    config = SimulatorConfig(physics="kinematic", camera="none", lidar="ring-64")
+    config = SimulatorConfig(physics="kinematic", camera="none", robot=RobotConfig(lidar="ring-64"))
     plain = shared_place(PLAN, config, uses_radio=False)
     plans = [replace(PLAN) for _ in range(3)]
     first, *others = [shared_place(plan, config, uses_radio=True) for plan in plans]
@@ -88,7 +89,7 @@ def test_few_buildings_with_a_radio_are_cached(monkeypatch):
 
 
 def test_robots_share_a_building_and_not_their_poses():
-    config = SimulatorConfig(physics="dynamic", camera="none", lidar="ring-64")
+    config = SimulatorConfig(physics="dynamic", camera="none", robot=RobotConfig(lidar="ring-64"))
     place = shared_place(PLAN, config, uses_radio=False)
     assert shared_place(PLAN, config, uses_radio=False) is place
     first, second = (place.world().robots[ROBOT] for _ in range(2))

@@ -19,6 +19,7 @@ from robosim.navigation import make_navigator
 from robosim.parts import GOAL
 from robosim.policies.goals import PolicyContext, make_policy
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.tasks import Task, make_task
 from tests.plans import two_rooms
@@ -61,7 +62,7 @@ def test_a_variant_is_replayed_as_it_was_evaluated(tmp_path):
     """What `robosim episode --goal NAME` runs is what the evaluation ran, to the last setting."""
     task = SuiteTask(plan="flat", number=0, start=(1.0, 1.0, 0.0), target=(2.0, 2.0))
     suite = Suite(plans={"flat": tmp_path}, tasks=(task,))
-    base = EpisodeConfig(simulator=SimulatorConfig(noise=NoiseModel(level=0.5)))
+    base = EpisodeConfig(simulator=SimulatorConfig(robot=RobotConfig(noise=NoiseModel(level=0.5))))
     for job in make_jobs(suite, base, POLICY.names, 1, ""):
         assert job.config == replace(configured(base, job.policy), seed=job.config.seed)
         assert job.name == f"flat/000-{job.policy}-0"

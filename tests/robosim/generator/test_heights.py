@@ -72,7 +72,9 @@ def test_an_episode_among_furniture_arrives_and_penetrates_nothing(physics, goal
     """A tall robot and one that drives under tables: no hull nearer to anything lower than it than its radius."""
     building = make_building(generate_plan(1, config=GeneratorConfig(heights=True, area_m2=45)))
     robot = RobotConfig(mast_m=mast_m)
-    simulator = SimulatorConfig(physics=physics, robot=robot, image=CameraConfig(height_m=mast_m))
+    simulator = SimulatorConfig(
+        physics=physics, robot=robot, robot=RobotConfig(camera=CameraConfig(height_m=mast_m))
+    )
     places = reach(building, *robot.hull_m)
     task = make_task(places, np.random.default_rng([1, 0]))
     log, _ = run_episode(
@@ -82,6 +84,6 @@ def test_an_episode_among_furniture_arrives_and_penetrates_nothing(physics, goal
     gap = shapely.distance(
         shapely.points(np.array(log.poses)[:, :2]), building.floor(robot.height_m).boundary
     )
-    assert gap.min() > robot.radius_m - (1e-9 if physics == "kinematic" else 1e-3)
+    assert gap.min() > robot.hull.radius_m - (1e-9 if physics == "kinematic" else 1e-3)
     assert log.result()["deepest_penetration_m"] < 1e-3
     assert building.floor(robot.height_m).area < building.free.area - 1

@@ -16,6 +16,7 @@ from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.suite import Suite, SuiteTask
 from robosim.plans.files import write_ros
+from robosim.robot.robots import RobotConfig
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from tests.benchmarks.live import ALL_PIXELS
@@ -35,7 +36,9 @@ START, TARGET = np.array([0.7, 0.7, 0.0]), np.array([5.4, 2.3])
 @pytest.fixture(scope="session")
 def quick() -> EpisodeConfig:
     """An episode of a second."""
-    simulator = SimulatorConfig(physics="kinematic", camera="embree", image=CameraConfig(width=32, height=32))
+    simulator = SimulatorConfig(
+        physics="kinematic", camera="embree", robot=RobotConfig(camera=CameraConfig(width=32, height=32))
+    )
     return EpisodeConfig(goal="explore", mapper="classical", max_steps=12, seed=1, simulator=simulator)
 
 

@@ -9,14 +9,13 @@ from robosim.agent import check_weights
 from robosim.episode_config import EpisodeConfig
 from robosim.navigation import make_navigator
 from robosim.policies.estimates import Estimates
-from robosim.policies.fused import Fused, FusedConfig
+from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
 from robosim.radio.measurement import Measurement
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, SimulatorConfig
 from slam.graph.landmarks import Transmitter
 from slam.grid import MapEstimate
-from slam.planning.cost_map import CostConfig
 from tests.robosim.policies.test_belief import FRIIS_1M_DB, estimate, measurement, to, wall
 from wireless.paths import LinkState
 
@@ -95,24 +94,14 @@ def test_a_free_wave_of_a_metre_has_the_assumed_power():
     assert pytest.approx(-61.4, abs=0.05) == FRIIS_1M_DB
 
 
-@pytest.mark.parametrize(("given_m", "used_m"), [(None, 0.3), (0.2, 0.2)])
-def test_routes_are_rated_for_the_hull_of_the_robot_unless_given(given_m, used_m):
-    """A robot of 0.3 m radius does not fit through gaps for 0.1 m."""
-    radii = []
+def test_a_policy_is_given_the_robot():
+    """Of 0.3 m radius, with calibrated motions of its actions."""
+    robots = []
 
     def policy(context: PolicyContext) -> Fused:
-        radii.append((context.fused.cost.radius_m, context.control.radius_m))
-        return Fused(context.explorer, context.fused)
+        robots.append(context.robot)
+        return Fused(context.explorer, context.fused, context.robot)
 
-    cost = CostConfig() if given_m is None else CostConfig(radius_m=given_m)
-    robot = RobotConfig(radius_m=0.3)
-    check_weights(
-        EpisodeConfig(
-            goal=policy,
-            mapper="classical",
-            explorer="gain",
-            simulator=SimulatorConfig(robot=robot),
-            fused=FusedConfig(cost=cost),
-        )
-    )
-    assert radii == [(used_m, 0.3)]
+    simulator = SimulatorConfig(robot=RobotConfig(radius_m=0.3))
+    check_weights(EpisodeConfig(goal=policy, mapper="classical", explorer="gain", simulator=simulator))
+    assert robots[0].hull.radius_m == 0.3 and None not in robots[0].motions

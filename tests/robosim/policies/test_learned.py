@@ -17,7 +17,6 @@ from robosim.policies.search_network import HIDDEN, SENSES, SearchNetwork, initi
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
-from slam.control.guard import Guard
 from tests.plans import two_rooms
 
 
@@ -28,7 +27,7 @@ def _biased(*actions: Action) -> Callable[[PolicyContext], Learned]:
     weights["action.bias"][list(actions)] = 30
 
     def policy(context: PolicyContext) -> Learned:
-        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), Guard(context.control))
+        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), context.robot)
 
     return policy
 
@@ -94,7 +93,7 @@ def test_it_gives_the_inputs_that_speak_for_an_action():
     steps = []
 
     def policy(context: PolicyContext) -> Learned:
-        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), Guard(context.control))
+        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), context.robot)
 
     _search(policy, 30, lambda _, step: steps.append(step.decided))
     assert all(one.belief is not None for one in steps)

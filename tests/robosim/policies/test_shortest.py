@@ -11,6 +11,7 @@ from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
 from robosim.policies.shortest import TrueMapper
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.planning.clearance import Clearance
@@ -43,7 +44,7 @@ def test_it_drives_the_shortest_path(degrees):
     places = reach(building, 0.1)
     task = make_task(places, np.random.default_rng(3), min_path_m=6.0)
     simulated = SimulatorConfig(
-        physics="kinematic", camera="none", lidar="lds-01", noise=NoiseModel(level=0.0)
+        physics="kinematic", camera="none", robot=RobotConfig(lidar="lds-01", noise=NoiseModel(level=0.0))
     )
     log, _ = run_episode(
         building, places, task, EpisodeConfig(goal="shortest", mapper="classical", simulator=simulated)

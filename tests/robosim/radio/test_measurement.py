@@ -14,10 +14,12 @@ from robosim.episode_config import EpisodeConfig
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Interpreter, bearings_of
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.poses import wrap
+from slam.robot import Robot
 from slam.sensing.bearings import Bearing
 
 NAME = "here"
@@ -132,8 +134,8 @@ def test_a_search_ends_knowing_where_the_transmitter_stands() -> None:
     """Sixty decisions towards it in a bare room: within four standard deviations and 0.3 m of the truth."""
     mappers = []
 
-    def noted(config: MapperConfig) -> ClassicalMapper:
-        mappers.append(ClassicalMapper(config))
+    def noted(robot: Robot, config: MapperConfig) -> ClassicalMapper:
+        mappers.append(ClassicalMapper(robot, config))
         return mappers[-1]
 
     building = _room(12, 10)
@@ -141,7 +143,9 @@ def test_a_search_ends_knowing_where_the_transmitter_stands() -> None:
     task = make_task(
         places, np.random.default_rng(0), start=np.array([2.0, 2.0, 0.5]), target=np.array([10.0, 8.0])
     )
-    simulator = SimulatorConfig(physics="kinematic", camera="embree", depth_noise=DepthNoise(level=1.0))
+    simulator = SimulatorConfig(
+        physics="kinematic", camera="embree", robot=RobotConfig(depth_noise=DepthNoise(level=1.0))
+    )
     config = EpisodeConfig(
         goal="snr", mapper=noted, explorer="gain", max_steps=60, seed=1, simulator=simulator
     )

@@ -15,6 +15,7 @@ from robosim.logs.log_mapping import map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.recording.bag_export import BAG, LAYOUT, export_bag
 from robosim.recording.episode_file import EPISODE, read_episode
+from robosim.robot.robots import RobotConfig
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from robosim.support.reading import FileError
@@ -33,7 +34,7 @@ TOPICS = {
 def folder(tmp_path_factory):
     """An episode of `fused` with a lidar, and its bag."""
     place = tmp_path_factory.mktemp("episode")
-    simulator = SimulatorConfig(physics="kinematic", camera="plan", lidar="rplidar-a1")
+    simulator = SimulatorConfig(physics="kinematic", camera="plan", robot=RobotConfig(lidar="rplidar-a1"))
     config = EpisodeConfig(
         goal="fused", simulator=simulator, mapper="classical", link_states="true", seed=2, max_steps=25
     )

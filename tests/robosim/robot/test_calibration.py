@@ -97,7 +97,7 @@ def test_the_command_writes_a_robot_that_others_take(tmp_path, capsys):
         ]
     )
     robot = read_robot(tmp_path / "c" / "robot.json")
-    assert robot.radius_m == LOCOBOT.radius_m
+    assert robot.hull.radius_m == LOCOBOT.radius_m
     assert robot.odometry is not None and robot.odometry.runs == 20
     assert (tmp_path / "c" / "odometry.png").stat().st_size > 10_000
     words = "--goal explore --mapper classical --physics kinematic --camera embree --max-steps 3 --no-video"

@@ -40,7 +40,7 @@ def test_the_robot_stands_drives_and_is_stopped_by_a_wall(name, tmp_path):
     assert data.sensor("touch").data[0] == 0
     mujoco.mj_step(model, data, 2000)
     assert data.sensor("touch").data[0] > 0
-    assert place[0] == pytest.approx(east - robot.radius_m, abs=2e-3)
+    assert place[0] == pytest.approx(east - robot.hull.radius_m, abs=2e-3)
 
 
 @pytest.mark.parametrize("tolerance_m", [0.0, 0.1], ids=["cells", "straightened"])
@@ -85,5 +85,5 @@ def test_a_robot_in_a_wall_is_an_error(tmp_path):
 def test_there_is_a_robot_of_every_radius(radius_m):
     """Named ones by their radius; others too, with wheels inside of the hull."""
     robot = robot_of_radius(radius_m)
-    assert robot.radius_m == radius_m and robot.track_m <= 2 * radius_m
+    assert robot.hull.radius_m == radius_m and robot.track_m <= 2 * radius_m
     assert (robot in ROBOTS.values()) == (radius_m in (0.10, 0.18))

@@ -1,16 +1,27 @@
 """Robots that are sold: they drive as closed forms say, at the speeds of their makers."""
 
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+import tyro
 
-from robosim.commands.episode_config import command_options
+from robosim.camera.model import CameraConfig
+from robosim.commands.episode_config import Settings, command_options, read_config, with_start_values
 from robosim.episode_config import EpisodeConfig
+from robosim.lidar import LidarConfig
 from robosim.parts import ROBOT
 from robosim.robot.calibration import open_floor
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import KinematicWorld
-from robosim.robot.named import TURTLEBOT3_BURGER
+from robosim.robot.named import JACKAL, TURTLEBOT3_BURGER
+from robosim.robot.odometry import NoiseModel
+from robosim.robot.robot_files import read_robot
 from robosim.robot.robots import RobotConfig
+from robosim.simulator import SimulatorConfig
 from slam.poses import between
 
 START = np.array([2.0, 2.0, 0.3])
@@ -65,16 +76,54 @@ def test_top_speeds_are_those_of_the_maker(robot: RobotConfig) -> None:
     assert between(begin, world.pose)[2] / 0.2 == pytest.approx(robot.turn_rate_radps, rel=0.01)
 
 
-def test_a_robot_brings_its_sensors() -> None:
-    burger = EpisodeConfig().of_robot(TURTLEBOT3_BURGER)
-    simulator = burger.simulator
-    assert (simulator.camera, simulator.lidar, burger.mapper) == ("none", "lds-01", "classical")
-    assert (simulator.laser.ahead_m, simulator.laser.height_m) == (-0.032, 0.182)
-    waffle = EpisodeConfig().of_robot(ROBOT.make("turtlebot3_waffle")).simulator
-    assert waffle.camera == EpisodeConfig().simulator.camera
-    assert (waffle.image.ahead_m, waffle.image.height_m, waffle.image.hfov_deg) == (0.069, 0.117, 59.0)
-    create = EpisodeConfig().of_robot(ROBOT.make("create3")).simulator
-    assert create.image == EpisodeConfig().simulator.image and create.lidar == "none"
+@pytest.mark.parametrize("name", ["turtlebot4", "turtlebot3_burger"])
+def test_a_robot_is_the_same_wherever_it_is_named(name: str) -> None:
+    """In the simulator, on the command line, in an episode of an evaluation, and in an environment."""
+    robot: RobotConfig = ROBOT.make(name)
+    commands: list[SimulatorConfig] = []
+
+    def command(settings: Settings) -> None:
+        commands.append(settings.simulator)
+
+    tyro.cli(with_start_values(command, ["--robot", name]), args=[])
+    configs = [SimulatorConfig(robot=robot), commands[0], EpisodeConfig().of_robot(robot).simulator]
+    sensors = [(config.robot, config.renderer, config.image) for config in configs]
+    assert sensors == 3 * [(robot, "pyrender" if robot.camera else "none", robot.camera or CameraConfig())]
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"outline_m": JACKAL.outline_m, "radius_m": 0.4}, "Leave one of them out"),
+        ({"mast_m": 0.4}, "--image.height-m"),
+        ({"lidar": "lds-01", "laser": LidarConfig(height_m=1.3)}, "--laser.height-m"),
+        ({"laser": LidarConfig(ahead_m=0.1)}, "Name the lidar"),
+    ],
+)
+def test_a_robot_rejects_what_contradicts_it(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        RobotConfig(**fields)
+    assert replace(JACKAL, mass_kg=20.0).hull == JACKAL.hull
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["--robot jackal --image.hfov-deg 60", "--robot jackal --camera embree", "--lidar none --laser.level 0"],
+)
+def test_options_of_missing_sensors_are_rejected(words: str) -> None:
+    with pytest.raises(ValueError, match="the robot has no"):
+        with_start_values(lambda settings: None, words.split())
+
+
+def test_files_of_version_0_3_keep_their_sensors(tmp_path: Path) -> None:
+    path, sensors = tmp_path / "robot.json", {"camera_m": [0.1, 0.2], "hfov_deg": 60.0, "lidar": "lds-01"}
+    path.write_text(json.dumps({"mast_m": 0.3, "sensors": sensors}))
+    robot = read_robot(path)
+    assert robot.camera == CameraConfig(ahead_m=0.1, height_m=0.2, hfov_deg=60.0) and robot.lidar == "lds-01"
+    simulator = {"image": {"width": 64}, "lidar": "none", "laser": {"level": 0.5}, "noise": {"level": 0.0}}
+    (tmp_path / "result.json").write_text(json.dumps({"config": {"simulator": simulator}}))
+    robot = read_config(tmp_path / "result.json").simulator.robot
+    assert robot == RobotConfig(camera=CameraConfig(width=64), noise=NoiseModel(level=0.0))
 
 
 def test_options_of_a_robot_with_sensors_are_in_the_settings() -> None:

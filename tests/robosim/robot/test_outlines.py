@@ -115,7 +115,7 @@ def test_a_door_passes_what_is_narrower(world: type, wider_m: float, passes: boo
 
 def test_a_rectangle_passes_a_door_4_cm_wider() -> None:
     """The whole system: map, plan and controller, with a lidar whose ranges err by 2 mm near by."""
-    robot = replace(JACKAL, sensors=replace(JACKAL.sensors, lidar="rplidar-a1"))
+    robot = replace(JACKAL, lidar="rplidar-a1")
     half_m = 0.22  # of a hull in a door of 0.48 m
     robot = replace(robot, outline_m=((-0.254, -half_m), (0.254, -half_m), (0.254, half_m), (-0.254, half_m)))
     building = make_building(two_rooms(0.48, wall_m=0.1, resolution_m=0.02))
@@ -142,7 +142,7 @@ def test_outlines_are_convex_and_set_the_radius() -> None:
     dented = RobotConfig(
         outline_m=((-0.2, -0.1), (0.2, -0.1), (0.1, 0.0), (0.2, 0.1), (-0.2, 0.1)), track_m=0.15
     )
-    assert len(dented.outline_m) == 4 and dented.radius_m == 0.1
+    assert len(dented.outline_m) == 4 and dented.hull.radius_m == 0.1
     assert dented.hull == Hull(0.1, dented.outline_m)
     for corners in (((0.1, 0.0), (0.2, 0.1), (0.2, -0.1)), ((-0.1, 0.0), (0.1, 0.0)), ((0.0, np.nan),) * 3):
         with pytest.raises(ValueError, match="around the middle of the axle"):

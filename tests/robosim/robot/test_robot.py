@@ -94,16 +94,16 @@ def test_a_robot_left_alone_stands_still(name):
 def test_walls_see_a_circle_of_the_hulls_radius(name):
     """Contact distance with a wall and with an edge, at all headings, is a disk's. Exact to 1e-6 m."""
     robot = ROBOTS[name]
-    x = robot.radius_m + 0.01
+    x = robot.hull.radius_m + 0.01
     block = WallSolids(np.array([[x + 0.5, 0.0, 0.5, 0.5, 0.0]]))
     compiled, data = model(robot, block)
     body, touch = data.joint("robot").qpos, data.sensor("touch").data
     height = body[2]
-    for y in (0.0, 0.3, 0.5 + robot.radius_m / 2):  # along the face, and at the corner at y = 0.5
+    for y in (0.0, 0.3, 0.5 + robot.hull.radius_m / 2):  # along the face, and at the corner at y = 0.5
         for yaw in np.linspace(0, np.pi, 5):
             for depth_m in (-0.004, 0.001, 0.004):
                 beyond = max(y - 0.5, 0.0)
-                gap = np.sqrt((robot.radius_m - depth_m) ** 2 - beyond**2)
+                gap = np.sqrt((robot.hull.radius_m - depth_m) ** 2 - beyond**2)
                 body[:] = x - gap, y, height, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
                 mujoco.mj_forward(compiled, data)
                 found, distance = touch
@@ -116,7 +116,7 @@ def test_walls_see_a_circle_of_the_hulls_radius(name):
 def test_the_robot_looks_its_size(name, radius_m):
     """All that is drawn lies inside of the hull's circle, from the floor to the camera at 1.25 m."""
     robot = ROBOTS[name]
-    assert robot.radius_m == radius_m
+    assert robot.hull.radius_m == radius_m
     compiled, data = model(robot)
     mujoco.mj_forward(compiled, data)
     drawn = [g for g in range(compiled.ngeom) if compiled.geom_group[g] != 3 and compiled.geom_bodyid[g] > 1]

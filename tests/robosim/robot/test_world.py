@@ -167,7 +167,7 @@ def test_walls_hold_against_any_driving(name, wall_line, monkeypatch):
     robot = ROBOTS[name]
     building = make_building(cluttered(wall_line=wall_line))
     world, rng = World(building, robot=robot), np.random.default_rng(1)
-    lines, places = building.free.boundary, building.free.buffer(-robot.radius_m - 1e-3)
+    lines, places = building.free.boundary, building.free.buffer(-robot.hull.radius_m - 1e-3)
     collided, states, step = 0, [], mujoco.mj_step
 
     def watched(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -186,7 +186,7 @@ def test_walls_hold_against_any_driving(name, wall_line, monkeypatch):
         else:
             motion = world.drive(rng.uniform(-0.6, 0.6), rng.uniform(-5, 5), rng.uniform(0.1, 1.5))
         collided += motion.collided
-        depth_m = robot.radius_m - shapely.distance(shapely.Point(motion.pose[:2]), lines)
+        depth_m = robot.hull.radius_m - shapely.distance(shapely.Point(motion.pose[:2]), lines)
         assert building.free.contains(shapely.Point(motion.pose[:2]))
         assert depth_m < DEEPEST_M and motion.penetration_m < DEEPEST_M
         assert depth_m < motion.penetration_m + 1.5e-3  # a tilted hull is not quite above the axle
@@ -209,10 +209,10 @@ def test_a_blocked_robot_gives_up_and_stands_still(name):
     """Head on into a wall: collided, touching it within 1 mm, and at rest: within 0.1 mm for a second."""
     robot = ROBOTS[name]
     world = World(make_building(room()), robot=robot)
-    world.reset(np.array([4 - robot.radius_m - 0.1, 1.5, 0.0]))
+    world.reset(np.array([4 - robot.hull.radius_m - 0.1, 1.5, 0.0]))
     motion = world.move(AHEAD)
     assert motion.collided and 0 < motion.penetration_m < DEEPEST_M
-    assert motion.pose[0] == pytest.approx(4 - robot.radius_m, abs=1e-3)
+    assert motion.pose[0] == pytest.approx(4 - robot.hull.radius_m, abs=1e-3)
     assert motion.physics_steps < 200
     later = world.drive(0.0, 0.0, 1.0).pose
     np.testing.assert_allclose(later, motion.pose, rtol=0, atol=1e-4)

@@ -43,7 +43,7 @@ def test_it_sees_what_lies_in_the_line_of_sight(seed):
 
 def test_all_of_an_empty_room_is_seen():
     _, world = world_in(room(4.0, 3.0))
-    agent = GridAgent(FrontierExplorer(ExplorerConfig(rating="gain")))
+    agent = GridAgent(FrontierExplorer(config=ExplorerConfig(rating="gain")))
     for _ in range(200):
         pose = agent.act(world.estimate())
         if pose is None:
@@ -58,7 +58,7 @@ def test_all_of_an_empty_room_is_seen():
 def test_the_hull_stays_clear_of_walls(seed):
     """In two rooms with a door of 0.6 m the centre stays a radius away, but for a cell; seen floor never shrinks."""
     building, world = world_in(two_rooms(0.6), seed)
-    agent = GridAgent(FrontierExplorer(ExplorerConfig(rating="nearest")))
+    agent = GridAgent(FrontierExplorer(config=ExplorerConfig(rating="nearest")))
     before = world.coverage
     while (pose := agent.act(world.estimate())) is not None:
         world.step(pose)

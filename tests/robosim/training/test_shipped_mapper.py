@@ -12,6 +12,7 @@ from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.navigation import make_navigator
 from robosim.plans.files import read_plan
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.installation import shipped_network
 from robosim.task.tasks import make_task
@@ -51,7 +52,7 @@ def test_an_episode_with_it():
         goal="explore",
         mapper="neural",
         max_steps=60,
-        simulator=SimulatorConfig(physics="kinematic", depth_noise=DepthNoise(level=1.0)),
+        simulator=SimulatorConfig(physics="kinematic", robot=RobotConfig(depth_noise=DepthNoise(level=1.0))),
     )
     log, estimate = run_episode(building, places, task, config)
     assert estimate.anticipated_probability is not None
@@ -113,7 +114,7 @@ def test_the_shipped_pose_estimates_offsets_in_new_homes(tmp_path):
     assert card["parameters"] < 200_000
     building = make_building(read_plan("flat"))
     places = reach(building, 0.1)
-    simulator = SimulatorConfig(physics="kinematic", depth_noise=DepthNoise(level=1.0))
+    simulator = SimulatorConfig(physics="kinematic", robot=RobotConfig(depth_noise=DepthNoise(level=1.0)))
     config = EpisodeConfig(goal="explore", mapper="learned-pose", max_steps=60, simulator=simulator)
     log, _ = run_episode(building, places, make_task(places, np.random.default_rng(0)), config)
     assert np.hypot(*(np.array(log.poses) - np.array(log.estimates))[:, :2].T).max() < 0.2

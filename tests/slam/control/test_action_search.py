@@ -9,23 +9,23 @@ from jaxtyping import Float
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.control.action_search import LEAST_M, find_actions, is_clear
-from slam.control.controller import ControlConfig, Controller
+from slam.control.controller import Controller
 from slam.grid import MapEstimate
-from slam.hull import Hull
 from slam.planning.clearance import Clearance
-from slam.planning.cost_map import CostConfig
-from slam.planning.planner import Planner, PlannerConfig
+from slam.planning.planner import Planner
 from slam.poses import compose, to_map
+from slam.robot import Robot
 from tests.slam.floors import at_pose, divided, floor
 
 #: Twice as long as wide; obstacles are the centres of cells, so a door of n cells is n + 1 cells wide.
-HULL = Hull(0.18, ((-0.35, -0.18), (0.35, -0.18), (0.35, 0.18), (-0.35, 0.18)))
+ROBOT = Robot(outline_m=((-0.35, -0.18), (0.35, -0.18), (0.35, 0.18), (-0.35, 0.18)))
+HULL = ROBOT.hull
 MOTION = np.array([[FORWARD_M, 0, 0], [0, 0, TURN_RAD], [0, 0, -TURN_RAD], [-FORWARD_M, 0, 0]])
 GOAL = np.array([1.5, 0.6])
 
 
 def _planner() -> Planner:
-    return Planner(PlannerConfig(cost=CostConfig().for_hull(HULL)))
+    return Planner(ROBOT)
 
 
 def _smallest_space(estimate: MapEstimate, poses: Float[np.ndarray, "n 3"]) -> float:
@@ -43,7 +43,7 @@ def _smallest_space(estimate: MapEstimate, poses: Float[np.ndarray, "n 3"]) -> f
 def test_a_rectangle_drives_through_a_door_4_cm_wider(start: tuple[float, float, float]) -> None:
     """The door is 0.4 m wide, 7 cells and their rim. Every pose of the drive is clear but for 5 mm."""
     estimate = divided(7, start)
-    planner, controller = _planner(), Controller(ControlConfig(radius_m=0.18, outline_m=HULL.outline_m))
+    planner, controller = _planner(), Controller(ROBOT)
     pose, poses = estimate.pose, [estimate.pose]
     for _ in range(80):
         plan = planner.plan(at_pose(estimate, pose), GOAL)

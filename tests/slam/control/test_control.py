@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
-from slam.control.controller import ControlConfig, Controller
+from slam.control.controller import Controller
 from slam.planning.planner import Planner
 from slam.poses import compose
-from tests.slam.floors import at_pose, divided, floor
+from tests.slam.floors import at_pose, divided, floor, robot_of
 
 MOTION = np.array([[FORWARD_M, 0, 0], [0, 0, TURN_RAD], [0, 0, -TURN_RAD]])
 
@@ -115,14 +115,14 @@ SWINGS = ((0.245, 0.0, 0.0), (-0.0015, 0.0196, 0.1965), (-0.0008, -0.0195, -0.19
 
 def test_it_begins_with_what_its_actions_do():
     """As a calibration found; what is no such action at all is not believed."""
-    np.testing.assert_array_equal(Controller(ControlConfig(motions=SWINGS)).motion[:3], SWINGS)
+    np.testing.assert_array_equal(Controller(robot_of(SWINGS)).motion[:3], SWINGS)
     senseless = ((0.0, 0.0, 0.0), SWINGS[2], None)
-    np.testing.assert_array_equal(Controller(ControlConfig(motions=senseless)).motion[:3], MOTION)
+    np.testing.assert_array_equal(Controller(robot_of(senseless)).motion[:3], MOTION)
 
 
 def test_a_turn_that_is_stopped_teaches_nothing():
     """A robot that swings against a wall at each turn still knows, after 20 of them, that the turn swings it."""
-    controller, planner = Controller(ControlConfig(motions=SWINGS)), Planner()
+    controller, planner = Controller(robot_of(SWINGS)), Planner()
     estimate = floor((0.0, 0.0, 0.0))
     pose, goal = estimate.pose, np.array([0.0, -1.5])
     for _ in range(20):
@@ -142,7 +142,7 @@ def test_it_does_not_swing_into_a_wall():
         for walls in ([], [wall]):
             estimate = floor((0.0, 0.0, 0.0), walls=walls)
             plan = Planner().plan(estimate, goal)
-            chosen.append(Controller(ControlConfig(motions=swings)).act(estimate.pose, plan))
+            chosen.append(Controller(robot_of(swings)).act(estimate.pose, plan))
         assert chosen[0] is into
         assert chosen[1] is not into
 

@@ -5,9 +5,8 @@ import math
 import pytest
 
 from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
-from slam.control.controller import ControlConfig
 from slam.control.guard import Guard
-from tests.slam.floors import floor
+from tests.slam.floors import floor, robot_of
 
 RADIUS_M = 0.11
 #: A base that swings 2 cm to the side with each turn of 10 degrees.
@@ -16,7 +15,7 @@ SWINGS = ((FORWARD_M, 0.0, 0.0), (0.0, 0.02, TURN_RAD), (0.0, -0.02, -TURN_RAD))
 
 def _bumps(wall, yaw=0.0, motions=SWINGS) -> set[Action]:
     """Of a robot at the origin, on cells of 5 cm whose surfaces are their centres."""
-    guard = Guard(ControlConfig(radius_m=RADIUS_M, motions=motions))
+    guard = Guard(robot_of(motions, radius_m=RADIUS_M))
     found = guard.bumps(floor((0.0, 0.0, yaw), walls=[wall]))
     return {action for action in PUBLISHED if found[action]}
 

@@ -5,7 +5,6 @@ import pytest
 from safetensors.numpy import save_file
 
 from slam.actions import PUBLISHED
-from slam.control.controller import ControlConfig
 from slam.control.learned import INPUTS, LearnedController, initial_weights, load_steering
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.planner import Planner
@@ -26,7 +25,7 @@ def corridor(pose):
 
 
 def controller():
-    return LearnedController(initial_weights(np.random.default_rng(0)), ControlConfig())
+    return LearnedController(initial_weights(np.random.default_rng(0)))
 
 
 def senses(pose, goal):
@@ -62,7 +61,7 @@ def test_it_does_what_the_network_says(action):
     weights["2.bias"][action] = 1.0
     estimate = corridor((0.0, 0.0, 0.3))
     plan = Planner().plan(estimate, np.array([2.0, 0.0]))
-    assert LearnedController(weights, ControlConfig()).act(estimate.pose, plan) is action
+    assert LearnedController(weights).act(estimate.pose, plan) is action
 
 
 def test_a_wrong_file_is_rejected(tmp_path):
@@ -71,4 +70,4 @@ def test_a_wrong_file_is_rejected(tmp_path):
     with pytest.raises(
         ValueError, match=r"steering\.safetensors: not readable as weights .*`robosim train steering`"
     ):
-        load_steering(path, ControlConfig())
+        load_steering(path)

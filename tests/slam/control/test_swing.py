@@ -11,7 +11,7 @@ from slam.control.manoeuvre import pushes, swung, turns_round
 from slam.hull import Hull
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Planner
-from tests.slam.floors import floor
+from tests.slam.floors import floor, robot_of
 
 #: What actions of a base do that swings 2 cm to the side with each turn of 10 degrees.
 SWING_M = 0.02
@@ -31,7 +31,7 @@ def _looks(walls, motions=SWINGS, yaw=0.0) -> Action:
     """First action of a robot at the origin whose goal is where it stands."""
     estimate = floor((0.0, 0.0, yaw), walls=walls)
     plan = Planner().plan(estimate, estimate.pose[:2])
-    return Controller(ControlConfig(motions=motions)).act(estimate.pose, plan)
+    return Controller(robot_of(motions)).act(estimate.pose, plan)
 
 
 def test_turns_go_round_a_circle():
@@ -68,7 +68,7 @@ def test_it_looks_around_to_the_side_that_is_free():
     assert _looks([]) is Action.LEFT
     in_place = (SWINGS[0], (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD), SWINGS[3])
     assert _looks(wall, in_place) is Action.LEFT
-    controller, pose, seen = Controller(ControlConfig(motions=SWINGS)), np.zeros(3), set()
+    controller, pose, seen = Controller(robot_of(SWINGS)), np.zeros(3), set()
     for _ in range(50):
         estimate = floor(pose, walls=wall)
         action = controller.act(pose, Planner().plan(estimate, np.zeros(2)))
@@ -92,7 +92,7 @@ DEAD_END = [(-0.4, 0.14, 0.2, 0.2), (-0.4, -0.2, 0.2, -0.14), (0.15, -0.2, 0.2, 
 
 def _leaves(reverses: bool, motions=SWINGS) -> tuple[list[Action], int]:
     """What a robot does that stands in the dead end and is to go 2 m behind it, and how often it pushes."""
-    controller = Controller(ControlConfig(motions=motions, reverses=reverses))
+    controller = Controller(robot_of(motions), ControlConfig(reverses=reverses))
     pose, done, pushed = np.zeros(3), [], 0
     for _ in range(60):
         estimate = floor(pose, walls=DEAD_END)

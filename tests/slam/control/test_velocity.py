@@ -11,38 +11,41 @@ from slam.control.velocity import VelocityController
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Planner
 from slam.poses import compose, wrap
+from slam.robot import Robot
 from tests.slam.floors import at_pose, divided, floor
 
 #: A slow base, which follows late.
-SLOW = ControlConfig(speed_mps=0.3, turn_rate_radps=0.8, accel_mps2=0.4, latency_s=0.3)
+SLOW = Robot(max_speed_mps=0.3, max_turn_rate_radps=0.8, max_accel_mps2=0.4, latency_s=0.3)
 STEP_S = 0.01
 
 
 class Base:
     """A base on two wheels, integrated in steps of 10 ms."""
 
-    def __init__(self, pose, config):
-        self.pose, self.config, self.speeds = np.array(pose, float), config, np.zeros(2)
-        self.waiting = [np.zeros(2)] * round(config.latency_s / STEP_S)
+    def __init__(self, pose, robot):
+        self.pose, self.robot, self.speeds = np.array(pose, float), robot, np.zeros(2)
+        self.waiting = [np.zeros(2)] * round(robot.latency_s / STEP_S)
 
     def drive(self, command):
         passed = []
         for _ in range(round(command.duration_s / STEP_S)):
             self.waiting.append(np.array(command[:2]))
             change = self.waiting.pop(0) - self.speeds
-            rim = abs(change[0]) + abs(change[1]) * self.config.track_m / 2
-            self.speeds = self.speeds + change * min(1.0, self.config.accel_mps2 * STEP_S / max(rim, 1e-12))
+            rim = abs(change[0]) + abs(change[1]) * self.robot.track_m / 2
+            self.speeds = self.speeds + change * min(
+                1.0, self.robot.max_accel_mps2 * STEP_S / max(rim, 1e-12)
+            )
             v, w = STEP_S * self.speeds
             self.pose = compose(compose(self.pose, np.array([v, 0, w / 2])), np.array([0, 0, w / 2]))
             passed.append(self.pose)
         return passed
 
 
-def drive(estimate, goal, config, decisions=80):
+def drive(estimate, goal, robot, decisions=80):
     """Commands, and all poses until the robot is 0.15 m from the goal."""
-    planner, controller, base = Planner(), VelocityController(config), Base(estimate.pose, config)
+    planner, controller, base = Planner(), VelocityController(robot), Base(estimate.pose, robot)
     commands, poses = [], [estimate.pose]
-    while np.hypot(*(base.pose[:2] - goal)) > config.arrived_m and len(commands) < decisions:
+    while np.hypot(*(base.pose[:2] - goal)) > ControlConfig.arrived_m and len(commands) < decisions:
         commands.append(controller.act(base.pose, planner.plan(at_pose(estimate, base.pose), np.array(goal))))
         poses += base.drive(commands[-1])
     return np.array(commands), np.array(poses)
@@ -56,29 +59,28 @@ def test_it_drives_straight_ahead_and_turns_on_the_spot_for_what_is_behind():
         goal = 1.5 * np.array([math.cos(azimuth), math.sin(azimuth)])
         commands.append(VelocityController().act(estimate.pose, Planner().plan(estimate, goal)))
     ahead, left, right, behind = commands
-    config = ControlConfig()
-    assert ahead == Velocity(config.speed_mps, 0.0, config.control_s)
+    assert ahead == Velocity(Robot.max_speed_mps, 0.0, ControlConfig.control_s)
     assert left.w_radps > 0 and right.w_radps < 0 and min(left.v_mps, right.v_mps) > 0.1
-    assert behind.v_mps == 0 and abs(behind.w_radps) == pytest.approx(config.turn_rate_radps)
+    assert behind.v_mps == 0 and abs(behind.w_radps) == pytest.approx(ControlConfig.turn_rate_radps)
 
 
-@pytest.mark.parametrize("config", [ControlConfig(), SLOW])
+@pytest.mark.parametrize("robot", [Robot(), SLOW])
 @pytest.mark.parametrize("goal", [(1.5, -0.5), (1.0, 1.5), (-2.5, 1.5)])
-def test_it_reaches_goals_through_a_door_within_its_limits(config, goal):
+def test_it_reaches_goals_through_a_door_within_its_limits(robot, goal):
     """To 0.15 m, in at most twice the time that the straight line takes and 4 s; the hull never in a wall.
 
     The door is 0.4 m wide. Each wheel keeps its speed, and the robot its turn rate.
     """
     estimate = divided(8, (-1.5, -1.0, 0.5))
-    commands, poses = drive(estimate, goal, config)
-    assert np.hypot(*(poses[-1, :2] - goal)) < config.arrived_m
-    straight_s = np.hypot(*(np.array(goal) - poses[0, :2])) / config.speed_mps
+    commands, poses = drive(estimate, goal, robot)
+    assert np.hypot(*(poses[-1, :2] - goal)) < ControlConfig.arrived_m
+    straight_s = np.hypot(*(np.array(goal) - poses[0, :2])) / robot.max_speed_mps
     assert STEP_S * len(poses) < 2 * straight_s + 4
     obstacles = estimate.frame.centres(estimate.obstacle)
-    assert min(np.hypot(*(obstacles - pose[:2]).T).min() for pose in poses) > config.radius_m
+    assert min(np.hypot(*(obstacles - pose[:2]).T).min() for pose in poses) > robot.hull.radius_m
     v, w = np.abs(commands[:, :2]).T
-    assert (v + w * config.track_m / 2).max() < config.speed_mps + 1e-9
-    assert w.max() < config.turn_rate_radps + 1e-9
+    assert (v + w * robot.track_m / 2).max() < robot.max_speed_mps + 1e-9
+    assert w.max() < min(ControlConfig.turn_rate_radps, robot.turn_rate_radps) + 1e-9
 
 
 def test_arcs_through_a_wall_are_never_chosen():
@@ -86,8 +88,8 @@ def test_arcs_through_a_wall_are_never_chosen():
     estimate = floor((0.0, 0.0, 0.0), walls=[(0.4, -2, 0.5, 2)])
     controller, plan = VelocityController(), Planner().plan(estimate, np.array([0.0, 1.5]))
     config = controller.config
-    arcs, distance_m = controller._arcs(estimate.pose, (config.speed_mps, 0.0))
-    space = plan.clearance.space(config.hull, arcs[..., :2], arcs[..., 2])
+    arcs, distance_m = controller._arcs(estimate.pose, (Robot.max_speed_mps, 0.0))
+    space = plan.clearance.space(controller.hull, arcs[..., :2], arcs[..., 2])
     too_near = np.minimum.accumulate(space, axis=1)[:, controller._first :] < config.slacks_m[0]
     assert 0.2 < too_near.mean() < 0.9
     np.testing.assert_array_equal(np.isinf(controller._price(arcs, distance_m, plan)), too_near)
@@ -99,30 +101,30 @@ def test_a_hull_with_corners_backs_out_of_where_it_cannot_turn():
     It drives backward until it can turn, and turns once.
     """
     outline = ((-0.18, -0.1), (0.18, -0.1), (0.18, 0.1), (-0.18, 0.1))
-    config = ControlConfig(outline_m=outline)
+    robot = Robot(outline_m=outline)
     estimate = floor((0.25, 0.0, 0.0), walls=[(0, 0.15, 0.6, 1), (0, -1, 0.6, -0.15), (0.5, -1, 0.6, 1)])
-    commands, poses = drive(estimate, (-2.0, 0.2), config)
-    assert np.hypot(*(poses[-1, :2] - (-2.0, 0.2))) < config.arrived_m
+    commands, poses = drive(estimate, (-2.0, 0.2), robot)
+    assert np.hypot(*(poses[-1, :2] - (-2.0, 0.2))) < ControlConfig.arrived_m
     assert commands[0, 0] < 0 and (commands[-4:, 0] > 0.2).all()
-    assert Clearance.around(estimate, 4.0).space(config.hull, poses[:, :2], poses[:, 2]).min() > 0
+    assert Clearance.around(estimate, 4.0).space(robot.hull, poses[:, :2], poses[:, 2]).min() > 0
 
 
-@pytest.mark.parametrize("config", [ControlConfig(), SLOW])
-def test_the_base_follows_the_arcs_that_are_compared(config):
+@pytest.mark.parametrize("robot", [Robot(), SLOW])
+def test_the_base_follows_the_arcs_that_are_compared(robot):
     """From rest and from full speed, all candidates for a second: within 1 cm and 0.02 rad (0.0054, 0.013)."""
-    controller = VelocityController(config)
+    controller = VelocityController(robot)
     worst = np.zeros(3)
-    for before in (None, Velocity(config.speed_mps, 0.0, 2.0)):
+    for before in (None, Velocity(robot.max_speed_mps, 0.0, 2.0)):
         controller.reset()
-        base = Base((0.3, 0.2, 1.0), config)
+        base = Base((0.3, 0.2, 1.0), robot)
         if before is not None:
             base.drive(before)
             controller._command = controller._speeds = before[:2]
         arcs, _ = controller._arcs(controller._at_next_command(base.pose), controller._speeds)
         for v, w, arc in zip(controller._v, controller._w, arcs, strict=True):
-            own = Base(base.pose, config)
+            own = Base(base.pose, robot)
             own.speeds, own.waiting = base.speeds.copy(), list(base.waiting)
-            off = own.drive(Velocity(v, w, config.latency_s + 1.0))[-1] - arc[7]
+            off = own.drive(Velocity(v, w, robot.latency_s + 1.0))[-1] - arc[7]
             worst = np.maximum(worst, np.abs([*off[:2], wrap(off[2])]))
     assert worst[:2].max() < 0.01 and worst[2] < 0.02
 
@@ -130,7 +132,7 @@ def test_the_base_follows_the_arcs_that_are_compared(config):
 def test_at_the_end_it_turns_to_the_goal_and_looks_around():
     """Next to an unreachable goal: to it at first, then with the full turn rate, in one direction; it never drives."""
     estimate = floor((1.2, 0.0, 0.0), walls=[(1.0, 0.4, 1.5, 0.9)])
-    planner, controller, base = Planner(), VelocityController(), Base(estimate.pose, ControlConfig())
+    planner, controller, base = Planner(), VelocityController(), Base(estimate.pose, Robot())
     goal, commands, yaws = np.array([1.25, 0.65]), [], []
     end = planner.plan(estimate, goal).path[-1]
     base.pose = np.array([*end, -0.5])

@@ -28,7 +28,11 @@ WORLDS = {
 
 def _explore(world: GridWorld, decisions: int, hidden=None, rating="gain"):
     """Goals and poses until the explorer is done; cells that are hidden never show, whatever is looked at."""
-    planner, controller, explorer = Planner(), Controller(), FrontierExplorer(ExplorerConfig(rating=rating))
+    planner, controller, explorer = (
+        Planner(),
+        Controller(),
+        FrontierExplorer(config=ExplorerConfig(rating=rating)),
+    )
     goals, poses = [], []
     for _ in range(decisions):
         if hidden is not None:
@@ -80,7 +84,7 @@ def test_a_goal_is_where_seen_floor_meets_what_is_unseen(seed, rating):
     estimate = _drawn(seed)
     frontiers = _frontier_cells(estimate)
     assert frontiers.sum() > 20
-    goal = FrontierExplorer(ExplorerConfig(rating=rating)).goal(estimate)
+    goal = FrontierExplorer(config=ExplorerConfig(rating=rating)).goal(estimate)
     assert goal is not None
     iy, ix = estimate.frame.index(goal)
     assert frontiers[iy, ix]
@@ -92,8 +96,8 @@ def test_the_nearest_frontier_may_lie_behind_and_the_cheapest_does_not():
     world = GridWorld(hall((8, 3)), (4.0, 1.5, 0.0)).know_all()
     for box in ((2.2, 1.2, 2.8, 1.8), (6.2, 1.2, 6.8, 1.8)):
         world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
-    nearest = FrontierExplorer(ExplorerConfig(rating="nearest")).goal(world.estimate())
-    cheapest = FrontierExplorer(ExplorerConfig(rating="cheapest")).goal(world.estimate())
+    nearest = FrontierExplorer(config=ExplorerConfig(rating="nearest")).goal(world.estimate())
+    cheapest = FrontierExplorer(config=ExplorerConfig(rating="cheapest")).goal(world.estimate())
     assert nearest[0] < 3.0
     assert cheapest[0] > 6.0
 
@@ -118,8 +122,8 @@ def test_the_nearest_frontier_is_the_nearer_one_and_gain_prefers_the_larger():
     world = GridWorld(hall((7, 3)), (3.0, 1.5, math.pi)).know_all()
     for box in ((2.0, 1.2, 2.2, 1.8), (5.0, 0.1, 6.9, 2.9)):
         world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
-    nearest = FrontierExplorer(ExplorerConfig(rating="nearest")).goal(world.estimate())
-    gain = FrontierExplorer(ExplorerConfig(rating="gain")).goal(world.estimate())
+    nearest = FrontierExplorer(config=ExplorerConfig(rating="nearest")).goal(world.estimate())
+    gain = FrontierExplorer(config=ExplorerConfig(rating="gain")).goal(world.estimate())
     assert nearest[0] < 2.5
     assert gain[0] > 4.5
 
@@ -130,7 +134,7 @@ def test_a_tour_collects_a_pocket_at_hand_and_gain_leaves_it_for_the_larger_end(
     for box in ((1.2, 1.2, 1.8, 1.8), (7.0, 0.1, 9.9, 2.9)):
         world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
     goals = {
-        rating: FrontierExplorer(ExplorerConfig(rating=rating)).goal(world.estimate())
+        rating: FrontierExplorer(config=ExplorerConfig(rating=rating)).goal(world.estimate())
         for rating in ("tour", "gain")
     }
     assert goals["tour"][0] < 2.5
@@ -143,7 +147,7 @@ def test_without_a_weight_turns_do_not_count():
     for box in ((2.2, 1.2, 2.8, 1.8), (6.2, 1.2, 6.8, 1.8)):
         world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
     config = ExplorerConfig(rating="cheapest", turn_weight=0.0)
-    assert FrontierExplorer(config).goal(world.estimate())[0] < 3.0
+    assert FrontierExplorer(config=config).goal(world.estimate())[0] < 3.0
 
 
 def test_what_is_seen_from_the_edge_of_an_open_half_plane_is_half_a_disc():

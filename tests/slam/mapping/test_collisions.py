@@ -7,6 +7,7 @@ import pytest
 
 from slam.actions import FORWARD_M, Action, Velocity
 from slam.grid import GridFrame
+from slam.hull import Hull
 from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.poses import to_map
 
@@ -34,7 +35,7 @@ def test_a_stop_marks_the_cells_before_the_hull(pose, radius_m):
 
     Nothing at its sides or behind it is, and nothing under it: it must be able to leave.
     """
-    marks = CollisionMarks(FRAME, CollisionConfig(radius_m=radius_m))
+    marks = CollisionMarks(FRAME, Hull(radius_m))
     assert _stop(marks, pose)
     ahead, left = _in_robot(marks, pose).T
     assert len(ahead) >= 2
@@ -173,7 +174,7 @@ def test_a_stop_at_the_edge_of_the_map_is_no_error():
     assert not marks.blocked.any()
 
 
-@pytest.mark.parametrize("values", [{"radius_m": 0.0}, {"short_m": 0.3}, {"short_m": 0.0}])
+@pytest.mark.parametrize("values", [{"depth_m": -0.1}, {"short_m": 0.3}, {"short_m": 0.0}])
 def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):

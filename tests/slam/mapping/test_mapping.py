@@ -13,6 +13,7 @@ from slam.mapping.occupancy import OccupancyGrid
 from slam.mapping.odometry import calibrated
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import between, compose
+from slam.robot import Robot
 from tests.slam.rooms import Room
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -120,7 +121,7 @@ def test_biased_and_noisy_odometry_stays_below_five_centimetres():
     rng, room = np.random.default_rng(0), Room()
     runs = np.random.default_rng(1).normal(size=(3, 200, 3)) * [0.004, 0.004, 0.003]
     odometry = calibrated({action: BIAS[action] + runs[action] for action in (F, L, R)})
-    mapper = ClassicalMapper(MapperConfig(odometry=odometry))
+    mapper = ClassicalMapper(Robot(odometry=odometry))
     true, found = _drive(mapper, room, ROUND, bias=BIAS, rng=rng)
     off = np.hypot(*(true - found)[:, :2].T)
     assert off.max() < 0.05
@@ -161,7 +162,7 @@ def test_three_hundred_blind_frames_do_no_harm(wild):
 def test_the_map_does_not_outgrow_its_bound():
     """Driven 22 m down a hall with a bound of 400 m2, it stops growing and goes on giving poses."""
     hall = Room(low_xy=(-45.0, -3.0), high_xy=(45.0, 3.0))
-    mapper = ClassicalMapper(MapperConfig(max_area_m2=400.0))
+    mapper = ClassicalMapper(config=MapperConfig(max_area_m2=400.0))
     pose = np.zeros(3)
     mapper.update(hall.depth(pose, size=32))
     for _ in range(90):

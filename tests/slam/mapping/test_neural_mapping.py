@@ -25,7 +25,7 @@ def saying(obstacle: float, seen: float) -> MapNetwork:
 
 
 def mapper(obstacle: float, seen: float, **config) -> NeuralMapper:
-    made = NeuralMapper(saying(obstacle, seen), MapperConfig(**config))
+    made = NeuralMapper(saying(obstacle, seen), config=MapperConfig(**config))
     made.reset(POSE)
     return made
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from slam.grid import GridFrame, MapEstimate
-from slam.planning.cost_map import CostConfig
-from slam.planning.planner import Planner, PlannerConfig
+from slam.planning.planner import Planner
+from slam.robot import Robot
 from tests.slam.floors import at_pose, divided, floor
 
 RADIUS_M = 0.10
@@ -71,9 +71,8 @@ def test_no_path_leads_through_a_door_narrower_than_the_hull(gap_cells):
 def test_a_larger_hull_does_not_pass_where_a_smaller_one_does():
     """A door of 0.3 m: radius 0.10 passes, 0.18 does not."""
     estimate, goal = divided(5), np.array([1.5, 0.1])
-    large = PlannerConfig(cost=CostConfig(radius_m=0.18))
     assert Planner().plan(estimate, goal).reachable
-    assert not Planner(large).plan(estimate, goal).reachable
+    assert not Planner(Robot(radius_m=0.18)).plan(estimate, goal).reachable
 
 
 def test_a_goal_in_an_obstacle_is_replaced_by_the_nearest_spot_the_hull_reaches():
