@@ -12,8 +12,9 @@ from robosim.logs.log_mapping import LogConfig
 from robosim.logs.robot_log import RobotLog
 from robosim.simulator import Observation
 from slam.actions import Velocity
-from slam.mapping.classical import MapperConfig
+from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.odometry import ActionError, OdometryConfig
+from slam.robot import Robot
 from slam.sensing.laser import LaserScan
 
 #: Farther surfaces do not count as measured [m].
@@ -48,13 +49,12 @@ def observations(log: RobotLog, height_m: float = 0.2) -> Iterator[Observation]:
         )
 
 
-def mapper_config(log: RobotLog, config: LogConfig | None = None) -> MapperConfig:
-    """Return settings of a mapper for a log: the matching, drift and errors of odometry of `map_log`."""
+def mapper_of(log: RobotLog, config: LogConfig | None = None) -> ClassicalMapper:
+    """Make a mapper for a log, with the matching, the drift and the errors of odometry of `map_log`."""
     config = config or LogConfig()
     tracker = config.tracker(loops=True, step_rad=log.step_rad())
     place, yaw = config.odometry.position_m**2, config.odometry.yaw_rad**2
     error = ActionError(covariance=((place, 0.0, 0.0), (0.0, place, 0.0), (0.0, 0.0, yaw)))
-    odometry = OdometryConfig(forward=error, left=error, right=error)
-    return MapperConfig(
-        resolution_m=config.resolution_m, match=tracker.match, tracking=tracker, odometry=odometry
-    )
+    robot = Robot(camera=None, odometry=OdometryConfig(forward=error, left=error, right=error))
+    settings = MapperConfig(resolution_m=config.resolution_m, match=tracker.match, tracking=tracker)
+    return ClassicalMapper(robot, settings)

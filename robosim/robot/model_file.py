@@ -308,7 +308,7 @@ def _place_of(
     return None
 
 
-def _mount(place: Float[np.ndarray, "3"]) -> dict[str, float]:
+def _mount(place: Float[np.ndarray, "3"]) -> dict[str, Any]:
     """How far ahead a sensor is, and how high."""
     return {"ahead_m": round(float(place[0]), 6), "height_m": round(float(place[2]), 6)}
 

@@ -71,10 +71,8 @@ def test_navigable_areas_have_no_heights():
 def test_an_episode_among_furniture_arrives_and_penetrates_nothing(physics, goal, mast_m):
     """A tall robot and one that drives under tables: no hull nearer to anything lower than it than its radius."""
     building = make_building(generate_plan(1, config=GeneratorConfig(heights=True, area_m2=45)))
-    robot = RobotConfig(mast_m=mast_m)
-    simulator = SimulatorConfig(
-        physics=physics, robot=robot, robot=RobotConfig(camera=CameraConfig(height_m=mast_m))
-    )
+    robot = RobotConfig(mast_m=mast_m, camera=CameraConfig(height_m=mast_m))
+    simulator = SimulatorConfig(physics=physics, robot=robot)
     places = reach(building, *robot.hull_m)
     task = make_task(places, np.random.default_rng([1, 0]))
     log, _ = run_episode(

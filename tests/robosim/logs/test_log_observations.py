@@ -8,21 +8,21 @@ import pytest
 from robosim.agent import Agent
 from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import map_log
-from robosim.logs.log_observations import mapper_config, observations
+from robosim.logs.log_observations import mapper_of, observations
 from robosim.navigation import make_navigator
 from robosim.policies.goals import Explore
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from slam.actions import Velocity
-from slam.mapping.classical import ClassicalMapper
 from slam.poses import between
 from tests.robot_logs import Drive
 
 
 def agent_of(log):
     """An agent that explores, with the errors of the log's odometry."""
-    navigator = make_navigator(SimulatorConfig(camera="none", lidar="rplidar-a1"))
-    navigator = navigator._replace(mapper=ClassicalMapper(mapper_config(log)))
-    agent = Agent(navigator, Explore(navigator.explorer), turning_m=0.2)
+    robot = RobotConfig(camera=None, lidar="rplidar-a1")
+    navigator = make_navigator(SimulatorConfig(robot=robot))._replace(mapper=mapper_of(log))
+    agent = Agent(navigator, Explore(navigator.explorer), robot)
     agent.reset(np.zeros(3))
     return agent
 
