@@ -23,8 +23,7 @@ class EpisodeConfig:
     explorer: ExplorerPart = "learned"
     """Explorer: chooses among frontiers when the goal is to explore."""
     controller: ControllerPart = "planned"
-    """Controller: planned, a search over turns and runs, or a network that has learned from it; velocity commands
-    speeds and turn rates."""
+    """Controller: planned, a search over turns and runs; velocity commands speeds and turn rates."""
     mapper: MapperPart = "neural"
     """Mapper: classical, neural, learned-pose, or a .safetensors file of a trained network."""
     seed: Annotated[int, SEED, tyro.conf.Suppress] = 0

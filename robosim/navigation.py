@@ -22,7 +22,6 @@ from robosim.support.from_dict import from_dict
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import Part
 from slam.control.controller import LocalPolicy
-from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
@@ -85,11 +84,6 @@ def learned_explorer(robot: Robot) -> FrontierExplorer:
     """Chooses among frontiers by the shipped network."""
     config = ExplorerConfig(rating="learned", **LEARNED)
     return FrontierExplorer(robot, config, load_chooser(shipped_network("explorer")))
-
-
-def learned_controller(robot: Robot) -> LearnedController:
-    """Chooses actions by the shipped network."""
-    return load_steering(shipped_network("steering"), robot)
 
 
 def neural_mapper(robot: Robot, config: MapperConfig) -> Mapper:

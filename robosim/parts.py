@@ -78,7 +78,6 @@ CONTROLLER = Kind(
     "controller",
     {
         "planned": "slam.control.controller:Controller",
-        "learned": "robosim.navigation:learned_controller",
         "velocity": "slam.control.velocity:VelocityController",
     },
     has=("act",),

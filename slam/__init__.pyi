@@ -23,7 +23,6 @@ from slam.planning.cost_map import CostConfig as CostConfig
 from slam.planning.planner import Plan as Plan
 from slam.control.controller import Controller as Controller
 from slam.control.controller import ControlConfig as ControlConfig
-from slam.control.learned import load_steering as load_steering
 from slam.actions import Action as Action
 from slam.control.controller import LocalPolicy as LocalPolicy
 

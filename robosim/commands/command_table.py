@@ -37,7 +37,6 @@ COMMANDS = {
     "train mapper": "train:mapper",
     "train pose": "train:pose",
     "train explorer": "train:explorer",
-    "train steering": "train:steering",
     "train search": "train:search",
 }
 #: Commands of two words by their first.

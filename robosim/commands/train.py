@@ -255,54 +255,6 @@ def explorer(
     console.print(f"Wrote the explorer, its card and curve in {folder}")
 
 
-def steering(
-    *,
-    rounds: int = 5,
-    homes: int = 60,
-    held_out: int = 60,
-    seed: int = 0,
-    work: Work = ALL_CORES,
-    smoke: bool = False,
-    out: Path | None = None,
-) -> None:
-    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives in generated homes.
-
-    Writes steering.safetensors with its card, which compares both policies in held-out homes. The same command resumes
-    an interrupted run; the result does not depend on the number of workers.
-
-    Example: robosim train steering --out out/steering
-
-    Args:
-        rounds: Rounds of driving and learning.
-        homes: Homes of a round, with a drive to one target in each.
-        held_out: Homes of the final comparison.
-        seed: Seed of homes, targets, noise and weights.
-        work: Worker processes.
-        smoke: Whether to try everything in a minute, with two rounds of a few short drives.
-        out: Output folder, also of a run to resume; by default a new one under runs/.
-    """
-    from robosim.training.steering import SteeringRecipe, train_steering
-
-    if smoke:
-        rounds, homes, held_out = min(rounds, 2), min(homes, 2), min(held_out, 2)
-    recipe = SteeringRecipe(rounds=rounds, homes=homes, held_out=held_out, seed=seed)
-    if smoke:
-        recipe = replace(recipe, epochs=2, max_steps=15)
-    options = {"rounds": rounds, "homes": homes, "held_out": held_out, "seed": seed}
-    with training(out, "steering", **options) as (folder, about):
-        card = train_steering(
-            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=about
-        )
-    emit_result(card, folder)
-    for name, mean in card["mean_of_drives"].items():
-        console.print(
-            f"{name:>10}: {100 * mean['arrived']:.1f} % arrived, {mean['steps']:.1f} decisions and {mean['bumps']:.2f} "
-            "bumps per drive",
-            highlight=False,
-        )
-    console.print(f"Wrote the local policy and its card in {folder}")
-
-
 def search(
     *,
     epochs: int = 400,

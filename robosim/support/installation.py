@@ -119,5 +119,5 @@ def shipped_weights() -> dict[str, Path]:
 
 
 def shipped_network(name: str) -> Path:
-    """Weights of a shipped network of the navigator: mapper, pose, explorer, steering or search."""
+    """Weights of a shipped network of the navigator: mapper, pose, explorer or search."""
     return assets_dir() / "weights" / f"{name}.safetensors"

@@ -1,1 +1,1 @@
-"""Training of link-state classifiers, mapper, pose, explorer, steering and search."""
+"""Training of link-state classifiers, mapper, pose, explorer and search."""

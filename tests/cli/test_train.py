@@ -11,8 +11,6 @@ from robosim.cli import main
 from robosim.policies.search_network import load_search
 from robosim.training import explorer as explorer_training
 from robosim.training.link_state import deal
-from slam.control.controller import ControlConfig
-from slam.control.learned import load_steering
 from slam.exploration.choosing import load_chooser
 from wireless.linkstate import load_classifier
 
@@ -157,21 +155,6 @@ def test_an_explorer_is_the_same_with_any_number_of_workers_and_after_a_break(tm
 
 def _interrupted(*_):
     raise KeyboardInterrupt
-
-
-def test_a_local_policy_is_the_same_with_any_number_of_workers_and_after_a_break(tmp_path):
-    """Two workers at once, or one that goes on after the first round: the same weights, byte for byte."""
-    options = "train steering --homes 2 --held-out 1 --seed 3 --smoke"
-    main(f"{options} --workers 2 --out {tmp_path}/two".split())
-    card = json.loads((tmp_path / "two" / "steering.json").read_text())
-    assert set(card["mean_of_drives"]) == {"planned", "learned"}
-    (tmp_path / "one").mkdir()
-    for name in ("settings.json", "round-1.npz"):
-        shutil.copy(tmp_path / "two" / name, tmp_path / "one")
-    main(f"{options} --workers 1 --out {tmp_path}/one".split())
-    weights = [(tmp_path / name / "steering.safetensors").read_bytes() for name in ("one", "two")]
-    assert weights[0] == weights[1]
-    assert load_steering(tmp_path / "one" / "steering.safetensors", ControlConfig()).weights
 
 
 def test_a_search_goes_on_after_a_break_and_drives(tmp_path):

@@ -44,7 +44,6 @@ def test_what_trains_says_what_to_install(tmp_path):
     for words in (
         ["train", "mapper", "--smoke"],
         ["train", "link-state", "--data", str(tmp_path)],
-        ["train", "steering"],
         ["train", "search"],
     ):
         output = run(f"from robosim.cli import main\nmain({[*words, '--out', str(tmp_path / 'out')]!r})")

@@ -74,9 +74,6 @@ COMMANDS = {
     "train explorer": Command(
         "train explorer --rounds 2 --homes 2 --decisions 6 --held-out 1 --workers 2", workers=True
     ),
-    "train steering": Command(
-        "train steering --rounds 2 --homes 1 --held-out 1 --smoke --workers 2", workers=True
-    ),
 }
 
 

@@ -45,7 +45,6 @@ from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
 from slam.actions import MOVES
-from slam.control.learned import INPUTS
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.odometry import calibrated
 from tests import stored_episodes
@@ -234,7 +233,7 @@ def searches(folder: Path) -> None:
 
 def weights(folder: Path) -> None:
     """Those that come with the package."""
-    for name in ("mapper", "pose", "explorer", "steering"):
+    for name in ("mapper", "pose", "explorer"):
         home = _into(folder, f"weights-{name}")
         for suffix in (".safetensors", ".json"):
             shutil.copyfile(shipped_network(name).with_suffix(suffix), home / f"a{suffix}")
@@ -394,11 +393,6 @@ def arrays(folder: Path) -> None:
         home / "home-1000220.npz",
         tokens=rng.normal(size=(4, 5, 5)).astype(np.float32),
         state=np.array([1, 2, 3, 1], np.uint8),
-    )
-    np.savez_compressed(
-        home / "round-1.npz",
-        senses=rng.normal(size=(4, INPUTS)).astype(np.float32),
-        advised=np.array([0, 1, 2, 0]),
     )
     write_json(home / "bench.json", {"settings": {"seed": 1}, "rows": [{"plan": "a", "ate_m": 0.1}]})
 

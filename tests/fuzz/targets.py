@@ -47,9 +47,6 @@ from robosim.training.generated_links import read_homes
 from robosim.training.mapper import read_frames, read_pairs
 from robosim.training.policy_weights import Checkpoint
 from robosim.training.search import Training as SearchTraining
-from robosim.training.steering import read_round
-from slam.control.controller import ControlConfig
-from slam.control.learned import load_steering
 from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
 from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
@@ -369,7 +366,6 @@ TARGETS: dict[str, Target] = {
     "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
     "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),
     "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
-    "steering": Target("weights-steering", "*.s*", lambda folder, file: load_steering(file, ControlConfig()), 0.5),
     "search": Target("weights-search", "*.s*", lambda folder, file: load_search(file), 0.5),
     "link states": Target("weights-link-state", "*", lambda folder, file: classifier_of_file(folder / "a.safetensors")),
     "log": Target("episode", "*", _log, 3),
@@ -389,7 +385,6 @@ TARGETS: dict[str, Target] = {
     "checkpoint of a classifier": Target("checkpoints", "link-state.pt", _link_checkpoint, 0.7),
     "checkpoint of a search": Target("checkpoints", "search.pt", _search_checkpoint, 0.7),
     "homes": Target("arrays", "home-*", _homes, 0.3),
-    "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
     "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
