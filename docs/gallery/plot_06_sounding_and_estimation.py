@@ -3,14 +3,13 @@ Sounding and path estimation
 ============================
 
 The transmitter sends a known waveform on one beam after the other. The left picture shows the true paths, the right
-picture the received power by direction and beam. Circles are true paths, crosses are the five estimated paths.
+picture their directions. Circles are true paths, crosses are the five estimated paths.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from robosim import RadioConfig, RadioScene, read_plan
-from robosim.drawing.direction_pictures import draw_directions
 from robosim.drawing.radio_pictures import draw_rays
 from wireless import Rays, Sounder, estimator_named, terminal_named
 
@@ -24,7 +23,11 @@ found = estimator_named("sage", sounder).estimate(tensor)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(13.5, 6.0), layout="constrained")
 draw_rays(left, scene.building, paths, 0, 0, sounder.config.tx_power_dbm)
-draw_directions(right, paths, sounder, tensor[0], found)
+strong = paths.power_db > paths.power_db.max() - 30
+right.scatter(*np.rad2deg([paths.aoa_az[strong], paths.aod_az[strong]]), facecolor="none", edgecolor="tab:blue")
+right.plot(*np.rad2deg([found.aoa_rad[0], found.aod_rad[0]]), "x", color="tab:orange")
+right.set(xlabel="azimuth of arrival [degrees]", ylabel="azimuth of departure [degrees]")
+right.set(xlim=(-180, 180), ylim=(-180, 180))
 for i in range(int(found.count[0])):
     print(
         f"path {i + 1}: arrives from {np.rad2deg(found.aoa_rad[0, i]):6.1f}°, departs to "
