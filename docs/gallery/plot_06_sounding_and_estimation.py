@@ -24,7 +24,9 @@ found = estimator_named("sage", sounder).estimate(tensor)
 figure, (left, right) = plt.subplots(1, 2, figsize=(13.5, 6.0), layout="constrained")
 draw_rays(left, scene.building, paths, 0, 0, sounder.config.tx_power_dbm)
 strong = paths.power_db > paths.power_db.max() - 30
-right.scatter(*np.rad2deg([paths.aoa_az[strong], paths.aod_az[strong]]), facecolor="none", edgecolor="tab:blue")
+right.scatter(
+    *np.rad2deg([paths.aoa_az[strong], paths.aod_az[strong]]), facecolor="none", edgecolor="tab:blue"
+)
 right.plot(*np.rad2deg([found.aoa_rad[0], found.aod_rad[0]]), "x", color="tab:orange")
 right.set(xlabel="azimuth of arrival [degrees]", ylabel="azimuth of departure [degrees]")
 right.set(xlim=(-180, 180), ylim=(-180, 180))

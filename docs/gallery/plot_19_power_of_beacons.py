@@ -12,9 +12,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from robosim import RadioConfig, RadioScene, read_plan, receiver_grid
-from robosim.published.beacon_places import locate_beacon
-from robosim.published.measured_powers import MeasuredPowers
-from robosim.published.power_fit import PowerFitConfig, fit_powers
+from robosim.calibration.measured_powers import MeasuredPowers
+from robosim.calibration.power_fit import PowerFitConfig, fit_powers
+from robosim.positioning.beacon_places import locate_beacon
 from wireless import TracerConfig
 from wireless.positioning.received_power import PowerReadings
 

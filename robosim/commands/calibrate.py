@@ -23,8 +23,8 @@ from robosim.support.checks import FREQUENCY_HZ, SEED, Range
 _LIKELY = 2.0
 
 if TYPE_CHECKING:
-    from robosim.published.measured_powers import MeasuredPowers
-    from robosim.published.power_fit import PowerFitConfig
+    from robosim.calibration.measured_powers import MeasuredPowers
+    from robosim.calibration.power_fit import PowerFitConfig
 
 _FREQUENCY_GHZ = Range(FREQUENCY_HZ.least / 1e9, FREQUENCY_HZ.most / 1e9, "GHz")
 
@@ -75,12 +75,12 @@ def calibrate_materials(
         out: Output folder; by default a new one under runs/.
     """
     from robosim.building.building import BuildingConfig, make_building
+    from robosim.calibration.material_fit import ADDED, EDGES, Fit
+    from robosim.calibration.measured_figure import draw_measured
+    from robosim.calibration.measured_paths import MatchConfig, read_measured_paths
+    from robosim.calibration.measured_powers import is_table_of_powers, read_measured_powers
+    from robosim.calibration.power_fit import PowerFitConfig
     from robosim.plans.files import write_ros
-    from robosim.published.material_fit import ADDED, EDGES, Fit
-    from robosim.published.measured_figure import draw_measured
-    from robosim.published.measured_paths import MatchConfig, read_measured_paths
-    from robosim.published.measured_powers import is_table_of_powers, read_measured_powers
-    from robosim.published.power_fit import PowerFitConfig
     from robosim.support.files import write_json
     from robosim.support.progress import unit_progress
 
@@ -129,8 +129,8 @@ def calibrate_materials(
 
 def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitConfig", folder: Path) -> None:
     """Fit walls to received powers, and write and print the result."""
-    from robosim.published.power_figures import draw_powers, draw_residuals
-    from robosim.published.power_fit import STEPS, WALL_PARAMETERS, fit_powers
+    from robosim.calibration.power_figures import draw_powers, draw_residuals
+    from robosim.calibration.power_fit import STEPS, WALL_PARAMETERS, fit_powers
     from robosim.support.files import write_json, write_whole
     from robosim.support.progress import unit_progress
 

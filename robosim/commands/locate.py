@@ -9,7 +9,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.output import console, emit_result_file
 from robosim.commands.shared_options import NO_OPTIONS, Reading, read, results_folder
-from robosim.published.beacon_places import BeaconConfig
+from robosim.positioning.beacon_places import BeaconConfig
 from robosim.support.checks import ADVANCED, Range
 
 _DEFAULTS = BeaconConfig()
@@ -49,9 +49,9 @@ def locate(
     """
     from robosim.commands.slam import watched_log
     from robosim.logs.log_files import read_log
-    from robosim.published.beacon_figure import draw_beacons
-    from robosim.published.beacon_places import SHARES, locate_beacon
-    from robosim.published.power_route import map_route, read_power_route
+    from robosim.positioning.beacon_figure import draw_beacons
+    from robosim.positioning.beacon_places import SHARES, locate_beacon
+    from robosim.positioning.power_route import map_route, read_power_route
     from robosim.support.files import write_json
 
     if plan is not None and map_from is not None:

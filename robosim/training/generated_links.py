@@ -2,7 +2,7 @@
 
 A classifier overfits to a dozen public buildings. Each generated home gets a few transmitters, and some receivers of
 the published grid at random places. Paths and powers are those of the published ray tracer
-(`robosim.published.label_links`), received by the published receiver (`wireless.estimation.public`). A home is one
+(`robosim.training.label_links`), received by the published receiver (`wireless.estimation.public`). A home is one
 file, which depends only on its seed.
 """
 
@@ -16,13 +16,13 @@ from rich.console import Console
 
 from robosim.building.building import make_building
 from robosim.generator.generate import GeneratorConfig, generate_plan
-from robosim.published.label_links import TRACER, published_mesh, published_paths
 from robosim.radio.receivers import receiver_grid
 from robosim.support.arrays_in import Array, read_npz
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import unit_progress
 from robosim.support.reading import reading
 from robosim.support.workers import Workers
+from robosim.training.label_links import TRACER, published_mesh, published_paths
 from wireless.estimation.public import PublicReceiver
 from wireless.formats.mmwrobotnav_measurements import link_states
 from wireless.linkstate.tokens import make_tokens

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim.published.label_links import published_paths
+from robosim.training.label_links import published_paths
 from tests.benchmarks.edge_laws import Wedges
 from tests.benchmarks.labels import in_the_clear, prepared
 from wireless.estimation.public import PublicReceiver

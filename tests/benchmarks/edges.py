@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from scipy.constants import speed_of_light
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.published.label_links import GAP_M, PLASTERBOARD_M
+from robosim.training.label_links import GAP_M, PLASTERBOARD_M
 from tests.benchmarks.edge_cases import Cases, find_cases, offset_db
 from tests.benchmarks.edge_laws import laws, published_faces
 from tests.benchmarks.harness import DEFAULT, Options, figure_of, quartiles, run_units
@@ -24,7 +24,7 @@ from wireless.formats.mmwrobotnav_measurements import find_measurements, read_me
 from wireless.paths import Interaction
 
 FREQUENCY_HZ = 28e9
-#: The law that the links of `robosim.published.label_links` are traced by.
+#: The law that the links of `robosim.training.label_links` are traced by.
 TRACED = "bisector"
 #: Beyond this angle an edge turns a path back [deg].
 BACK_DEG = -90.0

@@ -16,7 +16,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import Building, make_building
 from robosim.plans.files import read_plan
-from robosim.published.label_links import TRACER, published_mesh, published_paths
+from robosim.training.label_links import TRACER, published_mesh, published_paths
 from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.results import Results
 from wireless.formats.mmwrobotnav_measurements import (

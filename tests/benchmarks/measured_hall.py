@@ -2,7 +2,7 @@
 
 The plan is the picture that the authors publish with their data: what is dark is wall, and its frame, where the plan
 ends, reflects nothing. Posts are of metal. A traced path explains a measured one if delay and both azimuths agree
-(`robosim.published.measured_paths`), and within 6 dB if its strength does, too.
+(`robosim.calibration.measured_paths`), and within 6 dB if its strength does, too.
 Data: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291).
 """
 
@@ -15,10 +15,9 @@ from PIL import Image
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig, make_building
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.published.material_fit import CURVED, EDGES, SPECULAR, residuals_db, rms_db, tracer_of
-from robosim.published.measured_figure import draw_measured
-from robosim.published.measured_paths import (
+from robosim.calibration.material_fit import CURVED, EDGES, SPECULAR, residuals_db, rms_db, tracer_of
+from robosim.calibration.measured_figure import draw_measured
+from robosim.calibration.measured_paths import (
     MatchConfig,
     MeasuredHall,
     match,
@@ -26,6 +25,7 @@ from robosim.published.measured_paths import (
     read_measured_paths,
     trace_hall,
 )
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.support.reading import reading
 from slam.poses import wrap
 from tests.benchmarks.harness import DEFAULT, Options

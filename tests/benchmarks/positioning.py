@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.constants import speed_of_light
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.published.measured_paths import MeasuredHall, read_measured_paths
+from robosim.calibration.measured_paths import MeasuredHall, read_measured_paths
 from robosim.support.progress import tracked
 from slam.poses import wrap
 from tests.benchmarks.harness import DEFAULT, Options, console

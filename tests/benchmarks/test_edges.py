@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from robosim.published.label_links import GAP_M, PLASTERBOARD_M
+from robosim.training.label_links import GAP_M, PLASTERBOARD_M
 from tests.benchmarks import edges
 from tests.benchmarks.edge_cases import STEP_DB, Cases, offset_db
 from tests.benchmarks.edge_laws import Wedges, laws, published_faces

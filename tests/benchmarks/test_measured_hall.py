@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from robosim.published.material_fit import CURVED, SPECULAR, tracer_of
-from robosim.published.measured_paths import match, read_measured_paths, trace_hall
+from robosim.calibration.material_fit import CURVED, SPECULAR, tracer_of
+from robosim.calibration.measured_paths import match, read_measured_paths, trace_hall
 from tests.benchmarks.measured_hall import CLOSE, FREQUENCY_HZ, TURN_DEG, half_space, read_plan, turned
 
 

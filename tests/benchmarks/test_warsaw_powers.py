@@ -2,7 +2,7 @@
 
 import pytest
 
-from robosim.published.power_fit import fit_powers
+from robosim.calibration.power_fit import fit_powers
 from tests.benchmarks.warsaw_powers import CONFIG, read_flat
 
 

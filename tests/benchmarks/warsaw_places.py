@@ -19,11 +19,11 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.calibration.measured_powers import MeasuredPowers
+from robosim.calibration.power_fit import fit_powers
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.beacon_places import SHARES, locate_beacon
-from robosim.published.measured_powers import MeasuredPowers
-from robosim.published.power_fit import fit_powers
-from robosim.published.power_route import PowerRoute, map_route
+from robosim.positioning.beacon_places import SHARES, locate_beacon
+from robosim.positioning.power_route import PowerRoute, map_route
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results

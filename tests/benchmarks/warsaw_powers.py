@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.calibration.measured_powers import BLOCK_M, MeasuredPowers
+from robosim.calibration.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.published.measured_powers import BLOCK_M, MeasuredPowers
-from robosim.published.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results

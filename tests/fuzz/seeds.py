@@ -20,6 +20,8 @@ from safetensors.numpy import save
 
 from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mesh, export_mitsuba
+from robosim.calibration.measured_paths import COLUMNS as MEASURED
+from robosim.calibration.measured_powers import COLUMNS as POWERS
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_units import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
@@ -33,8 +35,6 @@ from robosim.plans.formats.plan_image import GREY, encode_pgm
 from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
-from robosim.published.measured_paths import COLUMNS as MEASURED
-from robosim.published.measured_powers import COLUMNS as POWERS
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs

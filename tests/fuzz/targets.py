@@ -14,6 +14,8 @@ from rich.console import Console
 from robosim.building.building import make_building
 from robosim.building.multi_storey import make_storeys
 from robosim.building.wall_materials import read_material
+from robosim.calibration.measured_paths import read_measured_paths
+from robosim.calibration.measured_powers import read_measured_powers
 from robosim.cli import main
 from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
@@ -32,9 +34,7 @@ from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
-from robosim.published.measured_paths import read_measured_paths
-from robosim.published.measured_powers import read_measured_powers
-from robosim.published.power_route import read_power_route
+from robosim.positioning.power_route import read_power_route
 from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode

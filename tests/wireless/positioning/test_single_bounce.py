@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from robosim.published.measured_paths import read_measured_paths
+from robosim.calibration.measured_paths import read_measured_paths
 from tests.benchmarks.positioning import locate_together, seen_from_receiver, seen_from_transmitter
 from wireless.positioning.single_bounce import (
     MeasuredPaths,

@@ -8,15 +8,15 @@ import pytest
 
 from robosim.building.building import BuildingConfig, make_building
 from robosim.building.wall_materials import read_material
-from robosim.cli import main
-from robosim.plans.files import write_ros
-from robosim.published.measured_powers import (
+from robosim.calibration.measured_powers import (
     COLUMNS,
     MeasuredPowers,
     is_table_of_powers,
     read_measured_powers,
 )
-from robosim.published.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
+from robosim.calibration.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
+from robosim.cli import main
+from robosim.plans.files import write_ros
 from robosim.support.reading import FileError
 from tests.plans import two_rooms
 from wireless.em.materials import Layer, Material

@@ -12,8 +12,8 @@ from robosim.logs.robot_log import RobotLog
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import OCCUPIED
 from robosim.policies.sightlines import count_walls
-from robosim.published.beacon_places import BeaconConfig, locate_beacon
-from robosim.published.power_route import PowerRoute, map_route, read_power_route
+from robosim.positioning.beacon_places import BeaconConfig, locate_beacon
+from robosim.positioning.power_route import PowerRoute, map_route, read_power_route
 from robosim.support.reading import FileError
 from slam.poses import between, to_map
 from tests.plans import two_rooms

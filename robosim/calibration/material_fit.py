@@ -11,8 +11,15 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig, make_building
+from robosim.calibration.measured_paths import (
+    MatchConfig,
+    Matched,
+    MeasuredHall,
+    match,
+    offset_db,
+    trace_hall,
+)
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.measured_paths import MatchConfig, Matched, MeasuredHall, match, offset_db, trace_hall
 from wireless.em.materials import MATERIALS, WALLS, Material, wall_row
 from wireless.tracing.tracer import Tracer, TracerConfig
 

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.patches import Ellipse
 
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.beacon_places import BeaconPlace
-from robosim.published.power_route import PowerRoute
+from robosim.positioning.beacon_places import BeaconPlace
+from robosim.positioning.power_route import PowerRoute
 from robosim.support.axes import axes_in_metres
 from robosim.support.figures import save_figure
 

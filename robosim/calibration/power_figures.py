@@ -5,8 +5,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.published.measured_powers import MeasuredPowers
-from robosim.published.power_fit import PowerFit
+from robosim.calibration.measured_powers import MeasuredPowers
+from robosim.calibration.power_fit import PowerFit
 from robosim.support.axes import axes_in_metres
 from robosim.support.figures import save_figure
 

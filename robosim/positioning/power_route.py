@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robosim.calibration.measured_powers import beacon_rows, number_of
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import alignment
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.measured_powers import beacon_rows, number_of
 from robosim.support.reading import reading
 from slam.poses import compose
 from wireless.positioning.received_power import PowerReadings

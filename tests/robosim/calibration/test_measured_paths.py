@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
+from robosim.calibration.material_fit import EDGES, SPECULAR, Fit, residuals_db, tracer_of
+from robosim.calibration.measured_paths import COLUMNS, MatchConfig, MeasuredHall, match, trace_hall
 from robosim.cli import main
 from robosim.plans.files import write_ros
-from robosim.published.material_fit import EDGES, SPECULAR, Fit, residuals_db, tracer_of
-from robosim.published.measured_paths import COLUMNS, MatchConfig, MeasuredHall, match, trace_hall
 from tests.plans import two_rooms
 
 FREQUENCY_HZ = 60e9

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.published.label_links import adopted, fully_traced, with_coarse
+from robosim.training.label_links import adopted, fully_traced, with_coarse
 from wireless.paths import Interaction
 from wireless.tracing.tracer import Tracer, TracerConfig
 

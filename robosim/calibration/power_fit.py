@@ -31,8 +31,8 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
 
 from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.calibration.measured_powers import MeasuredPowers
 from robosim.plans.floorplan import FloorPlan
-from robosim.published.measured_powers import MeasuredPowers
 from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from wireless.em.materials import Layer, Material
 from wireless.paths import Paths

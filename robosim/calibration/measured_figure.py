@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from robosim.building.building import Building
-from robosim.published.measured_paths import Matched, MeasuredHall
+from robosim.calibration.measured_paths import Matched, MeasuredHall
 from robosim.support.axes import axes_in_metres
 from robosim.support.figures import save_figure
 

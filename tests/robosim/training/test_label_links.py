@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robosim.published import label_links
-from robosim.published.label_links import published_walls
+from robosim.training import label_links
+from robosim.training.label_links import published_walls
 from tests.benchmarks.labels import prepared
 from tests.plans import plan_from
 from wireless.estimation.public import PublicReceiver

@@ -1,0 +1,1 @@
+"""Calibration of materials and walls by measured paths and received powers."""

@@ -1,0 +1,1 @@
+"""Positions of beacons from powers received along a route."""

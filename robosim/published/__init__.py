@@ -1,1 +1,0 @@
-"""What only the comparison with published data needs: its buildings, links and labels."""
