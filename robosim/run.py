@@ -77,8 +77,8 @@ def record_episode(
     check_weights(config)
     console = console or Console(quiet=True)
     with run_folder(out, "episode") as out:
-        # Files of an earlier episode, or version, would be mistaken for new ones.
-        for name in (*FILES, "replay.mp4", "sheet.png", "decisions.npz", RECORDING):
+        # Files of an earlier episode would be mistaken for new ones.
+        for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
             (out / name).unlink(missing_ok=True)
         watch = Stopwatch()
         with watch.stage("scene"):

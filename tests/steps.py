@@ -94,5 +94,7 @@ def write_episode(
         writer.add(step(i, pose=pose, **groups))
     path.parent.mkdir(parents=True, exist_ok=True)
     head = Head(row=row, seeks_target=True, timing={"wall": 1.0})
-    path.write_bytes(writer.content(head, poses[-1], 0.5, unknown_map(np.array(poses[-1]))))
+    path.write_bytes(
+        writer.content(head, poses[-1], 0.5, unknown_map(np.array(poses[-1])), np.arange(len(poses)) * 1.0)
+    )
     return read_episode(path)

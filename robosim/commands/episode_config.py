@@ -6,6 +6,7 @@ the others start from.
 """
 
 import inspect
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -115,56 +116,9 @@ def read_config(path: Path) -> EpisodeConfig:
         config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
         # Settings of an evaluation hold digests of weights: see `robosim.evaluation.evaluate`.
         given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
-        _keep_passage(given)
-        _move_to_robot(given.get("simulator"))
-        _rename_fields(given.get("fused"))
+        if "wall_passage" not in json.dumps(given) and "max_transmissions" in json.dumps(given):
+            raise ValueError("of version 0.2 of robosim, which counted walls by faces")
         return from_dict(EpisodeConfig, given)
-
-
-def _keep_passage(values: dict[str, Any]) -> None:
-    """Set how files of version 0.2 count walls: by faces."""
-    found: Any = values
-    for key in ("simulator", "radio", "tracer"):
-        found = found.get(key) if isinstance(found, dict) else None
-    if isinstance(found, dict) and "max_transmissions" in found:
-        found.setdefault("wall_passage", "face")
-
-
-def _move_to_robot(simulator: Any) -> None:
-    """Move sensors and noise to the robot, of which files of version 0.3 had them beside it."""
-    former = {
-        "image": "camera",
-        "lidar": "lidar",
-        "laser": "laser",
-        "noise": "noise",
-        "depth_noise": "depth_noise",
-    }
-    if isinstance(simulator, dict) and former.keys() & simulator.keys():
-        robot = check_object(simulator.setdefault("robot", {}))
-        robot.pop("sensors", None)
-        robot |= {name: simulator.pop(field) for field, name in former.items() if field in simulator}
-        if robot.get("lidar", "none") == "none":
-            robot.pop("laser", None)
-
-
-#: Fields of the settings of `fused` with other names in files of version 0.2.
-_RENAMED = {
-    "ways": "routes",  # stored name
-    "dwell_steps": "stuck_steps",
-    "dwell_window": "stuck_window",
-    "dwell_m": "stuck_m",
-}
-
-
-def _rename_fields(values: Any) -> None:
-    """Replace former names of fields."""
-    if isinstance(values, dict):
-        values.pop("radius_m", None)  # of the robot
-        for former, name in _RENAMED.items():
-            if former in values:
-                values[name] = values.pop(former)
-        for value in values.values():
-            _rename_fields(value)
 
 
 #: Fields of a robot that are no options: they are in files only.

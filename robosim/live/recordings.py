@@ -76,8 +76,8 @@ class Recording:
 
 
 def is_episode(folder: Path) -> bool:
-    """Whether a folder is that of an episode, of this version or an earlier one."""
-    return any((Path(folder) / name).is_file() for name in (EPISODE, "decisions.npz"))
+    """Whether a folder is that of an episode."""
+    return (Path(folder) / EPISODE).is_file()
 
 
 def check_results(folder: Path) -> None:

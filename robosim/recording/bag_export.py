@@ -36,7 +36,6 @@ from robosim.support.files import partial_path, write_whole
 from robosim.support.installation import is_installed, missing_extra
 from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_json
-from robosim.support.tum import read_tum
 from slam.actions import Velocity
 from slam.poses import between, compose
 from slam.sensing.laser import LaserScan
@@ -62,15 +61,13 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     episode = read_episode(folder)
-    # Files of earlier versions have no times.
-    times = read_tum(folder / "trajectory.tum")[0] if episode.times is None else episode.times
     bag = (out or folder) / BAG
     partial = partial_path(bag)
     shutil.rmtree(partial, ignore_errors=True)
     messages = _Messages()
     with Writer(partial, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connections: dict[str, Any] = {}
-        for topic, time_s, message in messages.of(episode, times, _camera(folder)):
+        for topic, time_s, message in messages.of(episode, episode.times, _camera(folder)):
             kind = message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)

@@ -35,7 +35,7 @@ from robosim.recording.step_codec import (
 from robosim.step import Step
 from robosim.support.arrays_in import FAR, Array, parts, ragged, read_npz
 from robosim.support.files import npz_bytes
-from robosim.support.reading import FileError, naming, reading
+from robosim.support.reading import naming, reading
 from robosim.support.text_in import check_object, parse_json
 from slam.actions import Action
 from slam.grid import MapEstimate
@@ -43,10 +43,10 @@ from wireless.paths import LinkState
 
 #: Name of the file in the folder of an episode.
 EPISODE = "episode.npz"
-#: Number of this format; earlier versions of robosim wrote files without one.
-_FORMAT = 2
+#: Number of this format, from version 0.3 of robosim.
+_FORMAT = 3
 _WHAT, _REMEDY = "a recorded episode", "Delete it and run the episode again."
-#: Simulated time of each pose [s]; not in files of earlier versions.
+#: Simulated time of each pose [s].
 TIMES = "time_s"
 #: Columns with an additional entry for the end of the episode.
 _TO_THE_END = ("pose", "estimate", "coverage", "map_frame", "map_corner", "map")
@@ -103,7 +103,7 @@ class EpisodeWriter:
         pose: Float[np.ndarray, "3"],
         coverage: float,
         end: MapEstimate,
-        times: Float[np.ndarray, " m"] | None = None,
+        times: Float[np.ndarray, " m"],
     ) -> bytes:
         """Content of the file, with the final true pose, coverage and map, and the simulated times of all poses [s]."""
         last = {"pose": pose, "estimate": end.pose, "coverage": coverage}
@@ -120,8 +120,7 @@ class EpisodeWriter:
         for name, shape in RAGGED.items():
             if name not in OPTIONAL or any(map(len, rows[name])):
                 arrays |= ragged(name, rows[name], shape)
-        if times is not None:
-            arrays[TIMES] = times
+        arrays[TIMES] = times
         return npz_bytes(arrays)
 
 
@@ -156,9 +155,9 @@ class RecordedEpisode:
         return self.columns["estimate"]
 
     @property
-    def times(self) -> Float[np.ndarray, " n_poses"] | None:
-        """Simulated time of each pose [s]; None in files of earlier versions."""
-        return self.columns.get(TIMES)
+    def times(self) -> Float[np.ndarray, " n_poses"]:
+        """Simulated time of each pose [s]."""
+        return self.columns[TIMES]
 
     @property
     def goals(self) -> Float[np.ndarray, "n 2"]:
@@ -276,15 +275,13 @@ def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) 
     """
     path = Path(path)
     if path.is_dir():
-        if not (path / EPISODE).is_file() and (old := path / "decisions.npz").is_file():
-            raise FileError(f"{old}: written by an earlier version of robosim. Run the episode again.")
         path = path / EPISODE
     with reading(path, _WHAT, _REMEDY) as file:
         head = _head(file, check)
         file.seek(0)
-        optional = {TIMES, *(f"{name}{end}" for name in OPTIONAL for end in ("", "_count"))}
+        optional = {f"{name}{end}" for name in OPTIONAL for end in ("", "_count")}
         arrays = read_npz(file, _expected(), optional=optional)
-        columns: dict[str, Any] = {name: arrays[name] for name in (*FIXED, *TEXTS, TIMES) if name in arrays}
+        columns: dict[str, Any] = {name: arrays[name] for name in (*FIXED, *TEXTS, TIMES)}
         columns |= {
             name: parts(arrays, name) for name in RAGGED if name in arrays and f"{name}_count" in arrays
         }
@@ -296,7 +293,7 @@ def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) 
 def _head(file: IO[bytes], check: Callable[[Head], None]) -> Head:
     content = parse_json(str(read_npz(file, {"head": Array("U", "")})["head"]).encode())
     if check_object(content, ("row", "timing")).get("format") != _FORMAT:
-        raise ValueError(f"not of format {_FORMAT}, but of another version of robosim")
+        raise ValueError("not of version 0.3 of robosim or later")
     row, timing = check_object(content["row"], ("plan", "policy", "ended", "target")), content["timing"]
     target = row["target"]
     if not (isinstance(target, list) and len(target) == 2 and all(map(_is_number, target))):
@@ -327,7 +324,7 @@ def _check(episode: RecordedEpisode) -> None:
     columns = episode.columns
     if len(columns["pose"]) != len(episode) + 1:
         raise ValueError(f"it has {len(columns['pose'])} poses, but {len(episode)} goals")
-    if (times := episode.times) is not None and (np.diff(times, prepend=0.0) < 0).any():
+    if (np.diff(episode.times, prepend=0.0) < 0).any():
         raise ValueError("times do not increase")
     for name in ("pose", "estimate", "goal", "path", "bodies"):
         some = columns.get(name, []) if name in RAGGED else [columns[name]]

@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from robosim.cli import main
-from robosim.commands.episode_config import read_config
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import write_ros
 from robosim.support.parts import to_dict
@@ -155,24 +154,9 @@ def test_types_of_a_configuration_are_checked(folder, fails, changes, words):
     assert "result.json" in message and "internal error" not in message
 
 
-def test_an_older_configuration_keeps_its_meaning_of_walls(folder):
-    """Files without `wall_passage` counted each face."""
+def test_configuration_of_version_0_2_is_rejected(folder, fails):
+    """It counted walls by faces, without saying so."""
     values = to_dict(EpisodeConfig())
     del values["simulator"]["radio"]["tracer"]["wall_passage"]
-    values["simulator"]["radio"]["tracer"]["max_transmissions"] = 1
     (folder / "result.json").write_text(json.dumps({"config": values}))
-    tracer = read_config(folder / "result.json").simulator.radio.tracer
-    assert (tracer.max_transmissions, tracer.wall_passage) == (1, "face")
-
-
-def test_former_names_of_fields_are_read(folder):
-    """Settings of `fused` in files of version 0.2."""
-    values = to_dict(EpisodeConfig())
-    fused = values["fused"]
-    fused["belief"]["ways"] = not fused["belief"].pop("routes")  # stored name
-    for part, steps in ((fused, 17), (fused["in_sight"], 19)):
-        del part["stuck_steps"]
-        part["dwell_steps"] = steps
-    (folder / "result.json").write_text(json.dumps({"config": values}))
-    config = read_config(folder / "result.json").fused
-    assert (config.belief.routes, config.stuck_steps, config.in_sight.stuck_steps) == (False, 17, 19)
+    assert "of version 0.2 of robosim" in fails("episode", "pair.yaml", "--config", "result.json")

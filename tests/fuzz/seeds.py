@@ -283,7 +283,7 @@ def episode(folder: Path) -> None:
             )
         )
     row = stored_episodes.row("pair", 0, "fused", TARGET, steps=5)
-    content = writer.content(Head(row=row, seeks_target=True), np.ones(3), 0.5, _estimate())
+    content = writer.content(Head(row=row, seeks_target=True), np.ones(3), 0.5, _estimate(), np.arange(6.0))
     write_whole(_into(folder, "episode") / EPISODE, content)
 
 
@@ -296,7 +296,7 @@ def _episode(task: int, policy: str, steps: int) -> bytes:
     row = stored_episodes.row("pair", task, policy, TARGET, steps=steps)
     timing = {"wall": 1.0, "decisions_per_s": 9.0}
     head = Head(row=row, seeks_target=True, timing=timing, made_by="0123")
-    return writer.content(head, np.array([*TARGET, 0.5]), 0.5, _estimate())
+    return writer.content(head, np.array([*TARGET, 0.5]), 0.5, _estimate(), np.arange(steps + 1.0))
 
 
 def evaluation(folder: Path) -> None:

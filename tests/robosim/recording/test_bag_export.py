@@ -1,7 +1,6 @@
 """Episodes as ROS 2 bags in MCAP: opened by rosbags and mcap, and mapped again by `robosim slam`."""
 
 import json
-import shutil
 from dataclasses import replace
 from itertools import accumulate, pairwise
 
@@ -14,11 +13,10 @@ from robosim.logs.bag import BagTopics, read_bag
 from robosim.logs.log_mapping import map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.recording.bag_export import BAG, LAYOUT, export_bag
-from robosim.recording.episode_file import EPISODE, read_episode
+from robosim.recording.episode_file import read_episode
 from robosim.robot.robots import RobotConfig
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
-from robosim.support.reading import FileError
 from slam.actions import Velocity
 from slam.poses import between, compose, wrap
 from tests.plans import two_rooms
@@ -139,21 +137,6 @@ def test_velocities_are_recorded_and_in_the_bag(tmp_path):
         found = [(1e-9 * t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages(chosen)]
     assert [(one.twist.linear.x, one.twist.angular.z) for _, one in found] == [one[:2] for one in seen]
     assert [time_s for time_s, _ in found] == pytest.approx(episode.times[:-1])
-
-
-def test_an_episode_of_an_earlier_version_has_its_times_from_the_trajectory(folder, tmp_path):
-    """Without times in episode.npz: the same bag; with times that decrease: FileError."""
-    for name in ("result.json", "trajectory.tum"):
-        shutil.copy(folder / name, tmp_path)
-    arrays = dict(np.load(folder / EPISODE))
-    times = arrays.pop("time_s")
-    np.savez(tmp_path / EPISODE, **arrays)
-    assert read_episode(tmp_path).times is None
-    again = export_bag(tmp_path) / f"{BAG}.mcap"
-    assert again.stat().st_size == (folder / BAG / f"{BAG}.mcap").stat().st_size
-    np.savez(tmp_path / EPISODE, **arrays, time_s=times[::-1])
-    with pytest.raises(FileError, match="times do not increase"):
-        read_episode(tmp_path)
 
 
 def direct_log(folder):

@@ -42,7 +42,9 @@ def test_the_sheet_shows_first_and_last(recorded, tmp_path, monkeypatch):
 def test_an_episode_without_decisions_has_no_video(tmp_path):
     row = {"plan": "hall", "policy": "fused", "ended": "arrived", "target": [1.0, 1.0]}
     writer = EpisodeWriter([np.array([[0.0, 0], [6, 0], [6, 3]])])
-    content = writer.content(Head(row=row, seeks_target=True), np.zeros(3), 1.0, unknown_map(np.zeros(3)))
+    content = writer.content(
+        Head(row=row, seeks_target=True), np.zeros(3), 1.0, unknown_map(np.zeros(3)), np.zeros(1)
+    )
     (tmp_path / EPISODE).write_bytes(content)
     with pytest.raises(ValueError, match="without a step to draw"):
         replay(tmp_path, tmp_path)
