@@ -35,7 +35,7 @@ SLOW = (
     "robosim/camera/rendering/test_gl_systems.py",
     "robosim/datasets/test_collect.py",
     "robosim/environments/test_target_search_vector.py",
-    "robosim/evaluation/test_ablations.py",
+    "robosim/policies/test_fused_settings.py",
     "robosim/evaluation/test_evaluation.py",
     "robosim/generator/test_generate.py",
     "robosim/live/test_browser.py",

@@ -11,10 +11,10 @@ import numpy as np
 from rich.text import Text
 from tyro.conf import Positional, UseAppendAction
 
-from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, GoalOption, Settings
+from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, Settings
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import NO_OPTIONS, XY, NamedPlace, Pose, Reading, output_folder, read
-from robosim.evaluation.ablations import configured
+from robosim.parts import GoalPart
 from robosim.recording.bag_export import BAG, LAYOUT, export_bag, require_rosbags
 from robosim.run import FILES, record_episode
 from robosim.support.checks import ADVANCED, check_number
@@ -31,7 +31,7 @@ def episode(
     start: Pose = None,
     anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
     unknown_anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
-    goal: GoalOption = "learned",
+    goal: GoalPart = "learned",
     seed: int = 0,
     base: Base = DEFAULT_START,
     settings: Settings = DEFAULTS,
@@ -58,7 +58,7 @@ def episode(
         goal: Goal policy. oracle knows the target, shortest the building and its pose too; explore drives to the edge
             of the map; visual does so until the camera sees the target; snr, los and los-or-first follow the strongest
             radio path, if there is one, in line of sight, or also diffracted or reflected once; fused weighs all of
-            that, and each of its variants lacks one part; learned is a network that chooses each action itself, and
+            that; learned is a network that chooses each action itself, and
             falls back to fused where it is stuck, or without a camera. module:Name is your own,
             search.safetensors comes from `robosim train search`.
         seed: Seed of task and noise.
@@ -70,7 +70,7 @@ def episode(
         mcap: Whether to write the episode as a ROS 2 bag too, as `robosim export` does; needs the extra `bags`.
         out: Output folder; by default a new one under runs/.
     """
-    config = replace(configured(settings, goal), seed=seed)
+    config = replace(settings, goal=goal, seed=seed)
     if start is not None:
         check_number("yaw of --start", start[2], -360, 360, "degrees from +x")
     if mcap:

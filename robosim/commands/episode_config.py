@@ -18,21 +18,18 @@ from tyro.conf import OmitArgPrefixes
 
 from robosim.commands.command_table import value_of, with_signature
 from robosim.episode_config import EpisodeConfig
-from robosim.evaluation.ablations import POLICY
 from robosim.lidar import LidarConfig
 from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
-from robosim.support.parts import Part, is_part, names_code, part_name
+from robosim.support.parts import is_part, names_code, part_name
 from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
 from wireless.bands import BandName
 
 #: Configuration of an episode without goal and seed, which are arguments of commands.
 Settings = Annotated[EpisodeConfig, tyro.conf.arg(name="")]
-#: A goal policy, or a variant of `fused`.
-GoalOption = Annotated[Part, POLICY.option()]
 #: As published.
 DEFAULTS = EpisodeConfig()
 

@@ -41,7 +41,7 @@ def evaluate(
     Args:
         plans: Floor plans by file or name, folders of them, or one suite file.
         targets: Tasks of each plan; by default 10, or those of the suite.
-        policies: Goal policies as in `robosim episode`; by default all but explore and variants of fused; module:Name
+        policies: Goal policies as in `robosim episode`; by default all but explore; module:Name
             is your own. The oracle always runs: difficulty and times are relative to its steps.
         seeds: Episodes of each task and policy, with different noise.
         seed: Seed of tasks and noise; by default 0, or that of the suite.

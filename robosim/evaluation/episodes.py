@@ -25,7 +25,6 @@ from robosim.drawing.plan_view import building_rings
 from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
-from robosim.evaluation.ablations import configured
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
@@ -170,7 +169,7 @@ def make_jobs(
             reader=suite.reader,
             repeat=repeat,
             policy=policy,
-            config=replace(configured(config, policy), seed=task.seed(suite.seed, repeat)),
+            config=replace(config, goal=policy, seed=task.seed(suite.seed, repeat)),
             made_by=made_by,
         )
         for plan, file in suite.plans.items()

@@ -15,6 +15,7 @@ import importlib.metadata
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,11 @@ from rich.text import Text
 
 from robosim.agent import check_weights
 from robosim.episode_config import EpisodeConfig
-from robosim.evaluation.ablations import POLICY, configured, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_job_head, run_jobs
 from robosim.evaluation.report import Evaluation, summary_rows, write_results
 from robosim.evaluation.search_scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
+from robosim.parts import GOAL
 from robosim.plans.files import find_plans, read_plan
 from robosim.policies.goals import SEEKERS
 from robosim.support.files import plain
@@ -108,10 +109,16 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
 
 
 def check_policies(names: Sequence[str]) -> tuple[str, ...]:
-    """Policies by name, in the order of tables; if none is given all that search for the target, without variants."""
+    """Policies by name, in the order of tables; if none is given all that search for the target."""
     for name in names:
-        POLICY.check("policies", name)
+        GOAL.check("policies", name)
     return tuple(sorted(set(names or SEEKERS), key=place_of))
+
+
+def place_of(policy: str) -> tuple[int, str]:
+    """Sort key of a policy in tables: shipped policies in the order of their list, others by name."""
+    names = GOAL.names
+    return (names.index(policy) if policy in names else len(names)), policy
 
 
 def find_suite(
@@ -181,7 +188,7 @@ def evaluate(
         ValueError: If weights cannot be read, or a task lies outside of its plan.
     """
     for policy in policies:
-        check_weights(configured(config, policy))
+        check_weights(replace(config, goal=policy))
     suite.check_places()
     names = ("oracle", *(name for name in dict.fromkeys(policies) if name != "oracle"))
     made_by = code_digest(names)

@@ -1,4 +1,4 @@
-"""Files of an evaluation: tables, charts, pictures of tasks, and one HTML page that needs no other file.
+"""Files of an evaluation: tables, pictures of tasks, and one HTML page that needs no other file.
 
 All of them are written from the recorded episodes at the end of every run. `episodes.parquet` is the same for the same
 seed, byte for byte; `timing.parquet` is not.
@@ -23,10 +23,9 @@ from PIL import Image
 from rich.console import Console
 
 from robosim.episode_config import EpisodeConfig
-from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart, trajectories_figure
 from robosim.evaluation.episodes import Failure, Job, read_job_episode
 from robosim.evaluation.search_scores import Compared, Estimate, Summary, compared, subject_of
-from robosim.support.figures import save_figure
+from robosim.evaluation.task_picture import trajectories_figure
 from robosim.support.files import plain, whole_file, write_json, write_whole
 from robosim.support.installation import shipped_plans
 from robosim.support.progress import unit_progress
@@ -47,7 +46,7 @@ td, th { padding: .2em .8em; text-align: right; border-bottom: 1px solid #eee; w
 th { border-bottom: 1px solid #999; font-weight: 600 }
 td:first-child, th:first-child, .summary td:nth-child(2), .list td, .list th { text-align: left }
 tr.first td { border-top: 1px solid #999 }
-img { max-width: 100% } figure { margin: 1em 0 } figcaption { color: #555; font-size: 13px }
+img { max-width: 100% }
 section { border-top: 1px solid #ccc; margin-top: 1.5em } h3 { font-size: 1em } .lost { color: #a33 }
 code { font: 12px/1.4 ui-monospace, monospace; background: #f5f5f5; overflow-wrap: anywhere; padding: .1em .3em }
 .wide { overflow-x: auto } .warn { color: #a33 } small { color: #777 }
@@ -90,29 +89,15 @@ class Evaluation:
 def write_results(
     result: Evaluation, out: Path, *, config: EpisodeConfig, options: str, workers: int, console: Console
 ) -> None:
-    """Write tables, charts, pictures and the page; `options` are those of `robosim episode` for `config`."""
+    """Write tables, pictures and the page; `options` are those of `robosim episode` for `config`."""
     write_parquet(result.rows, out / "episodes.parquet")
     identities = [{name: row[name] for name in IDENTITY} for row in result.rows]
     timing = [{**one, **seconds} for one, seconds in zip(identities, result.timing, strict=True)]
     write_parquet(timing, out / "timing.parquet")
     write_json(out / "summary.json", {"summary": [_finite(vars(summary)) for summary in result.summaries]})
-    figures = {
-        "arrival": (arrival_chart(result.summaries), "Arrival rates by difficulty."),
-        "relative_time": (
-            time_chart(result.rows),
-            "Episodes that have arrived by a time; a curve that ends below 100 % never gets higher.",
-        ),
-    }
-    if any(row["policy"] == "shortest" for row in result.rows):
-        caption = "The same relative to a robot that knows building and pose: the physical limit."
-        figures["limit_time"] = time_chart(result.rows, "shortest"), caption
-    figures["spl"] = spl_chart(result.summaries), "Mean success weighted by path length."
-    for name, (figure, _) in figures.items():
-        save_figure(figure, out / f"{name}.png")
-    charts = [(out / f"{name}.png", caption) for name, (_, caption) in figures.items()]
     tasks = compared(result.rows)
     pictures = _draw_tasks(result, tasks[:_PICTURES], out, workers, console)
-    write_report(result, out, config=config, options=options, charts=charts, tasks=tasks, pictures=pictures)
+    write_report(result, out, config=config, options=options, tasks=tasks, pictures=pictures)
 
 
 def write_parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
@@ -174,7 +159,6 @@ def write_report(
     *,
     config: EpisodeConfig,
     options: str,
-    charts: Sequence[tuple[Path, str]],
     tasks: Sequence[Compared],
     pictures: Mapping[Compared, Path],
 ) -> None:
@@ -206,10 +190,6 @@ def write_report(
         "<p><small>Brackets are 95 % intervals: Wilson's for arrival, bootstrap over tasks for the rest. Times are "
         "steps relative to the oracle's on the same task, and x shortest the median relative to a robot that knows the "
         "building, where that was run; never: fewer episodes than that arrive.</small></p>",
-        *(
-            f"<figure>{_image(file, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
-            for file, caption in charts
-        ),
         f"<h2>Task by task</h2><p>{escape(order)}</p>",
         _table(("task", "in short"), list_rows, "list"),
         *(_section(result, i, task, options, out, pictures.get(task)) for i, task in enumerate(tasks)),

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.episode_config import EpisodeConfig
-from robosim.evaluation.ablations import POLICY, configured
 from robosim.live.player import Player
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.radio_view import intersect_level
 from robosim.live.scene_nodes import NO_SHADOW, ROBOT_COLOUR, TX_COLOUR
 from robosim.live.search_process import MANUAL, RUN, WAIT, SearchJob, SearchProcess
+from robosim.parts import GOAL
 from slam.actions import Action
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class SearchPanel:
 
     def _fill(self, gui: "viser.GuiApi") -> None:
         with gui.add_folder("Task"):
-            names = tuple(dict.fromkeys((str(self._config.goal), *POLICY.names)))
+            names = tuple(dict.fromkeys((str(self._config.goal), *GOAL.names)))
             self._policy = gui.add_dropdown("policy", (*names, BY_HAND), initial_value=names[0])
             self._other = gui.add_dropdown("compared with", (NONE, *names, BY_HAND), initial_value=NONE)
             tasks = (FROM_SEED, FROM_HANDLES, FROM_CLICKS)
@@ -205,7 +205,7 @@ class SearchPanel:
             if name == NONE:
                 continue
             is_manual = name == BY_HAND
-            own = configured(config, self._config.goal if is_manual else name)
+            own = replace(config, goal=self._config.goal if is_manual else name)
             job = SearchJob(plan=plan, config=own, start=start, target=target)
             jobs.append((_MANUAL_TITLE, job, MANUAL) if is_manual else (str(name), job, RUN))
         return jobs

@@ -13,15 +13,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig
-from robosim.evaluation.ablations import place_of
-from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import read_job_episode, read_job_head, scene
+from robosim.evaluation.evaluate import place_of
 from robosim.evaluation.search_scores import CLASSES, bootstrap, score, steps_of, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.policies.arrival import FollowConfig
@@ -37,8 +38,6 @@ from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results
 from wireless.paths import LinkState
 
-#: Arrival rates that were published: easy, moderate, hard.
-PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or-first": (1.0, 1.0, 0.94)}
 #: Relative arrival times of los-or-first read off the published curves: median and 80 %, for each class.
 PUBLISHED_TIMES = ((1.55, 2.0), (2.3, 3.6), (2.2, 3.4))
 #: Policies that follow by one rule, and decisions after which the robot is looked at again.
@@ -97,7 +96,7 @@ def main(evaluation: Positional[Path], *, options: OmitArgPrefixes[Options] = DE
         share = 100 * np.mean(np.array(metres) > 0)
         results.add("followed", name, "nearer after 10 decisions", share, "%", digits=0, cases=len(metres))
         results.add("followed", name, "by", np.mean(metres), "m", digits=2, cases=len(metres))
-    results.figures = {"search_times": times(scored), "search_arrivals": arrivals(scored)}
+    results.figures = {"search_times": times(scored)}
     return options.finish("search", results)
 
 
@@ -201,25 +200,39 @@ def _gains(
     return found
 
 
-def arrivals(scored: Sequence[dict[str, Any]]) -> Figure:
-    """Arrival rates by difficulty; diamonds are the published ones."""
-    summaries = [one for one in summarise(scored) if one.policy in SEEKERS]
-    figure = arrival_chart(summaries)
-    policies = list(dict.fromkeys(one.policy for one in summaries))
-    groups = [name for name in CLASSES if any(one.difficulty == name for one in summaries)]
-    x, y = [], []
-    for policy, rates in PUBLISHED_RATES.items():
-        if policy in policies:
-            aside = (policies.index(policy) - (len(policies) - 1) / 2) * 0.8 / len(policies)
-            x += [groups.index(name) + aside for name in groups]
-            y += [rates[CLASSES.index(name)] for name in groups]
-    figure.axes[0].plot(x, y, "D", mfc="white", mec="black", ms=5, zorder=4)
-    return figure
+#: Okabe and Ito's colours, in the order that policies come in, and the greatest relative time drawn.
+COLOURS, LONGEST = (
+    ("#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#999999"),
+    5.0,
+)
 
 
 def times(scored: Sequence[dict[str, Any]]) -> Figure:
-    """Distributions of relative arrival times; diamonds are the published medians and 80th percentiles."""
-    figure = time_chart([row for row in scored if row["policy"] in SEEKERS])
-    for axes, (median, most) in zip(figure.axes, PUBLISHED_TIMES, strict=True):
-        axes.plot([median, most], [0.5, 0.8], "D", mfc="white", mec="black", ms=5, zorder=4)
+    """Distributions of arrival times over the oracle's, a panel for each class; episodes without arrival count.
+
+    Diamonds are the published medians and 80th percentiles.
+    """
+    figure, panels = plt.subplots(1, 3, figsize=(11, 3.8), sharey=True, layout="constrained")
+    policies = [name for name in dict.fromkeys(row["policy"] for row in scored) if name in SEEKERS]
+    for axes, name, published in zip(panels, CLASSES, PUBLISHED_TIMES, strict=True):
+        rows = [row for row in scored if row["difficulty"] == name and not np.isnan(row["relative_time"])]
+        for place, policy in enumerate(policies):
+            ratios = np.sort([row["relative_time"] for row in rows if row["policy"] == policy])
+            # The oracle's with one seed are 1 by definition.
+            if len(ratios) and not (policy == "oracle" and (ratios == 1).all()):
+                finite = ratios[np.isfinite(ratios)]
+                share = np.arange(1, len(finite) + 1) / len(ratios)
+                x = [0, *finite, max(LONGEST, finite.max(initial=0))]
+                y = [0, *share, *(share[-1:] if len(share) else [0])]
+                axes.step(x, y, where="post", color=COLOURS[place % len(COLOURS)], lw=1.6, label=policy)
+        least = 0.4 if "shortest" in policies else 0.8
+        axes.set(xlim=(least, LONGEST), ylim=(0, 1.02), xlabel="arrival time / oracle's")
+        axes.set_title(f"{name}, {len({(row['plan'], row['task']) for row in rows})} tasks", fontsize=10)
+        axes.axvline(1, color="0.6", lw=0.8, ls=":")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color="0.92", lw=0.8)
+        axes.plot(published, [0.5, 0.8], "D", mfc="white", mec="black", ms=5, zorder=4)
+    panels[0].set_ylabel("episodes that have arrived")
+    panels[0].yaxis.set_major_formatter(PercentFormatter(1))
+    panels[-1].legend(loc="lower right", fontsize=8, frameon=False)
     return figure

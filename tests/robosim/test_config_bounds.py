@@ -16,7 +16,6 @@ import wireless
 from robosim.commands.shared_options import PlanOptions, RadioOptions, WaveformOptions
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode_config import EpisodeConfig
-from robosim.evaluation.ablations import configured
 from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import make_navigator
 from robosim.plans.floorplan import UpAxis
@@ -143,7 +142,6 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
         (partial(RadioLinkConfig, receiver="uee"), "receiver is 'uee'. Did you mean 'ue'?"),
         (partial(RadioLinkConfig, estimator="sag"), "Did you mean 'sage'?"),
         (partial(EpisodeConfig, goal="fusd"), "goal is 'fusd'. Did you mean 'fused'?"),
-        (partial(EpisodeConfig, goal="fused-no-vision"), "goal is 'fused-no-vision'"),
         (partial(EpisodeConfig, explorer="gian"), "explorer is 'gian'. Did you mean 'gain'?"),
         (partial(EpisodeConfig, controller="planed"), "Did you mean 'planned'?"),
         (partial(EpisodeConfig, mapper="classic"), "mapper is 'classic'. Did you mean 'classical'?"),
@@ -157,10 +155,9 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
             partial(EpisodeConfig, link_states="not/there.safetensors"),
             "link_states is 'not/there.safetensors', but",
         ),
-        (partial(configured, EpisodeConfig(), "fused-no-visoin"), "Did you mean 'fused-no-vision'?"),
         (partial(make_navigator, SimulatorConfig(), "gian"), "Did you mean 'gain'?"),
         (partial(make_navigator, SimulatorConfig(), mapper="neurl"), "Did you mean 'neural'?"),
-        (partial(make_navigator, SimulatorConfig(), controller="lerned"), "Did you mean 'learned'?"),
+        (partial(make_navigator, SimulatorConfig(), controller="planed"), "Did you mean 'planned'?"),
         (partial(LinkSetConfig, estimator="pac"), "Did you mean 'pca'?"),
         (partial(LinkSetConfig, headings="fixd"), "Did you mean 'fixed'?"),
         (partial(LinkSetConfig, formats=("deepmino",)), "Did you mean 'deepmimo'?"),

@@ -343,7 +343,7 @@ def test_the_report_needs_no_other_file(suite, tmp_path):
     assert "http" not in text.replace("robosim", "")
     inside = [source for source in page.sources if not source.startswith("#")]
     assert [source for source in page.sources if source.startswith("#")] == ["#task-0", "#task-1"]
-    assert len(inside) == 3 + 2
+    assert len(inside) == 2
     for source in inside:
         head, data = source.split(",")
         assert head == "data:image/png;base64"

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.evaluation.charts import GOAL_COLOURS, trajectories_figure
+from robosim.evaluation.task_picture import GOAL_COLOURS, trajectories_figure
 from robosim.policies.reason import ARRIVAL, EXPLORE, GoalKind
 from tests import stored_episodes
 from tests.steps import write_episode
