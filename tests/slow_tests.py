@@ -11,7 +11,7 @@ import pytest
 TESTS = Path(__file__).resolve().parent
 #: Folders and modules, relative to this one.
 SLOW = (
-    "benchmarks",
+    "benchmark_checks",
     "cli/test_cli.py",
     "cli/test_dataset.py",
     "cli/test_evaluate.py",
