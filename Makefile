@@ -8,6 +8,7 @@
 #
 #   make quick     the gates, and the tests that are not marked slow
 #   make gates     ruff, mypy, import contracts, spelling
+#   make lint      the gates without mypy, in a few seconds
 #   make coverage  lines that the tests run, on the terminal and in out/coverage
 #   make docs      the documentation, in docs/_build/html; runs every example, needs no PyTorch
 #   make bench     a benchmark: BENCH="render --sizes 128"; BENCH=--help lists them
@@ -29,7 +30,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
+.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim warm-up
@@ -42,10 +43,12 @@ test: gates
 quick: gates
 	$(BIN)/pytest -n auto --dist worksteal -m "not slow"
 
-gates: $(VENV)/.test-installed
+gates: lint
+	$(BIN)/mypy
+
+lint: $(VENV)/.test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
