@@ -18,6 +18,7 @@ to do says its protocol:
     CLASSIFIER   link-state classifier   wireless.linkstate.classifier.LinkStateClassifier
     MATERIAL     material                wireless.em.materials.Material
     READER       reader of floor plans   robosim.plans.files.PlanReader
+    LOG_READER   reader of logs          robosim.logs.robot_log.LogReader
 
 This module imports none of them: it is what the command line knows before it knows what it will need.
 """
@@ -205,6 +206,17 @@ READER = Kind(
     made_from="nothing",
 )
 
+LOG_READER = Kind(
+    "reader of logs",
+    {
+        "bag": "robosim.logs.bag:BagReader",
+        "tum": "robosim.logs.log_files:TumReader",
+        "carmen": "robosim.logs.carmen:CarmenReader",  # the last: it matches any file
+    },
+    has=("takes_scans", "matches", "read"),
+    made_from="nothing",
+)
+
 #: Types of fields that hold a part, as the command line reads them.
 GoalPart = Annotated[Part, GOAL, GOAL.option()]
 ExplorerPart = Annotated[Part, EXPLORER, EXPLORER.option()]
@@ -223,3 +235,4 @@ MaterialPart = Annotated[Part, MATERIAL.option()]
 #: The same for options of a command that has one of those already, so that its help lists the names once.
 NextMaterialPart = Annotated[Part, MATERIAL.option(metavar="MATERIAL")]
 ReaderPart = Annotated[Part, READER.option("auto")]
+LogReaderPart = Annotated[Part, LOG_READER.option("auto")]

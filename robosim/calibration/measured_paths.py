@@ -10,8 +10,6 @@ traced path explains one measured path at most; of all pairings the one that exp
 these.
 """
 
-import csv
-import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -23,6 +21,7 @@ from scipy.optimize import linear_sum_assignment
 
 from robosim.support.checks import Range, checked
 from robosim.support.reading import reading
+from robosim.support.text_in import csv_number, csv_rows
 from slam.poses import wrap
 from wireless.paths import Interaction, Paths
 from wireless.tracing.tracer import Tracer
@@ -74,16 +73,14 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
     """
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each path"
     with reading(path, "a table of measured paths", remedy) as file:
-        rows = csv.DictReader(io.StringIO(file.read().decode("utf-8-sig")))
-        has_power = "power_db" in (rows.fieldnames or ())
-        if missing := [name for name in COLUMNS if name not in (rows.fieldnames or ())]:
-            raise ValueError(f"column {missing[0]!r} is missing")
+        rows, names = csv_rows(file.read(), COLUMNS)
+        has_power = "power_db" in names
         columns = (*COLUMNS, "power_db") if has_power else COLUMNS
-        table = np.array([[float(row[name]) for name in columns] for row in rows]).reshape(-1, len(columns))
+        table = np.array(
+            [[csv_number(row, name, line, -_MOST, _MOST) for name in columns] for line, row in rows]
+        )
         if not len(table):
             raise ValueError("there is no path in it")
-        if not (np.abs(table) <= _MOST).all():
-            raise ValueError("a value is no number, or too large")
         table[:, 3] += turn_rad
         return MeasuredHall(table[:, : len(COLUMNS)], table[:, -1] if has_power else None)
 

@@ -5,9 +5,6 @@ optional, and others are ignored. Positions are in the frame of the plan. An emp
 not received, and so is a row that is missing. Powers of a beacon at the same place and heading are averaged.
 """
 
-import csv
-import io
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robosim.support.reading import reading
+from robosim.support.text_in import csv_number, csv_rows
 
 #: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
@@ -64,12 +62,13 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
             positions, or too few readings are in either half of the floor.
     """
     with reading(path, "a table of received powers", _REMEDY) as file:
-        rows, columns = beacon_rows(file.read(), COLUMNS)
+        rows, columns = csv_rows(file.read(), COLUMNS)
         optional = [name for name in ("z_m", "heading_rad") if name in columns]
         beacons: dict[str, tuple[float, ...]] = {}
         readings: dict[tuple[float, ...], dict[str, list[float]]] = {}
-        for line, name, row in rows:
-            values = {column: number_of(row[column], column, line) for column in (*COLUMNS[1:], *optional)}
+        for line, row in rows:
+            name = beacon_name(row, line)
+            values = {column: number_of(row, column, line) for column in (*COLUMNS[1:], *optional)}
             at = values["beacon_x_m"], values["beacon_y_m"], values["beacon_z_m"]
             if beacons.setdefault(name, at) != at:
                 raise ValueError(f"line {line}: beacon {name!r} is at {at}, and at {beacons[name]} before")
@@ -100,43 +99,17 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
         return measured
 
 
-def beacon_rows(
-    content: bytes, needed: Sequence[str]
-) -> tuple[Iterator[tuple[int, str, dict[str, str]]], Sequence[str]]:
-    """Rows of a table of readings, each with its line and the name of its beacon, and the table's columns.
-
-    Raises:
-        ValueError: If a column is missing; for the rows, if a name is.
-    """
-    table = csv.DictReader(io.StringIO(content.decode("utf-8-sig")))
-    columns = table.fieldnames or ()
-    if missing := [name for name in needed if name not in columns]:
-        raise ValueError(f"column {missing[0]!r} is missing")
-
-    def rows() -> Iterator[tuple[int, str, dict[str, str]]]:
-        for row in table:
-            name = (row["beacon"] or "").strip()
-            if not name:
-                raise ValueError(f"line {table.line_num}: beacon is empty, expected a name or number")
-            yield table.line_num, name, row
-
-    return rows(), columns
+def beacon_name(row: dict[str, str], line: int) -> str:
+    """The name of the beacon of a row; ValueError if it is empty."""
+    if not (name := (row["beacon"] or "").strip()):
+        raise ValueError(f"line {line}: beacon is empty, expected a name or number")
+    return name
 
 
-def number_of(text: str | None, column: str, line: int) -> float:
-    """The value of a cell of a table; ValueError if it is none. Only powers may be empty, which is NaN."""
-    text = (text or "").strip()
-    is_power = column == "power_dbm"
-    if is_power and text.lower() in ("", "nan"):
-        return np.nan
+def number_of(row: dict[str, str], column: str, line: int) -> float:
+    """A number of a row; ValueError if it is none. Only powers may be empty, which is NaN."""
+    if column == "power_dbm":
+        is_empty = (row[column] or "").strip().lower() in ("", "nan")
+        return np.nan if is_empty else csv_number(row, column, line, *_POWERS_DBM)
     most = _OTHERS.get(column, _MOST)
-    low, high = _POWERS_DBM if is_power else (-most, most)
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not low <= value <= high:
-        raise ValueError(
-            f"line {line}: {column} is {text[:40]!r}, expected a number from {low:g} to {high:g}"
-        )
-    return value
+    return csv_number(row, column, line, -most, most)

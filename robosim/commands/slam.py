@@ -13,9 +13,9 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
-from robosim.logs.bag import BagTopics
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
-from robosim.logs.robot_log import RobotLog
+from robosim.logs.robot_log import BagTopics, RobotLog
+from robosim.parts import LogReaderPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked
 
@@ -30,6 +30,7 @@ def slam(
     beam_seconds: tuple[float, float] | None = None,
     how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
     topics: Annotated[OmitArgPrefixes[BagTopics], arg(name="")] = _TOPICS,
+    reader: LogReaderPart = "auto",
     out: Path | None = None,
 ) -> None:
     """Make maps and trajectories from logs of real robots.
@@ -49,6 +50,7 @@ def slam(
             turns. Scans are corrected for the motion of the robot between them.
         how: How the map is made.
         topics: What is read of bags.
+        reader: Reader of the logs: auto takes the first that matches a file; module:Name is your own.
         out: Output folder; by default a new one under runs/.
     """
     from robosim.logs.log_files import read_log
@@ -60,7 +62,7 @@ def slam(
         raise ValueError("there is no log. Give one or more, such as robosim slam intel.log.gz.")
     if len(logs) > 1 and (scans or reference):
         raise ValueError("--scans and --reference belong to one log: give one log with them.")
-    read = [read_log(path, scans, reference, beam_seconds, topics) for path in logs]
+    read = [read_log(path, scans, reference, beam_seconds, topics, reader) for path in logs]
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
     table = Table(

@@ -10,18 +10,16 @@ where headers have none. Readings that come late or twice are sorted and dropped
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from robosim.logs.beam_times import OdometryTrack
-from robosim.logs.robot_log import RobotLog, with_beam_times
-from robosim.support.checks import ADVANCED, Range, checked
+from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, report_track, with_beam_times
 from robosim.support.installation import is_installed, missing_extra
 from robosim.support.reading import FileError, naming
 from slam.poses import compose
@@ -50,19 +48,6 @@ _FIXED, _MOST_TIPPED = 1e-6, math.radians(20)
 _OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 Matrix = Float[np.ndarray, "4 4"]
-
-
-@dataclass(frozen=True, kw_only=True)
-@checked
-class BagTopics:
-    """What to read of a bag; topics that are not given are found by type."""
-
-    scan_topic: Annotated[str | None, ADVANCED] = None
-    """Topic of a bag with scans, point clouds or depth images."""
-    odometry_topic: Annotated[str | None, ADVANCED] = None
-    """Topic of a bag with odometry; tf for transforms."""
-    slice_m: Annotated[float, Range(-10, 100, "m"), ADVANCED] = 0.3
-    """Height above the base at which point clouds and depth images of a bag become scans [m]."""
 
 
 class _Scan(NamedTuple):
@@ -119,6 +104,21 @@ def is_bag(path: Path) -> bool:
         return False
     with path.open("rb") as file:
         return file.read(16).startswith(_MAGIC)
+
+
+class BagReader(LogReader):
+    """Reads bags."""
+
+    def matches(self, path: Path) -> bool:
+        """Whether a path is a bag."""
+        return is_bag(path)
+
+    def read(self, path: Path, scans: Path | None, topics: BagTopics) -> RobotLog:
+        """Read a bag; see `read_bag`."""
+        log = read_bag(path, topics)
+        if log.track is not None:
+            report_track(path, log.track)
+        return log
 
 
 def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:

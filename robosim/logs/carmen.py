@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.logs.beam_times import OdometryTrack
-from robosim.logs.robot_log import RobotLog, check_bearings
+from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, check_bearings
 from robosim.support.reading import reading
 from robosim.support.text_in import line_numbers
 from slam.poses import between, compose, wrap
@@ -63,6 +63,18 @@ class _Scan(NamedTuple):
     """Displacement by ODOM lines since the scan before."""
     n_odometry: int = 0
     """Number of these lines."""
+
+
+class CarmenReader(LogReader):
+    """Reads CARMEN logs; any text may be one."""
+
+    def matches(self, path: Path) -> bool:
+        """Always true: this reader is the last one."""
+        return True
+
+    def read(self, path: Path, scans: Path | None, topics: BagTopics) -> RobotLog:
+        """Read a CARMEN log; see `read_carmen`."""
+        return read_carmen(path)
 
 
 def read_carmen(path: Path) -> RobotLog:

@@ -1,21 +1,26 @@
-"""Readers of logs: CARMEN, or odometry as a TUM file with scans in another file; and of reference trajectories."""
+"""Logs of robots of any format, odometry as a TUM file with scans in another file, and reference trajectories."""
 
-import logging
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from robosim.logs.bag import BagTopics, is_bag, read_bag
+from robosim.logs.bag import is_bag
 from robosim.logs.beam_times import OdometryTrack
-from robosim.logs.carmen import read_carmen
-from robosim.logs.robot_log import RobotLog, check_bearings, with_beam_times
+from robosim.logs.robot_log import (
+    BagTopics,
+    LogReader,
+    RobotLog,
+    check_bearings,
+    report_track,
+    with_beam_times,
+)
+from robosim.parts import LOG_READER
+from robosim.support.parts import Part
 from robosim.support.reading import FileError, reading
 from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
-
-logger = logging.getLogger(__name__)
 
 #: Content that shows what a file is [bytes].
 _HEAD_BYTES = 4096
@@ -27,7 +32,7 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
     """A log of odometry (TUM) and scans; FileError if a file is damaged, or they have no time in common."""
     times, bearing, ranges = _read_scans(scans)
     track = _read_track(path, times)
-    _report(path, track)
+    report_track(path, track)
     steps, known = track.steps(times)
     return RobotLog(
         name=path.stem,
@@ -57,26 +62,6 @@ def _read_track(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
     return OdometryTrack(times=known, poses=poses)
 
 
-def _report(path: Path, track: OdometryTrack) -> None:
-    """Warn of late readings and restarts, where the motion is unknown."""
-    step_s = np.diff(track.times, prepend=track.times[0])
-    for found, what, remedy in (
-        (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
-        (track.restarts(), "odometry restarts", "give a log for each run"),
-    ):
-        if found.any():
-            k = int(found.argmax())
-            logger.warning(
-                "%s: at %.6f s %s (%d such places); the motion is unknown there, and scans alone give it. If the map "
-                "comes apart, %s.",
-                path,
-                track.times[k],
-                what.format(step=step_s[k]),
-                found.sum(),
-                remedy,
-            )
-
-
 def _read_scans(
     path: Path,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " w"], Float[np.ndarray, "n w"]]:
@@ -103,18 +88,36 @@ def _read_scans(
         return times, turn + np.linspace(first, last, ranges.shape[1]), ranges
 
 
+class TumReader(LogReader):
+    """Reads odometry as a TUM file, with scans in another file."""
+
+    takes_scans = True
+
+    def matches(self, path: Path) -> bool:
+        """Whether a path is a trajectory, by its ending or its first line."""
+        return path.suffix == ".tum" or _begins_with_numbers(path)
+
+    def read(self, path: Path, scans: Path | None, topics: BagTopics) -> RobotLog:
+        """Read odometry and scans; see `read_tum_log`."""
+        if scans is None:
+            raise ValueError(f"{path} is a trajectory: give the scans that were made on it by --scans.")
+        return read_tum_log(path, scans)
+
+
 def read_log(
     path: Path,
     scans: Path | None = None,
     reference: Path | None = None,
     beam_seconds: tuple[float, float] | None = None,
     topics: BagTopics | None = None,
+    reader: Part = "auto",
 ) -> RobotLog:
-    """Read a CARMEN log, packed by gzip or not, odometry as a TUM file with scans, or a ROS bag.
+    """Read a log of any format, such as a CARMEN log, odometry as a TUM file with scans, or a ROS bag.
 
     Each line of `scans` has time [s], first and last bearing [rad], and ranges [m]. A TUM file of reference poses
     replaces those of the log. `beam_seconds` are the times of the first and the last beam after that of the scan [s];
-    None if all are measured at once.
+    None if all are measured at once. `reader` is one of `robosim.parts.LOG_READER`; "auto" takes the first that
+    matches.
 
     Raises:
         FileError: If a file is damaged, or none of these.
@@ -123,20 +126,15 @@ def read_log(
     for file in (scans, reference):
         if file is not None and is_bag(file):
             raise FileError(f"{file}: is a bag, expected a table. Give the bag as the log.")
-    if is_bag(path):
-        if scans is not None:
-            raise FileError(f"{path}: is a bag, which has its own scans. Leave --scans away.")
-        log = read_bag(path, topics)
-        if log.track is not None:
-            _report(path, log.track)
-    elif path.suffix == ".tum" or _begins_with_numbers(path):
-        if scans is None:
-            raise ValueError(f"{path} is a trajectory: give the scans that were made on it by --scans.")
-        log = read_tum_log(path, scans)
-    elif scans is not None:
-        raise ValueError(f"scans is {str(scans)!r}, but {path} has its own. Leave --scans away.")
-    else:
-        log = read_carmen(path)
+    readers = map(LOG_READER.make, LOG_READER.names)
+    chosen: LogReader = (
+        next(each for each in readers if each.matches(path))
+        if reader == "auto"
+        else LOG_READER.make(reader, field="reader")
+    )
+    if scans is not None and not chosen.takes_scans:
+        raise FileError(f"{path}: is a log with scans, such as a bag. Leave --scans away.")
+    log = chosen.read(path, scans, topics or BagTopics())
     if beam_seconds is not None:
         log = with_beam_times(log, *beam_seconds)
     return log if reference is None else with_reference(log, reference)

@@ -1,14 +1,19 @@
 """A robot's log for mapping: scans of a laser, and odometry between them."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from robosim.logs.beam_times import OdometryTrack, corrected_beams, relative
+from robosim.support.checks import ADVANCED, Range, checked
 from slam.poses import compose
+
+logger = logging.getLogger(__name__)
 
 #: Bearings of one laser that differ by less from scan to scan are the same, rounded [rad].
 _SAME_RAD = 1e-3
@@ -101,6 +106,53 @@ class RobotLog:
 
     def _track(self) -> OdometryTrack:
         return self.track or OdometryTrack(times=self.times, poses=self.odometry(), known=self.known)
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class BagTopics:
+    """What to read of a bag; topics that are not given are found by type."""
+
+    scan_topic: Annotated[str | None, ADVANCED] = None
+    """Topic of a bag with scans, point clouds or depth images."""
+    odometry_topic: Annotated[str | None, ADVANCED] = None
+    """Topic of a bag with odometry; tf for transforms."""
+    slice_m: Annotated[float, Range(-10, 100, "m"), ADVANCED] = 0.3
+    """Height above the base at which point clouds and depth images of a bag become scans [m]."""
+
+
+@runtime_checkable
+class LogReader(Protocol):
+    """Reads logs of robots of one format."""
+
+    takes_scans: bool = False
+    """Whether scans are in another file."""
+
+    def matches(self, path: Path) -> bool:
+        """Whether a file is of this format, by its ending or its first bytes."""
+
+    def read(self, path: Path, scans: Path | None, topics: BagTopics) -> RobotLog:
+        """The log in a file; `scans` and `topics` are for formats that need them. FileError if it is damaged."""
+
+
+def report_track(path: Path, track: OdometryTrack) -> None:
+    """Warn of late readings and restarts, where the motion is unknown."""
+    step_s = np.diff(track.times, prepend=track.times[0])
+    for found, what, remedy in (
+        (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
+        (track.restarts(), "odometry restarts", "give a log for each run"),
+    ):
+        if found.any():
+            k = int(found.argmax())
+            logger.warning(
+                "%s: at %.6f s %s (%d such places); the motion is unknown there, and scans alone give it. If the map "
+                "comes apart, %s.",
+                path,
+                track.times[k],
+                what.format(step=step_s[k]),
+                found.sum(),
+                remedy,
+            )
 
 
 def with_beam_times(log: RobotLog, first_s: float, last_s: float) -> RobotLog:

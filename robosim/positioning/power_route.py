@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.calibration.measured_powers import beacon_rows, number_of
+from robosim.calibration.measured_powers import beacon_name, number_of
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import alignment
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.reading import reading
+from robosim.support.text_in import csv_rows
 from slam.poses import compose
 from wireless.positioning.received_power import PowerReadings
 
@@ -75,13 +76,14 @@ def read_power_route(path: Path, *, needs_time: bool) -> PowerRoute:
     """
     with reading(path, "powers along a route", _REMEDY) as file:
         needed = ("beacon", "power_dbm", *(("time_s",) if needs_time else ("x_m", "y_m")))
-        rows, columns = beacon_rows(file.read(), needed)
+        rows, columns = csv_rows(file.read(), needed)
         beacons: list[str] = []
         values: list[list[float]] = []
         true_xy: dict[str, np.ndarray] = {}
-        for line, name, row in rows:
+        for line, row in rows:
+            name = beacon_name(row, line)
             number = {
-                column: number_of(row[column], column, line) if column in columns else np.nan
+                column: number_of(row, column, line) if column in columns else np.nan
                 for column in (*_OPTIONAL, "power_dbm")
             }
             at = np.array([number["beacon_x_m"], number["beacon_y_m"]])

@@ -4,7 +4,6 @@ A simulated robot is run here; of a real one, a table says what was measured (`r
 total station, or marks on the floor. `slam.mapping.odometry.calibrated` makes of either what a mapper takes.
 """
 
-import csv
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +18,7 @@ from robosim.robot.motion import Physics
 from robosim.robot.odometry import NoiseModel
 from robosim.support.checks import check_choice
 from robosim.support.reading import reading
+from robosim.support.text_in import csv_number, csv_rows
 from slam.actions import MOVES, PUBLISHED, Action
 from slam.mapping.odometry import calibrated
 from slam.poses import between, wrap
@@ -85,12 +85,10 @@ def read_runs(path: Path) -> Runs:
     found: _Found = {action: [] for action in MOVES}
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each run of an action"
     with reading(path, "a table of runs", remedy) as file:
-        rows = csv.DictReader(file.read().decode("utf-8-sig").splitlines())
-        if missing := [name for name in COLUMNS if name not in (rows.fieldnames or ())]:
-            raise ValueError(f"column {missing[0]!r} is missing")
-        for number, row in enumerate(rows, 2):
+        rows, _ = csv_rows(file.read(), COLUMNS)
+        for number, row in rows:
             check_choice(f"action in line {number}", row["action"], names)
-            values = np.array([_number(row[name], name, number) for name in COLUMNS[1:]])
+            values = np.array([csv_number(row, name, number, -_MOST, _MOST) for name in COLUMNS[1:]])
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
             found[Action[row["action"].upper()]].append((error, values[3:]))
@@ -106,15 +104,3 @@ def _runs(found: _Found) -> Runs:
         for k in (0, 1)
     )
     return Runs(errors, motions)
-
-
-def _number(text: str | None, column: str, line: int) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = np.nan
-    if not abs(value) <= _MOST:
-        raise ValueError(
-            f"{column} in line {line} is {text!r}, expected a number from -{_MOST:g} to {_MOST:g}"
-        )
-    return value

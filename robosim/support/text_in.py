@@ -4,9 +4,12 @@ YAML has the types of JSON, and neither aliases, of which small files of exponen
 inside of `robosim.support.reading.reading`, which adds the name of the file to errors.
 """
 
+import csv
+import io
 import json
 import math
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -69,6 +72,31 @@ def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
             lines.append(number)
             rows.append(line_numbers(words, number))
     return lines, rows
+
+
+def csv_rows(
+    content: bytes, needed: Sequence[str]
+) -> tuple[Iterator[tuple[int, dict[str, str]]], Sequence[str]]:
+    """Rows of a CSV table, each with its line, and its columns; ValueError if one that is `needed` is missing."""
+    table = csv.DictReader(io.StringIO(content.decode("utf-8-sig")))
+    columns = table.fieldnames or ()
+    if missing := [name for name in needed if name not in columns]:
+        raise ValueError(f"column {missing[0]!r} is missing")
+    return ((table.line_num, row) for row in table), columns
+
+
+def csv_number(row: dict[str, str], column: str, line: int, low: float, high: float) -> float:
+    """A number of a row of `csv_rows` within bounds; ValueError with the line if it is none."""
+    text = row[column] or ""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise ValueError(
+            f"line {line}: {column} is {text[:40]!r}, expected a number from {low:g} to {high:g}"
+        )
+    return value
 
 
 def line_numbers(words: list[str], line: int) -> list[float]:

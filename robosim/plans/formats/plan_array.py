@@ -24,7 +24,7 @@ from robosim.plans.floorplan import (
     ReadingOptions,
     check_size,
 )
-from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.plans.formats.thresholds import Thresholds
 from robosim.support.arrays_in import parse_npy
 from robosim.support.reading import reading
 
@@ -37,8 +37,8 @@ def plan_from_array(
     *,
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
     name: str = "plan",
-    free_thresh: float = FREE_THRESH,
-    occupied_thresh: float = OCCUPIED_THRESH,
+    free_thresh: float = Thresholds().free,
+    occupied_thresh: float = Thresholds().occupied,
 ) -> FloorPlan:
     """Floor plan from occupancy as booleans, states or probabilities.
 
@@ -62,7 +62,7 @@ def plan_from_array(
     elif array.dtype.kind in "iu":
         states = _from_integers(array, name)
     elif array.dtype.kind == "f":
-        states = _from_probabilities(array, name, free_thresh, occupied_thresh)
+        states = _from_probabilities(array, name, Thresholds(free_thresh, occupied_thresh))
     else:
         raise MapError(
             f"{name}: the array holds {array.dtype}, expected bool (True is occupied), integers 0, 1, 2 "
@@ -81,19 +81,14 @@ def _from_integers(array: np.ndarray, name: str) -> UInt8[np.ndarray, "ny nx"]:
     return np.array(array, dtype=np.uint8)
 
 
-def _from_probabilities(
-    array: np.ndarray, name: str, free_thresh: float, occupied_thresh: float
-) -> UInt8[np.ndarray, "ny nx"]:
+def _from_probabilities(array: np.ndarray, name: str, thresholds: Thresholds) -> UInt8[np.ndarray, "ny nx"]:
     wrong = array[(array < 0) | (array > 1)]
     if len(wrong):
         raise MapError(
             f"{name}: a cell is {wrong[0]:g}, expected a probability of being occupied between 0 and 1, "
             "or NaN for unknown."
         )
-    states = np.full(array.shape, UNKNOWN, np.uint8)
-    states[array < free_thresh] = FREE
-    states[array > occupied_thresh] = OCCUPIED
-    return states
+    return thresholds.states(array)
 
 
 def read_npy(path: Path, options: ReadingOptions) -> FloorPlan:

@@ -26,9 +26,7 @@ from jaxtyping import Bool, Shaped, UInt, UInt8, UInt16
 from PIL import Image
 
 from robosim.plans.floorplan import (
-    FREE,
     MAX_CELLS,
-    OCCUPIED,
     UNKNOWN,
     FloorPlan,
     MapError,
@@ -36,6 +34,7 @@ from robosim.plans.floorplan import (
     check_size,
 )
 from robosim.plans.formats.drawing import without_frame, without_strokes
+from robosim.plans.formats.thresholds import Thresholds
 from robosim.support.arrays_in import opened_image, silenced
 from robosim.support.files import write_whole
 from robosim.support.reading import reading
@@ -112,8 +111,6 @@ def encode_pgm(samples: UInt8[np.ndarray, "h w"]) -> bytes:
 
 #: Grey levels that ROS's map_saver writes for FREE, OCCUPIED and UNKNOWN.
 GREY = np.array([254, 0, 205], np.uint8)
-#: map_server's usual thresholds of the probability of being occupied. The grey 205 lies just between them.
-FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 _WHAT = "a floor plan image (PNG, PGM, BMP, TIFF, GIF, JPEG or WebP)"
 
 
@@ -188,19 +185,11 @@ def _from_channels(pixels: np.ndarray, full: int) -> PlanImage:
 
 
 def three_states(
-    light: UInt[np.ndarray, "h w"], white: int, negate: bool, free_thresh: float, occupied_thresh: float
+    light: UInt[np.ndarray, "h w"], white: int, negate: bool, thresholds: Thresholds
 ) -> UInt8[np.ndarray, "h w"]:
-    """FREE, OCCUPIED or UNKNOWN by map_server's rule.
-
-    The probability of being occupied is one minus the brightness (the brightness itself if `negate`). Below
-    `free_thresh` a cell is free, above `occupied_thresh` occupied, and unknown at both or between.
-    """
+    """States by map_server's rule: the probability is one minus the brightness, or the brightness if `negate`."""
     level = np.arange(white + 1)
-    occupied = (level if negate else white - level) / white
-    state = np.full(white + 1, UNKNOWN, np.uint8)
-    state[occupied < free_thresh] = FREE
-    state[occupied > occupied_thresh] = OCCUPIED
-    return looked_up(state, light)
+    return looked_up(thresholds.states((level if negate else white - level) / white), light)
 
 
 def looked_up(state: Shaped[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -> Shaped[np.ndarray, "h w"]:
@@ -226,7 +215,7 @@ def read_image_plan(path: Path, options: ReadingOptions) -> FloorPlan:
             "for 5 cm (resolution_m=0.05, or --resolution 0.05)."
         )
     image = read_image(path)
-    states = three_states(image.light, image.white, False, FREE_THRESH, OCCUPIED_THRESH)
+    states = three_states(image.light, image.white, False, Thresholds())
     states[image.see_through] = UNKNOWN
     if not options.allow_large:
         check_size(states.shape, options.resolution_m)

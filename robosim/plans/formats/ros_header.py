@@ -22,7 +22,7 @@ from typing import Any, Literal, get_args
 
 from robosim.parts import MATERIAL
 from robosim.plans.floorplan import RESOLUTIONS_M, MapError, WallLine
-from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.plans.formats.thresholds import Thresholds
 from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_yaml
 
@@ -46,8 +46,7 @@ class RosHeader:
     resolution_m: float
     origin: tuple[float, float, float]
     negate: bool
-    free_thresh: float
-    occupied_thresh: float
+    thresholds: Thresholds
     mode: Mode
     name: str
     wall_line: WallLine
@@ -116,7 +115,6 @@ def _checked(keys: _Keys) -> RosHeader:
     low, high = RESOLUTIONS_M
     if not low <= resolution_m <= high:
         raise keys.fail("resolution", f"a positive number from {low:g} to {high:g}: the metres per pixel")
-    free_thresh, occupied_thresh = _thresholds(keys)
     name = keys.keys.get("name", keys.path.stem)
     eroded_m = keys.number("eroded_m", "0.1", "metres, 0 or more") if "eroded_m" in keys.keys else 0.0
     return RosHeader(
@@ -124,8 +122,7 @@ def _checked(keys: _Keys) -> RosHeader:
         resolution_m=resolution_m,
         origin=_origin(keys),
         negate=keys.choice("negate", _TRUE + _FALSE, keys.get("negate", "0")) in _TRUE,
-        free_thresh=free_thresh,
-        occupied_thresh=occupied_thresh,
+        thresholds=_thresholds(keys),
         mode=keys.choice("mode", get_args(Mode), "trinary"),  # type: ignore[arg-type]
         name=name if isinstance(name, str) else keys.path.stem,
         wall_line=keys.choice("wall_line", get_args(WallLine), "cell_edge"),  # type: ignore[arg-type]
@@ -162,10 +159,10 @@ def _materials(keys: _Keys) -> dict[tuple[int, int, int], str]:
     return found
 
 
-def _thresholds(keys: _Keys) -> tuple[float, float]:
+def _thresholds(keys: _Keys) -> Thresholds:
     expected = "a probability between 0 and 1"
-    free = keys.number("free_thresh", f"{FREE_THRESH}", expected)
-    occupied = keys.number("occupied_thresh", f"{OCCUPIED_THRESH}", expected)
+    free = keys.number("free_thresh", f"{Thresholds().free}", expected)
+    occupied = keys.number("occupied_thresh", f"{Thresholds().occupied}", expected)
     for key, value in (("free_thresh", free), ("occupied_thresh", occupied)):
         if not 0 <= value <= 1:
             raise keys.fail(key, expected)
@@ -173,7 +170,7 @@ def _thresholds(keys: _Keys) -> tuple[float, float]:
         raise keys.fail(
             "free_thresh", f"at most occupied_thresh, which is {occupied:g}. Are the two swapped?"
         )
-    return free, occupied
+    return Thresholds(free, occupied)
 
 
 def _origin(keys: _Keys) -> tuple[float, float, float]:

@@ -36,9 +36,7 @@ from jaxtyping import Bool, Int, UInt8
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, MapReading, ReadingOptions
 from robosim.plans.formats.furnishing_file import read_furnishings, write_furnishings
 from robosim.plans.formats.plan_image import (
-    FREE_THRESH,
     GREY,
-    OCCUPIED_THRESH,
     PlanImage,
     colours_of,
     looked_up,
@@ -48,6 +46,7 @@ from robosim.plans.formats.plan_image import (
     write_png,
 )
 from robosim.plans.formats.ros_header import RosHeader, read_header
+from robosim.plans.formats.thresholds import Thresholds
 from robosim.plans.storey_plans import is_storeys
 from robosim.support.files import write_whole
 from robosim.support.reading import shown
@@ -168,8 +167,7 @@ def occupancy_of(
     raw = header.mode == "raw"
     if map_reading == "letter" or (raw and not has_saved_greys(image)):
         return letter
-    free_thresh, occupied_thresh = header.free_thresh, header.occupied_thresh
-    states = three_states(image.light, image.white, header.negate and not raw, free_thresh, occupied_thresh)
+    states = three_states(image.light, image.white, header.negate and not raw, header.thresholds)
     states[image.see_through] = UNKNOWN
     settle = "To read it by map_server's rule, pass --map-reading letter (map_reading='letter')."
     if raw:
@@ -203,7 +201,7 @@ def occupancy_of(
                 path,
                 np.count_nonzero(unknown),
                 found.grey,
-                free_thresh,
+                header.thresholds.free,
                 found.free_thresh,
                 settle,
             )
@@ -213,14 +211,13 @@ def occupancy_of(
 
 def _by_the_letter(image: PlanImage, header: RosHeader) -> UInt8[np.ndarray, "h w"]:
     """States of the pixels by map_server's rule."""
-    thresholds = header.free_thresh, header.occupied_thresh
     if header.mode == "raw":
-        return _raw_states(image, *thresholds)
+        return _raw_states(image, header.thresholds)
     if header.mode == "trinary" and image.alpha is not None:
         share = 3 * image.opaque // image.white  # a grey channel stands for three
         light = share * image.light.astype(np.uint32) + image.alpha
-        return three_states(light, 4 * image.opaque, header.negate, *thresholds)
-    states = three_states(image.light, image.white, header.negate, *thresholds)
+        return three_states(light, 4 * image.opaque, header.negate, header.thresholds)
+    states = three_states(image.light, image.white, header.negate, header.thresholds)
     if header.mode == "scale":
         states[image.see_through] = UNKNOWN
     return states
@@ -243,13 +240,9 @@ def _materials_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.n
     return found
 
 
-def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) -> UInt8[np.ndarray, "h w"]:
-    level = np.arange(image.white + 1)
-    percent = np.floor(level * 255 / image.white + 0.5)
-    state = np.full(image.white + 1, UNKNOWN, np.uint8)
-    state[(percent >= np.rint(100 * occupied_thresh)) & (percent <= 100)] = OCCUPIED
-    state[percent <= np.rint(100 * free_thresh)] = FREE
-    return looked_up(state, image.light)
+def _raw_states(image: PlanImage, thresholds: Thresholds) -> UInt8[np.ndarray, "h w"]:
+    percent = np.floor(np.arange(image.white + 1) * 255 / image.white + 0.5)
+    return looked_up(thresholds.raw_states(percent), image.light)
 
 
 def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:
@@ -280,8 +273,8 @@ def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"]
         "resolution": float(plan.resolution_m),
         "origin": [float(value) for value in plan.origin],
         "negate": 0,
-        "occupied_thresh": OCCUPIED_THRESH,
-        "free_thresh": FREE_THRESH,
+        "occupied_thresh": Thresholds().occupied,
+        "free_thresh": Thresholds().free,
     }
     if plan.name != path.stem:
         keys["name"] = plan.name

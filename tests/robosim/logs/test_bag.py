@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
-from robosim.logs.bag import BagTopics, is_bag, read_bag
+from robosim.logs.bag import is_bag, read_bag
 from robosim.logs.log_files import read_log
+from robosim.logs.robot_log import BagTopics
 from robosim.support.reading import FileError
 from slam.poses import between, compose, to_map
 

@@ -9,9 +9,9 @@ import pytest
 
 from robosim.cli import main
 from robosim.episode_config import EpisodeConfig
-from robosim.logs.bag import BagTopics, read_bag
+from robosim.logs.bag import read_bag
 from robosim.logs.log_mapping import map_log
-from robosim.logs.robot_log import RobotLog
+from robosim.logs.robot_log import BagTopics, RobotLog
 from robosim.recording.bag_export import BAG, LAYOUT, export_bag
 from robosim.recording.episode_file import read_episode
 from robosim.robot.robots import RobotConfig

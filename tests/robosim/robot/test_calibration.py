@@ -71,9 +71,9 @@ def test_a_table_that_is_too_short_is_an_error_with_its_name(tmp_path):
     ("row", "wrong"),
     [
         (("ahead", 0, 0, 0, 0, 0, 0), "action in line 2 is 'ahead'"),
-        (("forward", "x", 0, 0, 0, 0, 0), "measured_x_m in line 2 is 'x'"),
-        (("left", 0, 0, 0, 0, "nan", 0), "true_y_m in line 2 is 'nan'"),
-        (("left", 0, 0), "measured_yaw_rad in line 2 is None"),
+        (("forward", "x", 0, 0, 0, 0, 0), "line 2: measured_x_m is 'x'"),
+        (("left", 0, 0, 0, 0, "nan", 0), "line 2: true_y_m is 'nan'"),
+        (("left", 0, 0), "line 2: measured_yaw_rad is ''"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_said(tmp_path, row, wrong):

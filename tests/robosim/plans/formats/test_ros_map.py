@@ -141,7 +141,7 @@ def test_all_spellings_of_yaml_mean_the_same(tmp_path, text):
     header = read_header(tmp_path / "map.yaml")
     assert header.resolution_m == 0.05
     assert header.origin == (-1.0, 2.5, 0.0)
-    assert (header.negate, header.mode, header.free_thresh) == (False, "trinary", 0.196)
+    assert (header.negate, header.mode, header.thresholds.free) == (False, "trinary", 0.196)
     assert read_plan(tmp_path / "map.yaml").name == "map"
 
 
