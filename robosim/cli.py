@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Union
 
 import tyro
@@ -25,10 +25,11 @@ from robosim.commands.command_table import (
     command_list,
     command_name,
     load_command,
-    with_common,
+    with_options,
 )
 from robosim.commands.option_help import HELP, HELP_ALL, option_registry
 from robosim.commands.output import output_mode
+from robosim.support.checks import check_choice
 from robosim.support.installation import EXTRAS, missing_extra, namesake, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.parts import code_allowed, place_in_part
@@ -97,18 +98,18 @@ def _run(words: list[str]) -> None:
             raise ValueError(f"{option or before or 'an argument'} is empty, expected a value.")
     if name := command_name(words):
         command, rest = load_command(name), words[len(name.split()) :]
-        parameters = inspect.signature(command).parameters
+        parameters, defaults = inspect.signature(command).parameters, dict[str, Any]()
         if "settings" in parameters:
-            from robosim.commands.episode_config import with_start_values  # imports the whole simulator
+            from robosim.commands.episode_config import start_values  # imports the whole simulator
 
-            command = with_start_values(command, rest)
+            defaults = start_values(parameters, rest)
         elif "band" in parameters:
-            from robosim.commands.shared_options import with_band  # which the command has imported
+            from robosim.commands.shared_options import band_values  # which the command has imported
 
-            command = with_band(command, rest)
+            defaults = band_values(parameters, rest)
         brief = HELP_ALL not in rest and not HELP.isdisjoint(rest)
         tyro.cli(
-            with_common(command, brief=brief),
+            with_options(command, defaults=defaults, brief=brief),
             prog=f"robosim {name}",
             args=["--help" if word == HELP_ALL else word for word in rest],
             registry=option_registry(brief=brief),
@@ -120,15 +121,24 @@ def _run(words: list[str]) -> None:
         "Robots with camera and radio in buildings made from floor plans. Each command has its own --help. "
         + _EVERYWHERE_HELP,
     )
-    commands, rest = command_list(group), words[1:] if group else words
+    summaries, rest = command_list(group), words[1:] if group else words
+    if rest and not rest[0].startswith("-"):
+        check_choice("the command", rest[0], summaries)
+    commands = {name: _stand_in(text) for name, text in summaries.items()}
     if any(word.startswith(_COMPLETION) for word in rest):
-        commands = {
-            **commands,
-            **{name: with_common(load_command(name)) for name in COMMANDS if " " not in name},
-        }
+        commands |= {name: with_options(load_command(name)) for name in COMMANDS if " " not in name}
         commands |= {name: _union(name) for name in GROUPS}
     prog = f"robosim {group}".strip()
     tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=rest)
+
+
+def _stand_in(summary: str) -> Callable[..., None]:
+    """A function with the summary of a command, for lists of commands."""
+
+    def command() -> None: ...
+
+    command.__doc__ = summary
+    return command
 
 
 def _explained(error: Exception) -> tuple[int, str]:
@@ -161,7 +171,8 @@ def _union(group: str) -> Any:
     return Union[  # noqa: UP007
         tuple(
             Annotated[
-                Any, tyro.conf.subcommand(name=name, constructor=with_common(load_command(f"{group} {name}")))
+                Any,
+                tyro.conf.subcommand(name=name, constructor=with_options(load_command(f"{group} {name}"))),
             ]
             for name in command_list(group)
         )

@@ -1,7 +1,6 @@
 """Pages of the command line, made from each command's own parser when the site is built."""
 
 import argparse
-import inspect
 import re
 import warnings
 from pathlib import Path
@@ -10,8 +9,7 @@ from typing import TYPE_CHECKING
 import tyro
 from made_pages import write_pages
 
-from robosim.commands.command_table import COMMANDS, GROUPS, load_command, with_common
-from robosim.commands.episode_config import with_start_values
+from robosim.commands.command_table import COMMANDS, GROUPS, load_command, with_options
 from robosim.commands.option_help import option_registry
 
 if TYPE_CHECKING:
@@ -69,14 +67,11 @@ def page(name: str, level: int) -> str:
 
 def parser_of(name: str) -> argparse.ArgumentParser:
     """The parser of a command."""
-    command = load_command(name)
-    if "settings" in inspect.signature(command).parameters:
-        command = with_start_values(command, [])
     with warnings.catch_warnings():
         # The only description of a parser that tyro offers.
         warnings.filterwarnings("ignore", "get_parser", DeprecationWarning)
         return tyro.extras.get_parser(
-            with_common(command), prog=f"robosim {name}", registry=option_registry(brief=False)
+            with_options(load_command(name)), prog=f"robosim {name}", registry=option_registry(brief=False)
         )
 
 

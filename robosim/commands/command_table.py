@@ -69,15 +69,18 @@ def command_name(words: list[str]) -> str:
 def load_command(name: str) -> Callable[..., None]:
     """The function of a command."""
     module, function = COMMANDS[name].split(":")
-    found: Callable[..., None] = getattr(importlib.import_module(f"robosim.commands.{module}"), function)
-    return found
+    command: Callable[..., None] = getattr(importlib.import_module(f"robosim.commands.{module}"), function)
+    return command
 
 
-def with_common(command: Callable[..., None], *, brief: bool = False) -> Callable[..., None]:
-    """A command with the options of every command, whose arguments are checked.
+def with_options(
+    command: Callable[..., None], *, defaults: Mapping[str, Any] | None = None, brief: bool = False
+) -> Callable[..., None]:
+    """A command as `tyro.cli` takes it: its arguments are checked, and it has the options of every command.
 
     Args:
         command: The function of a command.
+        defaults: Values of arguments that replace its defaults.
         brief: Whether its help leaves out advanced options.
     """
 
@@ -90,15 +93,23 @@ def with_common(command: Callable[..., None], *, brief: bool = False) -> Callabl
         with matplotlib.rc_context({"savefig.format": common.figures}):
             return command(*args, **options)
 
-    parameters = inspect.signature(command).parameters
-    changes = {
-        name: {"annotation": option_type(one.annotation, brief=brief)} for name, one in parameters.items()
-    }
-    common = {"common": {"default": _DEFAULTS, "annotation": OmitArgPrefixes[Common]}}
-    made = with_signature(call, command, changes | common)
-    if brief:
-        made.__doc__ = brief_description(command)
-    return made
+    parameters = [
+        each.replace(
+            annotation=option_type(each.annotation, brief=brief),
+            default=(defaults or {}).get(name, each.default),
+        )
+        for name, each in inspect.signature(command).parameters.items()
+    ]
+    everywhere = inspect.Parameter(
+        "common", inspect.Parameter.KEYWORD_ONLY, default=_DEFAULTS, annotation=OmitArgPrefixes[Common]
+    )
+    # tyro reads annotations of what a function wraps, which it does if types are checked, as in tests.
+    vars(call).pop("__wrapped__", None)
+    call.__name__ = command.__name__
+    call.__doc__ = brief_description(command) if brief else command.__doc__
+    call.__signature__ = inspect.Signature([*parameters, everywhere])  # type: ignore[attr-defined]
+    call.__annotations__ = {each.name: each.annotation for each in (*parameters, everywhere)}
+    return call
 
 
 def command_summary(name: str) -> str:
@@ -106,57 +117,26 @@ def command_summary(name: str) -> str:
     module, function = COMMANDS[name].split(":")
     source = (Path(__file__).parent / f"{module}.py").read_text("utf-8")
     # Parsing a file takes ten times as long.
-    found = re.search(rf'^def {function}\(.*?"""(.*?)(?:\n\n|""")', source, re.DOTALL | re.MULTILINE)
-    if found is None:
+    match = re.search(rf'^def {function}\(.*?"""(.*?)(?:\n\n|""")', source, re.DOTALL | re.MULTILINE)
+    if match is None:
         raise LookupError(f"{module}.py has no function {function} with a docstring.")
-    return " ".join(found[1].split())
+    return " ".join(match[1].split())
 
 
-def command_list(group: str = "") -> dict[str, Callable[..., None]]:
-    """Stand-ins for the commands of a group, or for those of one word and the groups, with their summaries."""
+def command_list(group: str = "") -> dict[str, str]:
+    """Summaries of the commands of a group, or of the commands of one word and the groups."""
     if group:
-        texts = {name.split()[1]: command_summary(name) for name in COMMANDS if name.startswith(f"{group} ")}
-    else:
-        texts = {name: command_summary(name) for name in COMMANDS if " " not in name}
-        texts |= {name: f"{text}: {', '.join(command_list(name))}." for name, text in GROUPS.items()}
-    return {name: _stand_in(text) for name, text in texts.items()}
-
-
-def with_signature(
-    call: Callable[..., None], command: Callable[..., None], changes: Mapping[str, Mapping[str, Any]]
-) -> Callable[..., None]:
-    """Give a function the name, help and arguments of a command.
-
-    Args:
-        call: The function.
-        command: The command that it calls.
-        changes: Defaults and annotations of arguments that differ.
-    """
-    parameters = dict(inspect.signature(command).parameters)
-    for name, change in changes.items():
-        one = parameters.get(name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY))
-        parameters[name] = one.replace(**change)
-    # tyro reads annotations of what a function wraps, which it does if types are checked, as in tests.
-    vars(call).pop("__wrapped__", None)
-    call.__name__, call.__doc__ = command.__name__, command.__doc__
-    call.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
-    call.__annotations__ = {name: one.annotation for name, one in parameters.items()}
-    return call
+        return {name.split()[1]: command_summary(name) for name in COMMANDS if name.startswith(f"{group} ")}
+    texts = {name: command_summary(name) for name in COMMANDS if " " not in name}
+    return texts | {name: f"{text}: {', '.join(command_list(name))}." for name, text in GROUPS.items()}
 
 
 def value_of(option: str, words: Sequence[str]) -> str | None:
     """The last value of an option; None if it is not given."""
-    found = None
-    for word, after in zip(words, [*words, None][1:], strict=True):
+    value = None
+    for word, following in zip(words, [*words, None][1:], strict=True):
         if word == option:
-            found = after
+            value = following
         elif word.startswith(f"{option}="):
-            found = word.partition("=")[2]
-    return found
-
-
-def _stand_in(text: str) -> Callable[..., None]:
-    def command() -> None: ...
-
-    command.__doc__ = text
-    return command
+            value = word.partition("=")[2]
+    return value

@@ -7,7 +7,7 @@ the others start from.
 
 import inspect
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from shlex import quote
@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.command_table import value_of, with_signature
+from robosim.commands.command_table import value_of
 from robosim.episode_config import EpisodeConfig
 from robosim.lidar import LidarConfig
 from robosim.parts import ROBOT, RobotPart
@@ -51,13 +51,12 @@ DEFAULT_START = StartingPoint()
 Base = OmitArgPrefixes[StartingPoint]
 
 
-def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Callable[..., None]:
-    """A command whose `settings` start from `--config`, `--band` and `--robot`, if they are among the words.
+def start_values(parameters: Mapping[str, inspect.Parameter], words: Sequence[str]) -> dict[str, Any]:
+    """Defaults of arguments by `--config`, `--band` and `--robot`, if they are among the words.
 
     Raises:
         ValueError: If a file cannot be read, or there is no such band or robot.
     """
-    parameters = inspect.signature(command).parameters
     file, band, robot = (value_of(option, words) for option in ("--config", "--band", "--robot"))
     config = DEFAULTS if file is None else read_config(Path(file))
     if band is not None:
@@ -66,14 +65,16 @@ def with_start_values(command: Callable[..., None], words: Sequence[str]) -> Cal
         made: RobotConfig = ROBOT.make(robot, field="robot")
         config = config.of_robot(made)
     config = replace(config, simulator=_without_sensors(config.simulator, words))
-    changes: dict[str, dict[str, Any]] = {"settings": {"default": config}}
+    values: dict[str, Any] = {"settings": config}
     if file is not None:
         # Commands without a default seed, such as evaluate, keep their own.
-        own = (
-            name for name in ("goal", "seed") if name in parameters and parameters[name].default is not None
-        )
-        changes |= {name: {"default": getattr(config, name)} for name in own}
-    return with_signature(lambda *args, **options: command(*args, **options), command, changes)
+        stored = {name: getattr(config, name) for name in ("goal", "seed")}
+        values |= {
+            name: value
+            for name, value in stored.items()
+            if name in parameters and parameters[name].default is not None
+        }
+    return values
 
 
 def _without_sensors(simulator: SimulatorConfig, words: Sequence[str]) -> SimulatorConfig:

@@ -1,6 +1,7 @@
 """`robosim trace` and `robosim dataset`."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -9,6 +10,7 @@ import tyro
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.commands.option_help import option_name
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import (
     ALL_CORES,
@@ -193,7 +195,11 @@ def _check_scene(
         for name in PLAN_ONLY
         if getattr(radio, name) != getattr(DEFAULT_RADIO, name)
     }
-    given |= {one: value for one, value in vars(reading).items() if value != getattr(NO_OPTIONS, one)}
+    given |= {
+        option_name(field.name, field.type)[2:]: getattr(reading, field.name)
+        for field in fields(reading)
+        if getattr(reading, field.name) != field.default
+    }
     for name, value in given.items():
         if value is not None:
             raise ValueError(

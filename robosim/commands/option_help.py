@@ -20,6 +20,8 @@ from wireless.support.counting import counted
 
 #: Options that print the help of a command, and the help with all its options.
 HELP, HELP_ALL = {"-h", "--help"}, "--help-all"
+#: Class of what `tyro.conf.arg` returns.
+_ARG: Any = type(tyro.conf.arg(name="x"))
 _METAVARS: dict[Any, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 
 
@@ -82,11 +84,17 @@ def brief_description(command: Callable[..., Any]) -> str:
     return "\n".join([f"{text}\n\nMore options, which --help-all explains:", *hidden]) + sections + arguments
 
 
+def option_name(field: str, kind: Any) -> str:
+    """The name of the option of a field, by its annotation or else as in Python."""
+    names = [mark.name for mark in _split(kind)[1] if isinstance(mark, _ARG) and mark.name]
+    return f"--{names[0] if names else field.replace('_', '-')}"
+
+
 def _hidden(options: Iterable[tuple[str, Any]]) -> Iterator[str]:
     """A line for each group of options that a brief help leaves out, and for each single one."""
     for name, kind in options:
         base, marks = _split(kind)
-        option = f"--{name.replace('_', '-')}"
+        option = option_name(name, kind)
         if Suppress in marks:
             continue
         if not is_dataclass(base):
@@ -98,7 +106,7 @@ def _hidden(options: Iterable[tuple[str, Any]]) -> Iterator[str]:
         if _is_flat(marks) and ADVANCED not in marks:
             yield from _hidden(of_fields)
             continue
-        names = ", ".join(f"--{one.replace('_', '-')}" for one, _ in of_fields)
+        names = ", ".join(option_name(*field) for field in of_fields if Suppress not in _split(field[1])[1])
         about = (base.__doc__ or "").splitlines()[0]
         yield f"{names if _is_flat(marks) else f'{option}.*'} ({counted(_count(base), 'option')}): {about}"
 

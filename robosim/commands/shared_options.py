@@ -3,7 +3,7 @@
 import inspect
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.command_table import value_of, with_signature
+from robosim.commands.command_table import value_of
+from robosim.commands.option_help import option_name
 from robosim.commands.output import console
 from robosim.parts import MaterialPart, ReaderPart
-from robosim.plans.floorplan import FloorPlan, MapError, MapReading
+from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
 from robosim.plans.storey_plans import OneStorey, StoreysPlan
 from robosim.support.checks import ADVANCED, FARTHEST, Range, checked, shown
 from robosim.support.interrupt import SIGNALLED
@@ -135,14 +136,10 @@ def of_band(name: str) -> dict[str, Any]:
     }
 
 
-def with_band(command: Callable[..., None], words: Sequence[str]) -> Callable[..., None]:
-    """A command whose options start from those of `--band`, if it is among the words."""
+def band_values(parameters: Mapping[str, inspect.Parameter], words: Sequence[str]) -> dict[str, Any]:
+    """Defaults of arguments by `--band`, if it is among the words."""
     name = value_of("--band", words)
-    if name is None:
-        return command
-    parameters = inspect.signature(command).parameters
-    changes = {key: {"default": value} for key, value in of_band(name).items() if key in parameters}
-    return with_signature(lambda *args, **options: command(*args, **options), command, changes)
+    return {} if name is None else {key: value for key, value in of_band(name).items() if key in parameters}
 
 
 #: Threads and processes of a command.
@@ -204,32 +201,9 @@ OnePlace = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class PlanOptions:
+class PlanOptions(ReadingOptions):
     """How to read floor plans that lack information."""
 
-    resolution: Annotated[float | None, Range(0.001, 10, "m")] = None
-    """Side of a cell [m], for images and arrays."""
-    floor_height: Annotated[float | None, Range(-1e5, 1e5, "m")] = None
-    """Height of the storey's floor [m], for meshes of several storeys."""
-    up: Literal["auto", "y", "z"] = "auto"
-    """Axis of a mesh that points up; auto chooses by its format and floors."""
-    unit: Annotated[float | None, Range(1e-9, 1e6, "m")] = None
-    """Unit of length of a mesh or drawing [m]: 0.001 for millimetres, 0.0254 for inches. If not given, metres for
-    meshes, and what a drawing says."""
-    ground: Annotated[float | None, Range(-1e5, 1e5, "m")] = None
-    """Height of level ground to add below a mesh that has no floor [m]."""
-    thinnest_wall: Annotated[float | None, Range(1e-3, 10, "m")] = None
-    """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
-    not given."""
-    allow_large: bool = False
-    """Whether an image, array or drawing may be of a building longer than 500 m."""
-    map_reading: MapReading = "common"
-    """Unknown cells of a ROS map: by the usual grey of unknown cells, or by its thresholds alone."""
-    wall_layer: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """Layer of walls of a drawing (DXF, SVG), * for any letters, can be given several times; if not given, those called
-    walls, or the only one."""
-    line_thickness: Annotated[float | None, Range(1e-3, 10, "m")] = None
-    """Thickness of walls that a drawing has as single lines [m]; one cell if not given."""
     reader: ReaderPart = "auto"
     """Reader of the file: auto chooses by the ending; module:Name is your own."""
     furnishings: Path | None = None
@@ -247,23 +221,11 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
     from robosim.plans.files import read_plan
     from robosim.plans.formats.furnishing_file import read_furnishings
 
-    found = read_plan(
-        plan,
-        resolution_m=options.resolution,
-        floor_height_m=options.floor_height,
-        up=options.up,
-        unit_m=options.unit,
-        ground_m=options.ground,
-        thinnest_wall_m=options.thinnest_wall,
-        allow_large=options.allow_large,
-        map_reading=options.map_reading,
-        wall_layers=options.wall_layer,
-        line_thickness_m=options.line_thickness,
-        reader=options.reader,
-    )
+    stated = {field.name: getattr(options, field.name) for field in fields(ReadingOptions)}
+    floor_plan = read_plan(plan, reader=options.reader, **stated)
     if options.furnishings is None:
-        return found
-    return replace(found, furnishings=found.furnishings + read_furnishings(options.furnishings))
+        return floor_plan
+    return replace(floor_plan, furnishings=floor_plan.furnishings + read_furnishings(options.furnishings))
 
 
 def read_place(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan | StoreysPlan:
@@ -275,10 +237,10 @@ def read_place(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan | Stor
     file = expanded(plan)
     if not is_storeys(file):
         return read(plan, options)
-    for one in fields(options):
-        if getattr(options, one.name) != one.default:
+    for field in fields(options):
+        if getattr(options, field.name) != field.default:
             raise MapError(
-                f"{plan}: --{one.name.replace('_', '-')} is for single floor plans. Set it in the files "
+                f"{plan}: {option_name(field.name, field.type)} is for single floor plans. Set it in the files "
                 "of the storeys, such as 'furnishings: room.yaml' in their ROS maps."
             )
     return read_storeys(file)

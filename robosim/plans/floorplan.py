@@ -11,13 +11,15 @@ a margin (``eroded_m``, the radius of the agent they were made for) had been tak
 
 import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
+from tyro.conf import Suppress, UseAppendAction, arg
 
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.support.axes import axes_in_metres
+from robosim.support.checks import Range
 from robosim.support.parts import part_name
 from robosim.support.reading import FileError
 
@@ -249,34 +251,33 @@ UpAxis = Literal["auto", "y", "z"]
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
-    """Options of reading a floor plan; a reader uses those of its format. What is None depends on the format."""
+    """Options of reading a floor plan; a reader uses those of its format. Options of commands have the names given."""
 
-    resolution_m: float | None = None
-    """Side of a cell [m]; needed for images and arrays, not allowed for ROS maps, 0.05 for others if not given."""
-    floor_height_m: float | None = None
-    """For meshes: height of the storey's floor above the mesh's own zero [m], to within half a metre; None for the
-    lowest storey."""
-    slice_m: tuple[float, float] = (0.2, 1.5)
+    resolution_m: Annotated[float | None, Range(0.001, 10, "m"), arg(name="resolution")] = None
+    """Side of a cell [m], for images and arrays; 0.05 for other formats if not given."""
+    floor_height_m: Annotated[float | None, Range(-1e5, 1e5, "m"), arg(name="floor-height")] = None
+    """Height of the storey's floor [m], to within half a metre, for meshes of several storeys; the lowest if not
+    given."""
+    slice_m: Annotated[tuple[float, float], Range(0, 1000, "m"), Suppress] = (0.2, 1.5)
     """For meshes: heights above the floor between which nothing may stand in free cells [m]: above doorsills and rugs,
     below lintels."""
     up: UpAxis = "auto"
-    """For meshes: the axis that points up; "auto" is y for glTF and z for others, unless the other one of the two has a
-    floor more than twice as large."""
-    unit_m: float | None = None
-    """For meshes and drawings: the file's unit of length [m], for example 0.001 for millimetres. None for metres in
-    meshes, which is an error if the building is implausibly large then, and for what drawings say, which is an error if
-    they do not."""
-    ground_m: float | None = None
-    """For meshes without a floor: height of level ground below all of it [m]."""
-    thinnest_wall_m: float | None = None
-    """For images: dark strokes thinner than this are not walls but text, door arcs or furniture, and become free [m];
-    None if all are walls."""
+    """Axis of a mesh that points up; auto is y for glTF and z for others, unless the other one of the two has a floor
+    more than twice as large."""
+    unit_m: Annotated[float | None, Range(1e-9, 1e6, "m"), arg(name="unit")] = None
+    """Unit of length of a mesh or drawing [m]: 0.001 for millimetres, 0.0254 for inches. If not given, metres for
+    meshes, and what a drawing says."""
+    ground_m: Annotated[float | None, Range(-1e5, 1e5, "m"), arg(name="ground")] = None
+    """Height of level ground to add below a mesh that has no floor [m]."""
+    thinnest_wall_m: Annotated[float | None, Range(1e-3, 10, "m"), arg(name="thinnest-wall")] = None
+    """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
+    not given."""
     allow_large: bool = False
-    """For images, arrays and drawings: confirms a building longer than 500 m."""
+    """Whether an image, array or drawing may be of a building longer than 500 m."""
     map_reading: MapReading = "common"
-    """For ROS maps: "common" reads a common grey as unknown where map_server's thresholds would make it free, with a
-    warning; "letter" uses the thresholds alone."""
-    wall_layers: tuple[str, ...] = ()
-    """For drawings: layers of walls, * standing for any letters; none for those called so, or the only one."""
-    line_thickness_m: float | None = None
-    """For drawings: thickness of walls that are drawn as single lines [m]; None for one cell."""
+    """Unknown cells of a ROS map: by the usual grey of unknown cells, with a warning, or by its thresholds alone."""
+    wall_layers: Annotated[tuple[str, ...], arg(name="wall-layer"), UseAppendAction] = ()
+    """Layer of walls of a drawing (DXF, SVG), * for any letters, can be given several times; if not given, those called
+    walls, or the only one."""
+    line_thickness_m: Annotated[float | None, Range(1e-3, 10, "m"), arg(name="line-thickness")] = None
+    """Thickness of walls that a drawing has as single lines [m]; one cell if not given."""

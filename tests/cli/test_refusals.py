@@ -93,6 +93,8 @@ REJECTED = [
     ("train explorer --held-out 10001", "held_out is 10001, expected a whole number from 1 to 10000 homes"),
     ("train explorer --decisions 0", "decisions is 0"),
     ("train search --homes 0", "homes is 0"),
+    ("epsiode flat", "the command is 'epsiode'. Did you mean 'episode'?"),
+    ("train serach", "the command is 'serach'. Did you mean 'search'?"),
     ("episode flat --goal nowhere.safetensors", "nowhere.safetensors"),
 ]
 

@@ -13,12 +13,11 @@ import pytest
 import robosim
 import slam
 import wireless
-from robosim.commands.shared_options import PlanOptions, RadioOptions, WaveformOptions
+from robosim.commands.shared_options import RadioOptions, WaveformOptions
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode_config import EpisodeConfig
 from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import make_navigator
-from robosim.plans.floorplan import UpAxis
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
@@ -176,8 +175,3 @@ def test_names_of_parts_are_checked_where_a_configuration_is_made(make_it, words
         make_it()
     assert words in str(rejected.value)
     assert "Known" in str(rejected.value)
-
-
-def test_the_command_line_offers_what_the_library_knows():
-    """It spells these names out, so that `--help` need not read meshes; they must be the same."""
-    assert get_args(get_type_hints(PlanOptions)["up"]) == get_args(UpAxis)
