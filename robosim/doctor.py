@@ -115,12 +115,12 @@ def report(findings: list[Finding], console: Console) -> bool:
 def _check(part: str, module: str, probe: Callable[[], str | Finding], *, needed: bool = True) -> Finding:
     # A broken library may raise anything at all at import, and the report is there to say so.
     try:
-        found = probe()
+        outcome = probe()
     except Exception as error:
         said = str(error).strip().splitlines() or [type(error).__name__]
         trouble = error.trouble if isinstance(error, OpenGLError) else said[0]
         return Finding(part, False, trouble, remedy(error, module), needed)
-    return found if isinstance(found, Finding) else Finding(part, True, found, needed=needed)
+    return outcome if isinstance(outcome, Finding) else Finding(part, True, outcome, needed=needed)
 
 
 def _python() -> Finding:
@@ -130,9 +130,9 @@ def _python() -> Finding:
 
 def _system(system: GLSystem) -> Finding:
     """Whether pyrender draws on an OpenGL system, in a process of its own, which a broken driver may take down."""
-    part = f"pyrender on {SYSTEM_NAMES[system]}"
+    name = f"pyrender on {SYSTEM_NAMES[system]}"
     if lack := missing(system):
-        return Finding(part, False, lack.trouble, lack.remedy, needed=False)
+        return Finding(name, False, lack.trouble, lack.remedy, needed=False)
     program = f"from robosim.doctor import print_camera_finding; print_camera_finding({system!r})"
     try:
         done = subprocess.run(
@@ -140,13 +140,13 @@ def _system(system: GLSystem) -> Finding:
         )
     except subprocess.TimeoutExpired:
         detail = f"no picture within {_PATIENCE_S:.0f} s"
-        return Finding(part, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
+        return Finding(name, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
     try:
-        return Finding(part, **json.loads(done.stdout.splitlines()[-1]), needed=False)
+        return Finding(name, **json.loads(done.stdout.splitlines()[-1]), needed=False)
     except (IndexError, TypeError, ValueError):
         last = [line for line in done.stderr.splitlines() if line.strip()][-1:]
         detail = " ".join([f"the driver ended the process with status {done.returncode}.", *last])
-        return Finding(part, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
+        return Finding(name, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
 
 
 def print_camera_finding(system: GLSystem) -> None:
@@ -224,8 +224,8 @@ def _compiled_loops() -> Finding:
     folder = writable_folder(cache_folders())
     if folder is not None:
         return Finding("compiled loops", True, f"{_version('numba')}, cached in {folder}", needed=False)
-    found = f"{_version('numba')}, compiled by each process (about a minute)"
-    return Finding("compiled loops", False, found, CACHE_REMEDY, needed=False)
+    detail = f"{_version('numba')}, compiled by each process (about a minute)"
+    return Finding("compiled loops", False, detail, CACHE_REMEDY, needed=False)
 
 
 def _fast_marching() -> str:
@@ -294,17 +294,17 @@ def _mapper() -> str:
 
 
 def _extra(module: str) -> Finding:
-    part = f"extra {EXTRAS[module]}"
+    name = f"extra {EXTRAS[module]}"
     if not is_installed(module):
         return Finding(
-            part, False, f"{module} is not installed.", install_command(EXTRAS[module]), needed=False
+            name, False, f"{module} is not installed.", install_command(EXTRAS[module]), needed=False
         )
 
     def version() -> str:
         number = getattr(import_module(module), "__version__", None)
         return f"{module} {number or package_version(module)}"
 
-    return _check(part, module, version, needed=False)
+    return _check(name, module, version, needed=False)
 
 
 def _room() -> "Building":

@@ -173,7 +173,7 @@ class Building(Faces):
             take, cut = filled if what == "level" else footprint, shapely.difference
             if what == "taken":
                 cut = shapely.intersection
-            taken = shapely.union_all([take(one.bodies, height_m) for one in self.furnishings])
+            taken = shapely.union_all([take(furnishing.bodies, height_m) for furnishing in self.furnishings])
             parts = shapely.get_parts(cut(self.free, taken, grid_size=_TIDY_M))
             parts = parts[shapely.area(parts) > _TIDY_M]  # neither slivers nor lines
             self._free_of[key] = shapely.orient_polygons(shapely.MultiPolygon(list(parts)))
@@ -211,7 +211,7 @@ class Building(Faces):
     @cached_property
     def outlines(self) -> list[Float[np.ndarray, "_ 2"]]:
         """Closed outlines (x, y) [m] in `map` of all that is placed in it, from above."""
-        things = [footprint(one.bodies, self.height_m) for one in self.furnishings]
+        things = [footprint(furnishing.bodies, self.height_m) for furnishing in self.furnishings]
         return [shapely.get_coordinates(line) for line in shapely.get_parts(shapely.boundary(things))]
 
     def draw_walls(self, axes: "Axes", *, colour: str = WALL_COLOUR, zorder: float = 2) -> None:
@@ -286,13 +286,15 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
     """A building of one or several storeys with meshes placed in it, whose faces come last."""
     if not furnishings:
         return bare
-    made_of = [material_of(one.material, f"material of {one.name}") for one in furnishings]
+    made_of = [
+        material_of(furnishing.material, f"material of {furnishing.name}") for furnishing in furnishings
+    ]
     materials = tuple(dict.fromkeys([*bare.materials, *made_of]))
-    bodies = [one.bodies for one in furnishings]
-    vertices = [np.asarray(bare.mesh.vertices), *(one.vertices for one in bodies)]
+    bodies = [furnishing.bodies for furnishing in furnishings]
+    vertices = [np.asarray(bare.mesh.vertices), *(body.vertices for body in bodies)]
     first = np.cumsum([len(some) for some in vertices[:-1]])
     faces = [np.asarray(bare.mesh.faces), *(one.faces + at for one, at in zip(bodies, first, strict=True))]
-    counts = [len(one.faces) for one in bodies]
+    counts = [len(body.faces) for body in bodies]
     material = np.repeat(np.array([materials.index(one) for one in made_of], np.uint8), counts)
     logger.info("%d things of %d faces are placed in the building", len(furnishings), sum(counts))
     return replace(

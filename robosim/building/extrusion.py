@@ -100,7 +100,7 @@ class Faces:
         seen = hashlib.sha256()
         for array in (self.mesh.vertices, self.mesh.faces, self.face_material):
             seen.update(np.ascontiguousarray(array, float).tobytes())
-        named = (one if isinstance(one, str) else repr(one) for one in self.materials)
+        named = (material if isinstance(material, str) else repr(material) for material in self.materials)
         seen.update("|".join(named).encode())
         return seen.hexdigest()[:16]
 
@@ -245,10 +245,10 @@ def _half_edges(
     keys = (triangles * base + np.roll(triangles, -1, axis=1)).ravel()
     order = np.argsort(keys)
     wanted = start * base + end
-    found = np.searchsorted(keys, wanted, sorter=order)
+    position = np.searchsorted(keys, wanted, sorter=order)
     if len(keys) == 0:
         return np.full(len(wanted), -1)
-    at = order[np.minimum(found, len(keys) - 1)]
+    at = order[np.minimum(position, len(keys) - 1)]
     at = np.where(keys[at] == wanted, at, -1)
     if must and (at < 0).any():
         raise RuntimeError(f"{(at < 0).sum()} edges of the outline are missing in its triangulation.")

@@ -76,10 +76,11 @@ def export_mesh(building: Faces, path: Path) -> Path:
         if suffix == ".ply":
             colours = KIND_COLOURS[building.face_kind]
             if building.furnishings:
-                own = [
-                    np.tile((*one.colour, 255), (len(one.bodies.faces), 1)) for one in building.furnishings
+                colours_of_faces = [
+                    np.tile((*furnishing.colour, 255), (len(furnishing.bodies.faces), 1))
+                    for furnishing in building.furnishings
                 ]
-                colours[building.face_kind == PLACED] = np.concatenate(own)
+                colours[building.face_kind == PLACED] = np.concatenate(colours_of_faces)
             content.visual = trimesh.visual.ColorVisuals(content, face_colors=colours)
     with whole_file(path) as partial:
         content.export(partial, file_type=suffix[1:])
@@ -168,9 +169,9 @@ def _scene(building: Faces) -> trimesh.Scene:
     """The faces of each kind as an object by the kind's name, in its colour; each placed thing as one of its own."""
     scene = trimesh.Scene()
     parts = [(kind, building.submesh(kind), KIND_COLOURS[n]) for n, kind in enumerate(KINDS[:PLACED])]
-    for number, one in enumerate(building.furnishings, 1):
-        mesh = trimesh.Trimesh(one.bodies.vertices, one.bodies.faces, process=False)
-        parts.append((f"{number} {one.name}", mesh, np.array([*one.colour, 255], np.uint8)))
+    for number, furnishing in enumerate(building.furnishings, 1):
+        mesh = trimesh.Trimesh(furnishing.bodies.vertices, furnishing.bodies.faces, process=False)
+        parts.append((f"{number} {furnishing.name}", mesh, np.array([*furnishing.colour, 255], np.uint8)))
     for name, part, colour in parts:
         if len(part.faces):
             part.visual = trimesh.visual.ColorVisuals(

@@ -194,9 +194,9 @@ def _trace(
     turns = np.empty(len(edges), bool)
     turns[following] = turn != heading
     points = np.column_stack([corner % width, corner // width]) + 1
-    part = component(corner, heading)
+    label_of_edge = component(corner, heading)
     lines = _cycles(following.tolist())
-    return [(points[line[turns[line]]], int(part[line[0]])) for line in lines]
+    return [(points[line[turns[line]]], int(label_of_edge[line[0]])) for line in lines]
 
 
 def _cycles(following: list[int]) -> list[Int[np.ndarray, " _"]]:
@@ -265,13 +265,13 @@ def thin_wall_corners(outlines: list[Int[np.ndarray, "_ 2"]]) -> Int[np.ndarray,
     start, end, step = np.concatenate(starts), np.concatenate(ends), np.concatenate(steps)
     # The other side goes back from the end of a piece to its start.
     both = np.isin(start * len(count) + end, end * len(count) + start)
-    found = np.zeros(len(count), bool)
+    is_thin = np.zeros(len(count), bool)
     for rising in (True, False):
-        some = both & ((step[:, 0] * step[:, 1] > 0) == rising)
-        links = coo_array((np.ones(some.sum()), (start[some], end[some])), shape=(len(count),) * 2)
+        aligned = both & ((step[:, 0] * step[:, 1] > 0) == rising)
+        links = coo_array((np.ones(aligned.sum()), (start[aligned], end[aligned])), shape=(len(count),) * 2)
         _, wall = connected_components(links, directed=False)
-        pieces = np.bincount(wall[start[some]], minlength=len(count)) / 2
-        edges = np.bincount(wall[start[some]], np.abs(step[some]).sum(axis=1), len(count)) / 2
+        pieces = np.bincount(wall[start[aligned]], minlength=len(count)) / 2
+        edges = np.bincount(wall[start[aligned]], np.abs(step[aligned]).sum(axis=1), len(count)) / 2
         long = (pieces >= _PIECES) | (edges >= _EDGES)
-        found |= long[wall] & np.isin(np.arange(len(count)), start[some])
-    return np.unique(corners[found[place]], axis=0)
+        is_thin |= long[wall] & np.isin(np.arange(len(count)), start[aligned])
+    return np.unique(corners[is_thin[place]], axis=0)

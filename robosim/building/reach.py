@@ -249,16 +249,16 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     pairs = np.column_stack([labels[0].ravel(), labels[-1].ravel()])
     pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)
     joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n + 1, n + 1))
-    count, part = connected_components(joined, directed=False)
+    count, component = connected_components(joined, directed=False)
     size = np.zeros(count)
     for layer in labels:  # one by one, which takes little memory
-        size += np.bincount(part[layer].ravel(), layer.ravel() > 0, count)
+        size += np.bincount(component[layer].ravel(), layer.ravel() > 0, count)
     # By falling size, so that the least number of a cell is that of its largest part.
     rank = np.empty(count, np.int32)
     rank[np.argsort(-size, kind="stable")] = np.arange(1, count + 1)
     numbers = np.full(plan.shape, count + 1, np.int32)
     for layer in labels:
-        np.minimum(numbers, rank[part[layer]], out=numbers, where=layer > 0)
+        np.minimum(numbers, rank[component[layer]], out=numbers, where=layer > 0)
     return np.where(numbers > count, 0, numbers)
 
 
@@ -305,11 +305,11 @@ def _on(
     plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], floor: shapely.Geometry
 ) -> Bool[np.ndarray, "ny nx"]:
     """Those of some cells whose centre is on some floor."""
-    found = np.zeros(plan.shape, bool)
+    mask = np.zeros(plan.shape, bool)
     shapely.prepare(floor)
     at_once = 1 + _CELLS_AT_ONCE // plan.shape[1]
     for first in range(0, plan.shape[0], at_once):
         rows = np.s_[first : first + at_once]
         iy, ix = np.nonzero(cells[rows])
-        found[rows][iy, ix] = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
-    return found
+        mask[rows][iy, ix] = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
+    return mask

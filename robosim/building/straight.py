@@ -115,12 +115,12 @@ def _crossings(corners: list[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "n 
     """Where closed lines cross themselves or each other; places near all of these, that is."""
     ends = np.concatenate([np.stack([points, np.roll(points, -1, axis=0)], axis=1) for points in corners])
     walls = shapely.linestrings(ends)
-    one, other = shapely.STRtree(walls).query(walls, predicate="intersects")
-    some = one < other
-    one, other = one[some], other[some]
-    common = shapely.intersection(walls[one], walls[other])
+    first, other = shapely.STRtree(walls).query(walls, predicate="intersects")
+    distinct = first < other
+    first, other = first[distinct], other[distinct]
+    common = shapely.intersection(walls[first], walls[other])
     at = ends[:, :, 0] + 1j * ends[:, :, 1]
-    apart = (at[one][:, :, None] != at[other][:, None, :]).all(axis=(1, 2))
+    apart = (at[first][:, :, None] != at[other][:, None, :]).all(axis=(1, 2))
     crossing = apart | (shapely.get_dimensions(common) > 0)  # walls in a row may have their end in common
     return shapely.get_coordinates(shapely.centroid(common[crossing]))
 
@@ -267,7 +267,7 @@ def _segments(
         for i in range(2 * n):
             bends[axis, i + 1] = bends[axis, i] + (step[i, axis] == 0)
         _farthest(step, fixed, axis, ends[axis])
-    spans, lines, found = np.empty((n, 3), np.int64), np.empty((n, 2)), 0
+    spans, lines, count = np.empty((n, 3), np.int64), np.empty((n, 2)), 0
     queue = _longest_first(ends, bends, 0, n, 2 * n)
     # Each open stretch of the ring has a number.
     stretch, lows, highs = np.zeros(2 * n, np.int64), [0], [2 * n]
@@ -282,10 +282,10 @@ def _segments(
                 heappush(queue, (-length, axis, i))
             continue
         end = i + length
-        spans[found, 0], spans[found, 1], spans[found, 2] = i, end, axis
-        found += 1
+        spans[count, 0], spans[count, 1], spans[count, 2] = i, end, axis
+        count += 1
         stretch[i:end] = -1
-        if found == 1:  # the rest of the ring goes from the end of the first one to its beginning
+        if count == 1:  # the rest of the ring goes from the end of the first one to its beginning
             lows[0], highs[0] = end, i + n
             queue = _longest_first(ends, bends, end, i + n, i + n)
         elif i - lows[at] < highs[at] - end:  # the smaller part gets a new number
@@ -298,9 +298,9 @@ def _segments(
             lows.append(end)
             highs.append(highs[at])
             highs[at] = i
-    for k in range(found):
+    for k in range(count):
         _, lines[k, 0], lines[k, 1] = _reach(step, fixed, spans[k, 0], spans[k, 1], spans[k, 2], 1)
-    return spans[:found], lines[:found]
+    return spans[:count], lines[:count]
 
 
 @compiled
@@ -411,10 +411,10 @@ def _reach(
     for i in range(2, count):
         a0, a1 = preimage[i - 1, 0] - preimage[0, 0], preimage[i - 1, 1] - preimage[0, 1]
         b0, b1 = preimage[i, 0] - preimage[0, 0], preimage[i, 1] - preimage[0, 1]
-        part = a0 * b1 - a1 * b0
-        area += part
-        slope += part * (a0 + b0) / 3
-        offset += part * (a1 + b1) / 3
+        determinant = a0 * b1 - a1 * b0
+        area += determinant
+        slope += determinant * (a0 + b0) / 3
+        offset += determinant * (a1 + b1) / 3
     return end, preimage[0, 0] + slope / area, preimage[0, 1] + offset / area
 
 
@@ -423,32 +423,32 @@ def _clip(
     polygon: Float[np.ndarray, "n 2"], edges: int, sign: float, least: float, out: Float[np.ndarray, "m 2"]
 ) -> int:
     """The part of a preimage whose lines lie to one side of a cell's centre, and how many corners it has."""
-    n, found = len(polygon), 0
+    n, count = len(polygon), 0
     for i in range(n):
         slope, offset = polygon[i, 0], polygon[i, 1]
         next_slope, next_offset = polygon[(i + 1) % n, 0], polygon[(i + 1) % n, 1]
         gap = sign * (slope * edges + offset) - least
         next_gap = sign * (next_slope * edges + next_offset) - least
         if gap > _LEAST:
-            out[found, 0], out[found, 1] = slope, offset
-            found += 1
+            out[count, 0], out[count, 1] = slope, offset
+            count += 1
         if (gap > _LEAST) != (next_gap > _LEAST):
             share = (gap - _LEAST) / (gap - next_gap)
-            out[found, 0] = slope + (next_slope - slope) * share
-            out[found, 1] = offset + (next_offset - offset) * share
-            found += 1
-    return found
+            out[count, 0] = slope + (next_slope - slope) * share
+            out[count, 1] = offset + (next_offset - offset) * share
+            count += 1
+    return count
 
 
 @compiled
 def _distinct(polygon: Float[np.ndarray, "n 2"]) -> int:
     """Move corners of a preimage that are not at the one before to its beginning, and how many these are."""
-    found = 1
+    count = 1
     for i in range(1, len(polygon)):
-        last, first = polygon[found - 1], polygon[0]
+        last, first = polygon[count - 1], polygon[0]
         from_last = max(abs(polygon[i, 0] - last[0]), abs(polygon[i, 1] - last[1]))
         from_first = max(abs(polygon[i, 0] - first[0]), abs(polygon[i, 1] - first[1]))
         if min(from_last, from_first) > _SAME:
-            polygon[found, 0], polygon[found, 1] = polygon[i, 0], polygon[i, 1]
-            found += 1
-    return found
+            polygon[count, 0], polygon[count, 1] = polygon[i, 0], polygon[i, 1]
+            count += 1
+    return count

@@ -57,15 +57,15 @@ def materials_behind(
     assert plan.material is not None
     right = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     right = np.broadcast_to(right / np.linalg.norm(right, axis=-1, keepdims=True), points.shape)
-    found = np.zeros(len(points), np.int64)
+    material = np.zeros(len(points), np.int64)
     ny, nx = plan.shape
     for far in _BEHIND:
         ix, iy = np.floor(points + far * right).astype(int).T
         inside = (ix >= 0) & (iy >= 0) & (ix < nx) & (iy < ny)
         here = np.zeros(len(points), np.int64)
         here[inside] = plan.material[iy[inside], ix[inside]]
-        found = np.where(found == 0, here, found)
-    return found
+        material = np.where(material == 0, here, material)
+    return material
 
 
 def read_material(path: Path) -> Material:

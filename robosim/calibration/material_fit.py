@@ -88,7 +88,7 @@ class Fit:
 
     def n_trials(self, plan: FloorPlan) -> int:
         """Number of materials that `choose` tries."""
-        return len(self.names) * (1 + sum(given != NOTHING for given in plan.materials))
+        return len(self.names) * (1 + sum(stated != NOTHING for stated in plan.materials))
 
     def match(self, plan: FloorPlan, wall: str, kinds: TracerConfig = SPECULAR) -> Matched:
         """Pair measured paths with those in a plan whose walls without a colour are of a material."""
@@ -132,8 +132,8 @@ class Fit:
         before = residual(wall, colours)
         of_walls = try_all(lambda name: (name, colours))
         wall = best = min(of_walls, key=of_walls.__getitem__)
-        for i, given in enumerate(plan.materials):
-            if given != NOTHING:
+        for i, stated in enumerate(plan.materials):
+            if stated != NOTHING:
                 others = colours[:i], colours[i + 1 :]
                 tried = try_all(lambda name, others=others: (best, (*others[0], name, *others[1])))  # type: ignore[misc]
                 colours = (*others[0], min(tried, key=tried.__getitem__), *others[1])
@@ -143,15 +143,15 @@ class Fit:
 
 def candidates(frequency_hz: float) -> tuple[str, ...]:
     """Materials by name that were measured at a frequency."""
-    found = []
+    trials = []
     for name in (*WALLS, *MATERIALS):
         try:
             wall_row(name, frequency_hz)
         except ValueError:
             continue
         if name != NOTHING:
-            found.append(name)
-    return tuple(found)
+            trials.append(name)
+    return tuple(trials)
 
 
 def residuals_db(hall: MeasuredHall, matched: Matched) -> Float[np.ndarray, " n"]:

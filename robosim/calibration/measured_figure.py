@@ -41,16 +41,16 @@ def draw_measured(hall: MeasuredHall, building: Building, matched: Matched, path
     table = hall.table
     arrival = table[:, 6] + table[:, 9]
     ends = table[:, 4:6] + _STROKE_M * np.column_stack([np.cos(arrival), np.sin(arrival)])
-    for name, some in kinds_of(matched).items():
-        strokes = np.stack([table[some, 4:6], ends[some]], axis=1)
+    for name, selected in kinds_of(matched).items():
+        strokes = np.stack([table[selected, 4:6], ends[selected]], axis=1)
         for i, stroke in enumerate(strokes):
             plan.plot(
-                *stroke.T, color=KINDS[name], lw=1.0, label=f"{name} ({some.sum()})" if i == 0 else None
+                *stroke.T, color=KINDS[name], lw=1.0, label=f"{name} ({selected.sum()})" if i == 0 else None
             )
         if name != "nothing":
             strength.plot(
-                matched.traced_db[some] - from_db[1],
-                hall.power_db[some] - from_db[0],
+                matched.traced_db[selected] - from_db[1],
+                hall.power_db[selected] - from_db[0],
                 "o",
                 ms=4,
                 color=KINDS[name],

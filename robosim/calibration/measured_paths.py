@@ -151,7 +151,7 @@ def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
     most_db[strongest.rx] = strongest.power_db
     loud = paths.power_db >= most_db[paths.rx] - config.range_db
     length = paths.delay_s * speed_of_light
-    found = np.full(len(table), -1)
+    matched_path = np.full(len(table), -1)
     by_chance = 0
     for here in range(len(number)):
         rows = np.flatnonzero(place_of == here)
@@ -159,24 +159,34 @@ def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
             [table[rows, 7], table[rows, 3] + table[rows, 8], table[rows, 6] + table[rows, 9], strength[rows]]
         )
         for there in range(len(number)):
-            some = np.flatnonzero(loud & (paths.rx == there))
+            candidates = np.flatnonzero(loud & (paths.rx == there))
             traced = np.column_stack(
-                [length[some], paths.aod_az[some], paths.aoa_az[some], paths.power_db[some]]
+                [
+                    length[candidates],
+                    paths.aod_az[candidates],
+                    paths.aoa_az[candidates],
+                    paths.power_db[candidates],
+                ]
             )
             pairs = _pairs(measured, traced, config)
             if there != here:
                 by_chance += len(pairs)
                 continue
-            found[rows[pairs[:, 0]]] = some[pairs[:, 1]]
-    explained = found >= 0
+            matched_path[rows[pairs[:, 0]]] = candidates[pairs[:, 1]]
+    explained = matched_path >= 0
     traced_db, order = np.full(len(table), np.nan), np.full(len(table), -1)
-    traced_db[explained], order[explained] = paths.power_db[found[explained]], paths.order[found[explained]]
+    traced_db[explained], order[explained] = (
+        paths.power_db[matched_path[explained]],
+        paths.order[matched_path[explained]],
+    )
     diffracted = np.zeros(len(table), bool)
-    diffracted[explained] = (paths.interaction[found[explained]] == Interaction.DIFFRACTION).any(axis=1)
+    diffracted[explained] = (paths.interaction[matched_path[explained]] == Interaction.DIFFRACTION).any(
+        axis=1
+    )
     return Matched(
         explained=explained,
         traced_db=traced_db,
-        path=found,
+        path=matched_path,
         order=order,
         diffracted=diffracted,
         by_chance=by_chance / max(1, len(table) * (len(number) - 1)),

@@ -90,8 +90,8 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
         )
         for name, power in zip(measured.names, measured.power_dbm, strict=True):
             received = ~np.isnan(power)
-            for half, part in (("fitted", ~measured.held_out), ("held-out", measured.held_out)):
-                if (count := (received & part).sum()) < _LEAST_READINGS:
+            for half, mask in (("fitted", ~measured.held_out), ("held-out", measured.held_out)):
+                if (count := (received & mask).sum()) < _LEAST_READINGS:
                     raise ValueError(
                         f"beacon {name!r} has {count} readings in the {half} squares of {BLOCK_M:g} m, "
                         f"expected {_LEAST_READINGS} or more"
@@ -111,5 +111,5 @@ def number_of(row: dict[str, str], column: str, line: int) -> float:
     if column == "power_dbm":
         is_empty = (row[column] or "").strip().lower() in ("", "nan")
         return np.nan if is_empty else csv_number(row, column, line, *_POWERS_DBM)
-    most = _OTHERS.get(column, _MOST)
-    return csv_number(row, column, line, -most, most)
+    bound = _OTHERS.get(column, _MOST)
+    return csv_number(row, column, line, -bound, bound)

@@ -20,9 +20,9 @@ def draw_powers(measured: MeasuredPowers, fit: PowerFit, path: Path) -> None:
     """Draw each reading over its prediction, those of the held-out half of the floor in another colour."""
     figure, axes = plt.subplots(figsize=(6, 6), layout="constrained")
     halves = (("fitted", ~measured.held_out, "0.6", 0), ("held out", measured.held_out, "#0072B2", 1))
-    for name, part, colour, i in halves:
+    for name, mask, colour, i in halves:
         label = f"{name}, {fit.rms_db['mean'][i]:.1f} dB"
-        powers = fit.predicted_dbm[:, part].ravel(), measured.power_dbm[:, part].ravel()
+        powers = fit.predicted_dbm[:, mask].ravel(), measured.power_dbm[:, mask].ravel()
         axes.plot(*powers, "o", ms=2, mew=0, alpha=0.5, color=colour, label=label)
     ends = np.array([np.nanmin(measured.power_dbm), np.nanmax(measured.power_dbm)])
     axes.plot(ends, ends, color="black", lw=0.8)

@@ -142,12 +142,12 @@ class _Model:
         self.names = [*WALL_PARAMETERS, *(f"beacon {name}: offset_dbm" for name in measured.names)]
         if heading_rad is not None:
             columns += _harmonics(paths.aoa_az - heading_rad[paths.rx], paths.aoa_el, orders[0])
-            self.names += [f"receiver: {part}" for part in _parts(orders[0])]
+            self.names += [f"receiver: {harmonic}" for harmonic in _parts(orders[0])]
             deviations += [_PATTERN_DB / (1 + i // 2) for i in range(len(columns))]
         waves = _harmonics(paths.aod_az, paths.aod_el, orders[1])
         for i, name in enumerate(measured.names):
             columns += [wave * (paths.tx == i) for wave in waves]
-            self.names += [f"beacon {name}: {part}" for part in _parts(orders[1])]
+            self.names += [f"beacon {name}: {harmonic}" for harmonic in _parts(orders[1])]
             deviations += [_PATTERN_DB / (1 + k // 2) for k in range(len(waves))]
         self._basis = np.array(columns).reshape(-1, len(paths))
         self._of_beacon = np.repeat(np.eye(len(measured.names)), some.shape[1], axis=0)[self._some]
@@ -214,7 +214,8 @@ class _Model:
         if self._last[0] != key:
             wall = wall_of(x, self._thickness_m)
             materials = tuple(
-                wall if one == self._scene.wall else one for one in self._scene.building.materials
+                wall if material == self._scene.wall else material
+                for material in self._scene.building.materials
             )
             self._last = key, self._traced * self._scene.tracer.reweigh(self._paths, materials)
         return self._last[1] * 10 ** (0.1 * (x[len(x) - len(self._basis) :] @ self._basis))
@@ -294,12 +295,12 @@ def wall_of(x: Float[np.ndarray, " k"], thickness_m: float) -> Material:
 
 def _minima(tried: list[OptimizeResult]) -> list[tuple[float, float, float]]:
     """See `PowerFit.minima`; solutions are sorted by their cost."""
-    found: list[tuple[float, float, float]] = []
-    for one in tried:
-        permittivity, conductivity_spm = np.exp(one.x[:2]).tolist()
-        if all(abs(permittivity / other - 1) > _SAME for other, _, _ in found):
-            found.append((permittivity, conductivity_spm, float(one.cost - tried[0].cost)))
-    return found
+    minima: list[tuple[float, float, float]] = []
+    for trial in tried:
+        permittivity, conductivity_spm = np.exp(trial.x[:2]).tolist()
+        if all(abs(permittivity / other - 1) > _SAME for other, _, _ in minima):
+            minima.append((permittivity, conductivity_spm, float(trial.cost - tried[0].cost)))
+    return minima
 
 
 def _traced(measured: MeasuredPowers, plan: FloorPlan, wall: Material, config: PowerFitConfig) -> _Scene:
@@ -359,15 +360,15 @@ def _errors(
     measured: MeasuredPowers, predicted_dbm: Float[np.ndarray, "b n"]
 ) -> dict[str, tuple[float, float, float, float]]:
     """See `PowerFit.rms_db`."""
-    found = {}
+    errors = {}
     for i, name in enumerate(measured.names):
         power, received = measured.power_dbm[i], ~np.isnan(measured.power_dbm[i] - predicted_dbm[i])
         log_m = np.log10(np.maximum(np.linalg.norm(measured.places - measured.beacons[i], axis=1), 0.1))
         halves = received & ~measured.held_out, received & measured.held_out
         law = np.polyval(np.polyfit(log_m[halves[0]], power[halves[0]], 1), log_m)
-        found[name] = tuple(
-            float(np.sqrt(np.mean((power - given)[half] ** 2)))
-            for given in (predicted_dbm[i], law)
+        errors[name] = tuple(
+            float(np.sqrt(np.mean((power - power_dbm)[half] ** 2)))
+            for power_dbm in (predicted_dbm[i], law)
             for half in halves
         )
-    return {**found, "mean": tuple(np.mean(list(found.values()), axis=0).tolist())}
+    return {**errors, "mean": tuple(np.mean(list(errors.values()), axis=0).tolist())}

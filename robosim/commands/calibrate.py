@@ -104,15 +104,15 @@ def calibrate_materials(
         hall = read_measured_paths(measured, math.radians(turn_deg))
         fit = Fit(hall, frequency_ghz * 1e9, MatchConfig(height_m=height, range_db=range_db))
         with unit_progress(console, "materials tried", fit.n_trials(floor_plan)) as tried:
-            found = fit.choose(floor_plan, material, tried)
-        fitted = replace(floor_plan, materials=found.colours)
-        rows = {name: fit.explained(fitted, found.wall, kind) for name, kind in ADDED.items()}
-        building = make_building(fitted, config=BuildingConfig(wall_material=found.wall))
-        draw_measured(hall, building, fit.match(fitted, found.wall, EDGES), folder / "measured.png")
+            best = fit.choose(floor_plan, material, tried)
+        fitted = replace(floor_plan, materials=best.colours)
+        rows = {name: fit.explained(fitted, best.wall, kind) for name, kind in ADDED.items()}
+        building = make_building(fitted, config=BuildingConfig(wall_material=best.wall))
+        draw_measured(hall, building, fit.match(fitted, best.wall, EDGES), folder / "measured.png")
         if fitted.materials:
             write_ros(fitted, folder / "plan" / f"{fitted.name}.yaml")
         explained = {name: asdict(row) for name, row in rows.items()}
-        write_json(folder / "materials.json", {"fit": asdict(found), "explained": explained})
+        write_json(folder / "materials.json", {"fit": asdict(best), "explained": explained})
     emit_result_file(folder / "materials.json")
     table = Table("traced", "paths explained", "by chance", "power explained", "off [dB]")
     for name, row in rows.items():
@@ -120,11 +120,11 @@ def calibrate_materials(
         table.add_row(name, *shares, f"{row.off_db:.1f}")
     console.print(table)
     console.print(
-        f"Walls fit {found.wall} best: reflections are off by {found.after_db[0]:.1f} dB, at the other places "
-        f"{found.after_db[1]:.1f} dB; with {material} {found.before_db[0]:.1f} and {found.before_db[1]:.1f} dB."
+        f"Walls fit {best.wall} best: reflections are off by {best.after_db[0]:.1f} dB, at the other places "
+        f"{best.after_db[1]:.1f} dB; with {material} {best.before_db[0]:.1f} and {best.before_db[1]:.1f} dB."
     )
     console.print(f"Wrote materials.json and measured.png in {folder}")
-    console.print(f"Next: robosim trace {plan} --material {found.wall} --frequency-ghz {frequency_ghz:g}")
+    console.print(f"Next: robosim trace {plan} --material {best.wall} --frequency-ghz {frequency_ghz:g}")
 
 
 def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitConfig", folder: Path) -> None:
@@ -144,7 +144,9 @@ def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitCo
                 name: dict(zip(("value", "std"), pair, strict=True)) for name, pair in fit.parameters.items()
             },
             "log_covariance_of_wall": fit.log_covariance,
-            "minima": [dict(zip((*WALL_PARAMETERS, "less_likely"), one, strict=True)) for one in fit.minima],
+            "minima": [
+                dict(zip((*WALL_PARAMETERS, "less_likely"), minimum, strict=True)) for minimum in fit.minima
+            ],
             "rms_db": {name: dict(zip(halves, errors, strict=True)) for name, errors in fit.rms_db.items()},
         },
     )
@@ -160,7 +162,7 @@ def _fit_powers(plan: FloorPlan, measured: "MeasuredPowers", config: "PowerFitCo
     for name in WALL_PARAMETERS:
         value, std = fit.parameters[name]
         console.print(f"{name} {value:.3g}, standard deviation {std:.2g}")
-    if others := [f"{one[0]:.3g}" for one in fit.minima[1:] if one[2] < _LIKELY]:
+    if others := [f"{minimum[0]:.3g}" for minimum in fit.minima[1:] if minimum[2] < _LIKELY]:
         console.print(f"Nearly as likely are relative permittivities of {', '.join(others)}.")
     console.print(f"Wrote materials.json, wall.yaml, measured.png and residuals.png in {folder}")
 
@@ -205,13 +207,13 @@ def calibrate(
             world = PHYSICS.make(simulator.physics, open_floor(), robot=simulator.robot)
             with tracked(range(runs), "runs of each action", console) as numbers:
                 done = run_actions(world, simulator.robot.noise, numbers, np.random.default_rng(seed))
-        found = calibrated(*done)
-        write_robot(folder / "robot.json", replace(simulator.robot, odometry=found))
+        errors_of_actions = calibrated(*done)
+        write_robot(folder / "robot.json", replace(simulator.robot, odometry=errors_of_actions))
         draw_errors(done, folder / "odometry.png")
     table = Table("action", "runs", "mean x, y [mm]", "yaw [deg]", "std x, y [mm]", "yaw [deg] ")
     rows = []
     for action, errors in done.errors.items():
-        error = found.of_actions[action]
+        error = errors_of_actions.of_actions[action]
         mean, std = np.array(error.mean), np.sqrt(np.diag(error.covariance))
         name, count = action.name.lower(), len(errors)
         rows.append({"action": name, "runs": count, "mean": mean, "std": std})

@@ -84,8 +84,8 @@ def episode(
         target=None if target is None else np.array(target),
         anchors=[
             Anchor(name=name, place=np.array([x, y]), known=known)
-            for known, some in ((True, anchor), (False, unknown_anchor))
-            for name, x, y in some
+            for known, places in ((True, anchor), (False, unknown_anchor))
+            for name, x, y in places
         ],
         video=video,
         rerun=rerun,

@@ -65,13 +65,13 @@ def locate(
         floor_plan, powers = map_route(log, powers, watched_log(log.name, console))
     beyond = beyond or (3.0 if plan is None else 0.3)
     with results_folder(out, "locate") as folder:
-        found = {
+        located = {
             name: [locate_beacon(powers.readings(name, share), floor_plan, beyond, how) for share in SHARES]
             for name in powers.names
         }
         table = Table("beacon", "readings", "x [m]", "y [m]", "std [m]", "error [m]")
         result = {}
-        for name, places in found.items():
+        for name, places in located.items():
             truth = powers.true_xy.get(name)
             steps = []
             for share, place in zip(SHARES, places, strict=True):
@@ -87,7 +87,7 @@ def locate(
             result[name] = steps
         write_json(folder / "beacons.json", {"beacons": result})
         draw_beacons(
-            powers, {name: places[-1] for name, places in found.items()}, floor_plan, folder / "beacons.png"
+            powers, {name: places[-1] for name, places in located.items()}, floor_plan, folder / "beacons.png"
         )
     emit_result_file(folder / "beacons.json")
     console.print(table)

@@ -36,13 +36,14 @@ def option_registry(*, brief: bool) -> ConstructorRegistry:
             return None
         inside = True  # so that the other rules apply
         try:
-            found = ConstructorRegistry.get_struct_spec(info)
+            spec = ConstructorRegistry.get_struct_spec(info)
         finally:
             inside = False
-        if not isinstance(found, StructConstructorSpec):
+        if not isinstance(spec, StructConstructorSpec):
             return None
         return replace(
-            found, fields=tuple(replace(one, type=option_type(one.type, brief=brief)) for one in found.fields)
+            spec,
+            fields=tuple(replace(field, type=option_type(field.type, brief=brief)) for field in spec.fields),
         )
 
     return registry
@@ -62,7 +63,7 @@ def option_type(kind: Any, *, brief: bool) -> Any:
         return Annotated[(base, *marks, Suppress)]
     if is_dataclass(base) or UseAppendAction in marks:
         return kind
-    bounds = next((one for one in marks if isinstance(one, Range)), None)
+    bounds = next((mark for mark in marks if isinstance(mark, Range)), None)
 
     def hint(default: str) -> str:
         parts = [f"default: {default}"] if default not in ("", "None") else []
@@ -70,7 +71,7 @@ def option_type(kind: Any, *, brief: bool) -> Any:
             parts.append(f"range: {bounds}")
         return f"({'; '.join(parts)})" if parts else ""
 
-    optional = [one for one in get_args(base) if one is not NoneType] if NoneType in get_args(base) else []
+    optional = [arg for arg in get_args(base) if arg is not NoneType] if NoneType in get_args(base) else []
     metavar = _METAVARS.get(optional[0]) if len(optional) == 1 else None
     return Annotated[(base, tyro.conf.arg(metavar=metavar, help_behavior_hint=hint), *marks)]
 

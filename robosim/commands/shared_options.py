@@ -127,7 +127,7 @@ DEFAULT_WAVEFORM = WaveformOptions()
 def of_band(name: str) -> dict[str, Any]:
     """Default values of arguments of commands in a radio band; ValueError if there is none of this name."""
     band = band_named(name)
-    waveform = {one.name: getattr(band, one.name) for one in fields(WaveformOptions)}
+    waveform = {field.name: getattr(band, field.name) for field in fields(WaveformOptions)}
     return {
         "radio": RadioOptions(frequency_ghz=band.frequency_hz / 1e9, tx_power_dbm=band.tx_power_dbm),
         "waveform": WaveformOptions(**waveform),

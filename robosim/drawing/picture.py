@@ -117,8 +117,12 @@ class Timeline:
         at = np.stack([x, height(np.where(known, values, 0.0))], axis=-1)
         fixed = np.rint(at * (1 << _SHIFT)).astype(np.int32)
         breaks = np.flatnonzero(np.diff(known.astype(np.int8))) + 1
-        pieces = [part for part in np.split(np.arange(len(values)), breaks) if len(part) and known[part[0]]]
-        cv2.polylines(canvas, [fixed[part][:, None] for part in pieces], False, _LINE, 1, cv2.LINE_AA, _SHIFT)
+        pieces = [
+            piece for piece in np.split(np.arange(len(values)), breaks) if len(piece) and known[piece[0]]
+        ]
+        cv2.polylines(
+            canvas, [fixed[piece][:, None] for piece in pieces], False, _LINE, 1, cv2.LINE_AA, _SHIFT
+        )
 
     def _ribbon(self, canvas: np.ndarray, name: str, top: int, states: list[int]) -> None:
         """A band of colours, one for each decision."""

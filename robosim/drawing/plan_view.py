@@ -266,6 +266,8 @@ def draw_camera(
 def building_rings(building: Building) -> list[Float[np.ndarray, "_ 2"]]:
     """Outlines of a building's free space, and of the furniture in it [m]."""
     rings = [
-        np.asarray(ring.coords) for part in building.free.geoms for ring in (part.exterior, *part.interiors)
+        np.asarray(ring.coords)
+        for polygon in building.free.geoms
+        for ring in (polygon.exterior, *polygon.interiors)
     ]
     return rings + building.outlines

@@ -131,11 +131,11 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
         places.plan.resolution_m**2 * np.bincount(places.parts.ravel(), minlength=places.n_parts + 1)[1:]
     )
     order = np.argsort(-area_m2, kind="stable").tolist()
-    named = [part for part in order if area_m2[part] >= _LEAST_M2][: len(_PARTS)]
+    named = [component for component in order if area_m2[component] >= _LEAST_M2][: len(_PARTS)]
     keys = wall_keys(bool(building.furnishings))
     # Number of each part's colour: that of all small ones is the last.
     shade = np.full(places.n_parts + 1, np.nan)
-    shade[[part + 1 for part in order]] = [min(place, len(named)) for place in range(len(order))]
+    shade[[component + 1 for component in order]] = [min(place, len(named)) for place in range(len(order))]
     ny, nx = places.parts.shape
     corner = places.plan.to_map(np.stack(np.meshgrid(np.arange(nx + 1.0), np.arange(ny + 1.0)), axis=-1))
     colours = ListedColormap([*_PARTS[: len(named)], _OTHERS])
@@ -148,8 +148,8 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
         rasterized=True,
     )
     keys += [
-        Patch(color=_PARTS[place], label=f"part {place + 1}: {area_m2[part]:.1f} m2")
-        for place, part in enumerate(named)
+        Patch(color=_PARTS[place], label=f"part {place + 1}: {area_m2[component]:.1f} m2")
+        for place, component in enumerate(named)
     ]
     if len(named) < places.n_parts:
         rest = f"{counted(places.n_parts - len(named), 'smaller part')}: {np.delete(area_m2, named).sum():.2f} m2"
@@ -220,9 +220,9 @@ def draw_errors(runs: Runs, path: Path) -> None:
     figure, axes = plt.subplots(2, len(runs.errors), figsize=(11, 6.5), layout="constrained", squeeze=False)
     circle = np.linspace(0, 2 * math.pi, 100)
     for column, (action, errors) in enumerate(runs.errors.items()):
-        some = errors[:: max(1, len(errors) // _MOST_POINTS)]
+        shown = errors[:: max(1, len(errors) // _MOST_POINTS)]
         place, turn = axes[:, column]
-        place.plot(1000 * some[:, 0], 1000 * some[:, 1], ".", ms=2, color="tab:blue", alpha=0.5)
+        place.plot(1000 * shown[:, 0], 1000 * shown[:, 1], ".", ms=2, color="tab:blue", alpha=0.5)
         mean, covariance = errors[:, :2].mean(axis=0), np.cov(errors[:, :2].T)
         lengths, directions = np.linalg.eigh(covariance)
         # A normal distribution in the plane has 95 % of its mass within 2.448 standard deviations.

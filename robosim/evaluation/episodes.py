@@ -76,7 +76,7 @@ def _check(head: Head, path: Path) -> None:
 
 def check_row(row: Mapping[str, Any]) -> None:
     """Raise ValueError for the first column of a row that no episode has."""
-    at, found = row.get("arrived_at_step"), row.get("transmitter")
+    at, transmitter = row.get("arrived_at_step"), row.get("transmitter")
     good = {
         **{name: isinstance(row.get(name), str) for name in _TEXT},
         **{name: _is_whole(row.get(name)) for name in _WHOLE},
@@ -84,7 +84,7 @@ def check_row(row: Mapping[str, Any]) -> None:
         "arrived_at_step": "arrived_at_step" in row and (at is None or _is_whole(at)),
         **{name: is_number(row.get(name)) for name in _NUMBERS},
         **{name: _is_place(row.get(name), length) for name, length in _PLACES.items()},
-        "transmitter": found is None or _is_place(found, 2),
+        "transmitter": transmitter is None or _is_place(transmitter, 2),
     }
     good |= {name: value is None or is_number(value) for name, value in row.items() if name not in good}
     for name, fine in good.items():

@@ -92,7 +92,7 @@ def write_results(
     """Write tables, pictures and the page; `options` are those of `robosim episode` for `config`."""
     write_parquet(result.rows, out / "episodes.parquet")
     identities = [{name: row[name] for name in IDENTITY} for row in result.rows]
-    timing = [{**one, **seconds} for one, seconds in zip(identities, result.timing, strict=True)]
+    timing = [{**identity, **seconds} for identity, seconds in zip(identities, result.timing, strict=True)]
     write_parquet(timing, out / "timing.parquet")
     write_json(out / "summary.json", {"summary": [_finite(vars(summary)) for summary in result.summaries]})
     tasks = compared(result.rows)
@@ -131,7 +131,10 @@ def _draw_tasks(
 
 
 def _draw(files: list[list[Path]]) -> list[bytes]:
-    return [_small(trajectories_figure([read_job_episode(file) for file in some])) for some in files]
+    return [
+        _small(trajectories_figure([read_job_episode(file) for file in episode_files]))
+        for episode_files in files
+    ]
 
 
 def _small(figure: Figure) -> bytes:

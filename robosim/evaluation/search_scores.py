@@ -55,15 +55,15 @@ def compared(rows: Sequence[Mapping[str, Any]]) -> list[Compared]:
     groups: dict[tuple[str, int, int], list[int]] = defaultdict(list)
     for i, row in enumerate(rows):
         groups[row["plan"], row["task"], row["repeat"]].append(i)
-    found = []
+    comparisons = []
     for (plan, task, repeat), episodes in groups.items():
-        own = next((i for i in episodes if rows[i]["policy"] == subject), None)
-        others = [i for i in episodes if i != own]
+        subject_row = next((i for i in episodes if rows[i]["policy"] == subject), None)
+        others = [i for i in episodes if i != subject_row]
         seekers = [i for i in others if rows[i]["policy"] not in BARS]
         rival = min(seekers or others, key=lambda i: steps_to_arrival(rows[i]), default=None)
-        loss = math.nan if own is None or rival is None else _loss(rows[own], rows[rival])
-        found.append(Compared(plan, task, repeat, own, rival, tuple(episodes), loss))
-    return sorted(found, key=lambda one: _order(one, rows))
+        loss = math.nan if subject_row is None or rival is None else _loss(rows[subject_row], rows[rival])
+        comparisons.append(Compared(plan, task, repeat, subject_row, rival, tuple(episodes), loss))
+    return sorted(comparisons, key=lambda one: _order(one, rows))
 
 
 def _order(one: Compared, rows: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
@@ -156,14 +156,14 @@ def steps_of(rows: Sequence[Mapping[str, Any]], policy: str) -> dict[TaskKey, fl
     for row in rows:
         if row["policy"] == policy:
             steps[_key(row)].append(steps_to_arrival(row))
-    return {key: float(np.quantile(own, 0.5, method="inverted_cdf")) for key, own in steps.items()}
+    return {key: float(np.quantile(counts, 0.5, method="inverted_cdf")) for key, counts in steps.items()}
 
 
 def difficulty(steps: Mapping[TaskKey, float]) -> dict[TaskKey, str]:
     """Class of each task by the oracle's steps, in the published shares; ties go by name."""
     order = sorted(steps, key=lambda key: (steps[key], key))
     share = np.cumsum(_PUBLISHED) / sum(_PUBLISHED)
-    first_moderate, first_hard = (round(float(part) * len(order)) for part in share[:2])
+    first_moderate, first_hard = (round(float(fraction) * len(order)) for fraction in share[:2])
     return {
         key: CLASSES[(place >= first_moderate) + (place >= first_hard)] for place, key in enumerate(order)
     }
@@ -171,13 +171,13 @@ def difficulty(steps: Mapping[TaskKey, float]) -> dict[TaskKey, str]:
 
 def summarise(scored: Sequence[Mapping[str, Any]]) -> list[Summary]:
     """Every policy on every class that has tasks, and on all, in the order that the policies come in."""
-    found = []
+    summaries = []
     for policy in dict.fromkeys(row["policy"] for row in scored):
         for name in (*CLASSES, "all"):
-            own = [r for r in scored if r["policy"] == policy and name in (r["difficulty"], "all")]
-            if own:
-                found.append(_summary(policy, name, own))
-    return found
+            selected = [r for r in scored if r["policy"] == policy and name in (r["difficulty"], "all")]
+            if selected:
+                summaries.append(_summary(policy, name, selected))
+    return summaries
 
 
 def _summary(policy: str, name: str, rows: list[Mapping[str, Any]]) -> Summary:
@@ -185,7 +185,7 @@ def _summary(policy: str, name: str, rows: list[Mapping[str, Any]]) -> Summary:
     for row in rows:
         tasks[_key(row)].append(row)
     arrived, times, limit, spl = (
-        _table([[float(row[column]) for row in own] for own in tasks.values()])
+        _table([[float(row[column]) for row in repeats] for repeats in tasks.values()])
         for column in ("arrived", "relative_time", "limit_time", "spl")
     )
     return Summary(
@@ -239,8 +239,8 @@ def _statistic(rows: Float[np.ndarray, "m n"], quantile: float | None) -> Float[
 def _table(lists: list[list[float]]) -> Float[np.ndarray, "n_tasks n_repeats"]:
     """Lists as rows of a table, the short ones filled up with NaN."""
     table = np.full((len(lists), max(map(len, lists))), np.nan)
-    for row, own in zip(table, lists, strict=True):
-        row[: len(own)] = own
+    for row, values in zip(table, lists, strict=True):
+        row[: len(values)] = values
     return table
 
 

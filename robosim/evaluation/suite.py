@@ -117,7 +117,7 @@ def name_plans(files: Sequence[Path]) -> dict[str, Path]:
     names = [file.stem.removesuffix(".glb_topdownmap") for file in files]
     for name, count in Counter(names).items():
         if count > 1:
-            twins = " and ".join(str(file) for file, own in zip(files, names, strict=True) if own == name)
+            twins = " and ".join(str(file) for file, other in zip(files, names, strict=True) if other == name)
             raise ValueError(
                 f"{twins} are both called {name!r}. Give one of them, or name them in a suite file."
             )

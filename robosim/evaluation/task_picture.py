@@ -73,7 +73,9 @@ _BELOW_INCHES = 1.3
 
 def _extent(episodes: Sequence[RecordedEpisode]) -> tuple[tuple[float, float], np.ndarray]:
     """Size of the figure [inches], and what is shown: low and high corner [m]."""
-    parts = [ring for one in episodes for ring in one.rings] + [one.poses[:, :2] for one in episodes]
+    parts = [ring for episode in episodes for ring in episode.rings] + [
+        episode.poses[:, :2] for episode in episodes
+    ]
     parts.append(np.array([episodes[0].head.row["target"]], float))
     points = np.concatenate(parts)
     low, high = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
@@ -109,15 +111,15 @@ def _draw_ribbons(axes: Axes, episodes: Sequence[RecordedEpisode]) -> tuple[list
     """Estimated link state and kind of goal at each decision; returns those that occur."""
     states: set[LinkState] = set()
     kinds: set[GoalKind] = set()
-    longest, names = max(len(one.goals) for one in episodes), []
+    longest, names = max(len(recorded.goals) for recorded in episodes), []
     for k, episode in enumerate(episodes):
         policy = episode.head.row["policy"]
-        found = [LinkState(state) for state in episode.link_states.tolist() if state != NO_RADIO]
+        link_states = [LinkState(state) for state in episode.link_states.tolist() if state != NO_RADIO]
         goals = [reason.kind for reason in episode.reasons]
-        states |= set(found)
+        states |= set(link_states)
         kinds |= set(goals)
         rows = (
-            (f"{policy}: link state", np.array([STATE_COLOURS[s] for s in found], np.uint8)),
+            (f"{policy}: link state", np.array([STATE_COLOURS[s] for s in link_states], np.uint8)),
             (f"{policy}: goal", _rgb([GOAL_COLOURS[kind] for kind in goals])),
         )
         for place, (name, colours) in enumerate(rows):
@@ -133,5 +135,5 @@ def _draw_ribbons(axes: Axes, episodes: Sequence[RecordedEpisode]) -> tuple[list
 
 
 def _rgb(colours: Sequence[str]) -> UInt8[np.ndarray, "n 3"]:
-    found: Float[np.ndarray, "n 3"] = np.array([to_rgb(colour) for colour in colours]).reshape(-1, 3)
-    return np.rint(255 * found).astype(np.uint8)
+    rgb: Float[np.ndarray, "n 3"] = np.array([to_rgb(colour) for colour in colours]).reshape(-1, 3)
+    return np.rint(255 * rgb).astype(np.uint8)

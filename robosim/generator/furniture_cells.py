@@ -246,15 +246,15 @@ class Space:
     """The cells of one room, in which pieces may be placed. Arrays cover the room's window."""
 
     def __init__(self, canvas: Canvas, layout: Layout, i: int, passage_m: float) -> None:
-        own = [layout.rooms[i].floor.polygon()] + [floor for room, floor in layout.recesses if room == i]
+        floors = [layout.rooms[i].floor.polygon()] + [floor for room, floor in layout.recesses if room == i]
         openings = [opening for opening in layout.openings if i in opening.rooms]
         holes = [opening.hole.polygon() for opening in openings]
         thresholds = [opening.threshold(DOORWAY_M).polygon() for opening in openings]
         self._canvas = canvas
         self._radius = passage_m / 2 / canvas.resolution_m
-        self._window = canvas.window(np.vstack(own + holes), passage_m)
+        self._window = canvas.window(np.vstack(floors + holes), passage_m)
         self._free = canvas.free[self._window]  # a view: what is made solid here is so on the canvas
-        self._region = canvas.cells(own, self._window) & self._free
+        self._region = canvas.cells(floors, self._window) & self._free
         self._doorways = canvas.cells(thresholds, self._window)
         self._gates = [canvas.cells([hole], self._window) & self._free for hole in holes]
         self._places = fits(self._free, self._radius) & np.logical_or.reduce([self._region, *self._gates])

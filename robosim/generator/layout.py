@@ -27,7 +27,7 @@ def draw_recesses(
     rng: np.random.Generator, floors: list[Rect], wall_m: float, style: Style
 ) -> list[tuple[int, Polygon]]:
     """Alcoves and bays beyond walls that have nothing behind them."""
-    found: list[tuple[int, Polygon]] = []
+    recesses: list[tuple[int, Polygon]] = []
     taken = list(floors)
     for i, floor in enumerate(floors):
         for side in range(4):
@@ -38,9 +38,9 @@ def draw_recesses(
             box = bounding_box(recess)
             beyond = box.grown(wall_m)
             if not any(beyond.meets(other) for k, other in enumerate(taken) if k != i):
-                found.append((i, recess))
+                recesses.append((i, recess))
                 taken.append(box)
-    return found
+    return recesses
 
 
 def _recess(rng: np.random.Generator, floor: Rect, side: int, length: float) -> Polygon:
@@ -74,7 +74,7 @@ def draw_wedges(
     style: Style,
 ) -> list[tuple[int, Polygon]]:
     """Solid wedges that cut a corner or lean on a whole wall, away from doors and bays."""
-    found = []
+    wedges = []
     for i, floor in enumerate(floors):
         if rng.random() >= style.slanted or min(floor.size) < 1.8:
             continue
@@ -88,8 +88,8 @@ def draw_wedges(
         obstacles = [doorway for room, doorway in doorways if room == i]
         obstacles += [bounding_box(recess) for room, recess in recesses if room == i]
         if not any(bounding_box(wedge).meets(other) for other in obstacles):
-            found.append((i, wedge))
-    return found
+            wedges.append((i, wedge))
+    return wedges
 
 
 #: Least length of wall next to a door [m].
@@ -205,11 +205,11 @@ def _kinds(
         "open office" if office and floors[living].area > 30 else "meeting" if office else "living"
     )
     neighbours_of_living = [b if a == living else a for a, b in neighbours if living in (a, b)]
-    for kind, least, most in [("kitchen", 5, 20), ("dining", 7, 25)]:
+    for kind, least, largest in [("kitchen", 5, 20), ("dining", 7, 25)]:
         fit = [
             i
             for i in neighbours_of_living
-            if not is_hall[i] and kinds[i] not in SOCIAL and least < floors[i].area < most
+            if not is_hall[i] and kinds[i] not in SOCIAL and least < floors[i].area < largest
         ]
         if fit and not office and (kind == "kitchen" or len(by_size) > 5):
             kinds[fit[int(rng.integers(len(fit)))]] = kind

@@ -163,13 +163,13 @@ def place_pieces(
     `free` are the free cells of the plan; other arguments as for `furnish`.
     """
     room_left = _Room(canvas, free)
-    found: list[Furnishing] = []
+    pieces: list[Furnishing] = []
     for i, room in enumerate(layout.rooms):
         space = Space(canvas, layout, i, passage_m)
         for entry in entries(room.kind):
             for _ in range(entry.draw_count(rng, room.floor.area, density)):
-                found += _try(canvas, space, room_left, room.floor, entry, rng)
-    return found
+                pieces += _try(canvas, space, room_left, room.floor, entry, rng)
+    return pieces
 
 
 class _Room:
@@ -198,16 +198,16 @@ def _try(
 ) -> list[Furnishing]:
     """Try to place a group along a wall, into a corner or freely in a room; nothing if there is no place."""
     group = entry.make(rng)
-    corners = np.vstack([part.outline() for part in group])
+    corners = np.vstack([piece.outline() for piece in group])
     low, high = corners.min(axis=0), corners.max(axis=0)
     for _ in range(TRIES):
         where = _pose(low, high, floor, entry.place, rng)
         if where is None:
             continue
         origin, angle = where
-        own = [part.outline() @ turn(angle).T + origin for part in group]
-        outlines = [shapely.Polygon(polygon) for polygon in own]
-        if left.holds(outlines) and space.put(own):
+        footprints = [piece.outline() @ turn(angle).T + origin for piece in group]
+        outlines = [shapely.Polygon(polygon) for polygon in footprints]
+        if left.holds(outlines) and space.put(footprints):
             left.take(outlines)
             return _placed(canvas, group, origin, angle)
     return []
@@ -238,8 +238,10 @@ def _pose(
 
 def _placed(canvas: Canvas, group: Group, origin: np.ndarray, angle: float) -> list[Furnishing]:
     made = []
-    for part in group:
-        x, y = canvas.to_map(np.array([[part.x_m, part.y_m]]) @ turn(angle).T + origin)[0]
-        yaw = float(np.arctan2(np.sin(canvas.yaw + angle + part.yaw), np.cos(canvas.yaw + angle + part.yaw)))
-        made.append(make_piece(part.piece, at=(float(x), float(y)), yaw_rad=yaw, **part.sizes))
+    for piece in group:
+        x, y = canvas.to_map(np.array([[piece.x_m, piece.y_m]]) @ turn(angle).T + origin)[0]
+        yaw = float(
+            np.arctan2(np.sin(canvas.yaw + angle + piece.yaw), np.cos(canvas.yaw + angle + piece.yaw))
+        )
+        made.append(make_piece(piece.piece, at=(float(x), float(y)), yaw_rad=yaw, **piece.sizes))
     return made

@@ -155,7 +155,7 @@ class SharedWall(NamedTuple):
 
 def shared_walls(cells: list[Rect], shortest_m: float) -> dict[tuple[int, int], SharedWall]:
     """Pairs of pieces that share a stretch of wall of some length; the lower of the two first."""
-    found = {}
+    walls = {}
     for i, j in combinations(range(len(cells)), 2):
         for a, b in ((i, j), (j, i)):
             p, q = cells[a], cells[b]
@@ -166,8 +166,8 @@ def shared_walls(cells: list[Rect], shortest_m: float) -> dict[tuple[int, int], 
             else:
                 continue
             if shared.high - shared.low >= shortest_m:
-                found[a, b] = shared
-    return found
+                walls[a, b] = shared
+    return walls
 
 
 def largest_connected(links: Iterable[tuple[int, int]], n: int) -> list[int]:

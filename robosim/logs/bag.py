@@ -67,12 +67,17 @@ class _Transforms:
 
     def add(self, message: Any) -> None:
         """Add those of a message; the first parent of a frame counts."""
-        for one in message.transforms:
+        for transform in message.transforms:
             parent, seen = self._by_child.setdefault(
-                _frame(one.child_frame_id), (_frame(one.header.frame_id), [])
+                _frame(transform.child_frame_id), (_frame(transform.header.frame_id), [])
             )
-            if parent == _frame(one.header.frame_id):
-                seen.append((_stamp(one.header), _matrix(one.transform.translation, one.transform.rotation)))
+            if parent == _frame(transform.header.frame_id):
+                seen.append(
+                    (
+                        _stamp(transform.header),
+                        _matrix(transform.transform.translation, transform.transform.rotation),
+                    )
+                )
 
     def fixed(self, sensor: str) -> dict[str, Matrix]:
         """Frames that fixed transforms lead to from a sensor, nearest first, with the sensor's place in each."""
@@ -173,7 +178,10 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
                     frame,
                     base,
                 )
-            poses = [_planar(_matrix(one.pose.pose.position, one.pose.pose.orientation)) for one in readings]
+            poses = [
+                _planar(_matrix(reading.pose.pose.position, reading.pose.pose.orientation))
+                for reading in readings
+            ]
             track = _track([(_stamp(one.header), pose) for one, pose in zip(readings, poses, strict=True)])
         else:
             track = transforms.track_of(base)
@@ -186,8 +194,8 @@ def read_bag(path: Path, topics: BagTopics | None = None) -> RobotLog:
         cameras = {name for name, kind in types.items() if kind == _CAMERA}
         cameras_of_frame = [one for one in messages(*cameras) if _frame(one.header.frame_id) == frame]
         make = _maker(types[scans], place, topics.slice_m, cameras_of_frame)
-        found = _in_order(path, [make(message) for message in messages(scans)])
-        return _log(path, found, track, _mount(place, types[scans] in _LASERS))
+        scans_in_order = _in_order(path, [make(message) for message in messages(scans)])
+        return _log(path, scans_in_order, track, _mount(place, types[scans] in _LASERS))
 
 
 def _scan_topic(types: dict[str, str], colour: set[str], given: str | None) -> str:
@@ -210,15 +218,15 @@ def _choice(
     """A topic of some types: the given one, or the only one; None if there is none."""
     if given == "tf":
         return None
-    found = sorted(name for name, kind in types.items() if kind in kinds)
+    names = sorted(name for name, kind in types.items() if kind in kinds)
     if given is not None:
-        if given not in found:
-            expected = ", ".join(found) or "none"
+        if given not in names:
+            expected = ", ".join(names) or "none"
             raise FileError(f"{given!r} is no topic of {what} in it, expected one of {expected}.")
         return given
-    if len(found) > 1:
-        raise FileError(f"has {len(found)} topics of {what}: {', '.join(found)}. Choose one by {option}.")
-    return found[0] if found else None
+    if len(names) > 1:
+        raise FileError(f"has {len(names)} topics of {what}: {', '.join(names)}. Choose one by {option}.")
+    return names[0] if names else None
 
 
 def _maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any]) -> Callable[[Any], _Scan]:
@@ -239,7 +247,7 @@ def _laser_scan(message: Any, is_inverted: bool) -> _Scan:
     if hasattr(message.ranges, "dtype"):
         ranges = np.asarray(message.ranges, float)
     else:
-        ranges = np.array([one.echoes[0] if len(one.echoes) else np.nan for one in message.ranges], float)
+        ranges = np.array([echo.echoes[0] if len(echo.echoes) else np.nan for echo in message.ranges], float)
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < max(message.range_min, 1e-3), np.nan, ranges)
         ranges = np.where(ranges > message.range_max, np.inf, ranges)
@@ -270,7 +278,7 @@ def _slice(message: Any, points: Float[np.ndarray, "n 3"], place: Matrix, slice_
 def _cloud_points(message: Any) -> Float[np.ndarray, "n 3"]:
     """Points of a cloud in its frame."""
     order = ">" if message.is_bigendian else "<"
-    fields = {one.name: one for one in message.fields}
+    fields = {field.name: field for field in message.fields}
     if missing := [name for name in "xyz" if name not in fields]:
         raise ValueError(f"its point clouds have no field {missing[0]!r}, but {', '.join(fields)}")
     dtype = np.dtype(

@@ -65,16 +65,16 @@ class OdometryTrack:
 
     def at(self, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
         """Interpolated poses at some times; those of the first and last reading outside of them."""
-        return np.column_stack([np.interp(times, self.times, part) for part in self._values])
+        return np.column_stack([np.interp(times, self.times, column) for column in self._values])
 
     def steps(
         self, times: Float[np.ndarray, " k"]
     ) -> tuple[Float[np.ndarray, "k 3"], Bool[np.ndarray, " k"]]:
         """Displacement since the time before, of each time [s], and whether it is known; 0 for the first, or if not."""
-        found = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(self.at(times)))])
+        displacement = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(self.at(times)))])
         known = np.append(True, self.is_known(times[:-1], times[1:]))
-        found[~known] = 0.0
-        return found, known
+        displacement[~known] = 0.0
+        return displacement, known
 
     def is_known(
         self, start: Float[np.ndarray, " k"], end: Float[np.ndarray, " k"]

@@ -158,8 +158,8 @@ def _numbers(words: list[str], count: int, line: int) -> Float[np.ndarray, " n"]
 
 def _count(words: list[str], line: int, least: int = 3) -> int:
     if not words or not words[0].isdigit() or not least <= int(words[0]) <= _MOST_BEAMS:
-        found = words[0] if words else "nothing"
-        raise ValueError(f"line {line} has {found} for a number of beams, expected {least} to {_MOST_BEAMS}")
+        word = words[0] if words else "nothing"
+        raise ValueError(f"line {line} has {word} for a number of beams, expected {least} to {_MOST_BEAMS}")
     return int(words[0])
 
 
@@ -185,7 +185,7 @@ def _log(path: Path, scans: list[_Scan], readings: list[Float[np.ndarray, "4"]],
     ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
     reference: Float[np.ndarray, "n 3"] | None
     times, is_counted = _rising(path, np.array([scan.time for scan in scans]))
-    own = None
+    track_of_odometry = None
     if resets > 0.5 * len(laser):
         displacement, reference = np.array([scan.displacement for scan in scans]), laser
         known = np.array([scan.n_odometry > 0 for scan in scans])
@@ -202,7 +202,7 @@ def _log(path: Path, scans: list[_Scan], readings: list[Float[np.ndarray, "4"]],
             known[1:] = False
         elif not is_counted and readings:
             offset = np.zeros(3) if drifts else between(robot[0], laser[0])
-            own = _track(times, track, np.array(readings), offset)
+            track_of_odometry = _track(times, track, np.array(readings), offset)
         reference = laser if drifts and _spread(laser) > 0 else None
     displacement[0] = 0.0
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
@@ -215,7 +215,7 @@ def _log(path: Path, scans: list[_Scan], readings: list[Float[np.ndarray, "4"]],
         known=known,
         times=times,
         is_counted=is_counted,
-        track=own,
+        track=track_of_odometry,
         reference=reference,
     )
 

@@ -71,13 +71,15 @@ class LogOdometryConfig:
         If it is not known, it is one standard deviation ahead; where scans follow each other fast, the last one again,
         and its standard deviation is less.
         """
-        part = min(max(time_s, _LEAST_S) / _WHOLE_S, 1.0)
+        fraction = min(max(time_s, _LEAST_S) / _WHOLE_S, 1.0)
         if displacement is None:
-            deviation = part * np.array([*self.unknown_m, self.unknown_rad])
+            deviation = fraction * np.array([*self.unknown_m, self.unknown_rad])
             ahead = np.array([self.unknown_m[0], 0.0, 0.0])
-            return last if part < 1 else ahead, np.diag(deviation**2)
-        place_m = part * self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
-        turn_rad = part * self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
+            return last if fraction < 1 else ahead, np.diag(deviation**2)
+        place_m = fraction * self.position_m + self.position_per_m * math.hypot(
+            displacement[0], displacement[1]
+        )
+        turn_rad = fraction * self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
         return displacement, np.diag([place_m**2, place_m**2, turn_rad**2])
 
 
@@ -238,7 +240,7 @@ def _with_line_odometry(
     ]
     deviation = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)) * _WITHOUT_BIAS
     poses, motion = line_odometry(ends, log.displacement, deviation, watched)
-    steps = [between(one, next_one) for one, next_one in pairwise(poses)]
+    steps = [between(pose, next_one) for pose, next_one in pairwise(poses)]
     return replace(log, displacement=np.array([np.zeros(3), *steps])), (ends, motion)
 
 

@@ -138,19 +138,19 @@ class LogReader(Protocol):
 def report_track(path: Path, track: OdometryTrack) -> None:
     """Warn of late readings and restarts, where the motion is unknown."""
     step_s = np.diff(track.times, prepend=track.times[0])
-    for found, what, remedy in (
+    for is_faulty, what, remedy in (
         (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
         (track.restarts(), "odometry restarts", "give a log for each run"),
     ):
-        if found.any():
-            k = int(found.argmax())
+        if is_faulty.any():
+            k = int(is_faulty.argmax())
             logger.warning(
                 "%s: at %.6f s %s (%d such places); the motion is unknown there, and scans alone give it. If the map "
                 "comes apart, %s.",
                 path,
                 track.times[k],
                 what.format(step=step_s[k]),
-                found.sum(),
+                is_faulty.sum(),
                 remedy,
             )
 

@@ -120,10 +120,10 @@ def _check_options(path: Path, options: ReadingOptions, reader: str) -> None:
             f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
     for field in fields(options):
-        name, some = _OPTIONS_OF_SOME.get(field.name, ("", (reader,)))
+        name, readers = _OPTIONS_OF_SOME.get(field.name, ("", (reader,)))
         value = getattr(options, field.name)
-        if value != field.default and reader not in some:
-            kind = " or ".join(_KINDS.get(one, one) for one in some)
+        if value != field.default and reader not in readers:
+            kind = " or ".join(_KINDS.get(kind_name, kind_name) for kind_name in readers)
             raise MapError(f"{shown(path)}: {name} is {value}, but this is no {kind}. Leave the option out.")
 
 
@@ -185,19 +185,19 @@ def find_plans(plans: Sequence[str | Path], reader: Part = "auto") -> list[Path]
     In folders, ROS maps, mmwRobotNav grids and HouseExpo files count; images, arrays and meshes do not, since
     they need options or belong to a map.
     """
-    found: list[Path] = []
+    files: list[Path] = []
     for plan in plans:
         folder = expanded(plan)
         if not _is_folder(folder):
-            found.append(_resolve(plan, any_ending=reader != "auto"))
+            files.append(_resolve(plan, any_ending=reader != "auto"))
             continue
         inside = _plans_in(folder)
         if not inside:
             raise MapError(
                 f"{shown(folder)}: no floor plan in this folder, expected ROS .yaml, .out or HouseExpo .json files."
             )
-        found += inside
-    return found
+        files += inside
+    return files
 
 
 def _plans_in(folder: Path, most: int | None = None) -> list[Path]:

@@ -168,8 +168,10 @@ class FloorPlan:
         seen.update(self.occupancy.tobytes())
         if self.material is not None:
             seen.update(repr(self.materials).encode() + self.material.tobytes())
-        for one in self.furnishings:
-            seen.update(np.ascontiguousarray(one.triangles).tobytes() + part_name(one.material).encode())
+        for furnishing in self.furnishings:
+            seen.update(
+                np.ascontiguousarray(furnishing.triangles).tobytes() + part_name(furnishing.material).encode()
+            )
         return seen.hexdigest()[:16]
 
     @property

@@ -32,13 +32,13 @@ _NOOK_M2 = 2.0
 def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
     """Free cells around the building, which do not count as floor; found once per plan, with a warning."""
     if plan not in _FOUND:
-        _FOUND[plan] = found = find_outside(plan)
-        if found.any():
+        _FOUND[plan] = outside = find_outside(plan)
+        if outside.any():
             logger.warning(
                 "%s: %.0f m2 of free space around the building reach the edges of the plan and are outside: they do "
                 "not count as floor, and nothing is placed there. Make them unknown or occupied to shut them off.",
                 plan.name,
-                found.sum() * plan.resolution_m**2,
+                outside.sum() * plan.resolution_m**2,
             )
     return _FOUND[plan]
 

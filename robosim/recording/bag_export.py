@@ -185,7 +185,7 @@ class _Messages:
     def _tf(self, time_s: float, parent: str, child: str, pose: Any) -> Any:
         at = pose.position
         vector = self._make("geometry_msgs/msg/Vector3", x=at.x, y=at.y, z=at.z)
-        one = self._make(
+        transform = self._make(
             "geometry_msgs/msg/TransformStamped",
             header=self._header(time_s, parent),
             child_frame_id=child,
@@ -193,7 +193,7 @@ class _Messages:
                 "geometry_msgs/msg/Transform", translation=vector, rotation=pose.orientation
             ),
         )
-        return self._make("tf2_msgs/msg/TFMessage", transforms=[one])
+        return self._make("tf2_msgs/msg/TFMessage", transforms=[transform])
 
     def _twist(self, v_mps: float, w_radps: float) -> Any:
         linear = self._make("geometry_msgs/msg/Vector3", x=v_mps, y=0.0, z=0.0)

@@ -183,12 +183,12 @@ class RecordedEpisode:
     @property
     def snr_db(self) -> Float[np.ndarray, " n"]:
         """SNR of the strongest estimated path at each decision [dB]; -inf if there is none."""
-        return np.array([one[0, 2] if len(one) else -np.inf for one in self.columns["arrival"]])
+        return np.array([column[0, 2] if len(column) else -np.inf for column in self.columns["arrival"]])
 
     @property
     def has_pictures(self) -> bool:
         """Whether camera, map and belief of each step are recorded."""
-        return any(len(one) for one in self.columns["rgb"])
+        return any(len(column) for column in self.columns["rgb"])
 
     def anticipates(self) -> bool:
         """Whether the mapper anticipated unseen cells; unpacks all steps.
@@ -251,8 +251,8 @@ def _expected() -> dict[str, Array]:
     expected |= {name: Array("U", "n") for name in TEXTS} | {TIMES: Array("f", "m", FAR)}
     for name, shape in RAGGED.items():
         axes = " ".join([f"{name}s", *map(str, shape[1:])])
-        most = None if name in _MAY_LACK else FAR
-        expected[name] = Array("f", axes, most) if len(shape) > 1 else Array("u1", axes)
+        limit = None if name in _MAY_LACK else FAR
+        expected[name] = Array("f", axes, limit) if len(shape) > 1 else Array("u1", axes)
         expected[f"{name}_count"] = Array("i", "m" if name in _TO_THE_END else "n")
     return expected
 
@@ -327,8 +327,10 @@ def _check(episode: RecordedEpisode) -> None:
     if (np.diff(episode.times, prepend=0.0) < 0).any():
         raise ValueError("times do not increase")
     for name in ("pose", "estimate", "goal", "path", "bodies"):
-        some = columns.get(name, []) if name in RAGGED else [columns[name]]
-        if any(np.abs(part[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for part in some):
+        points_of_steps = columns.get(name, []) if name in RAGGED else [columns[name]]
+        if any(
+            np.abs(points[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for points in points_of_steps
+        ):
             raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
     # Directions and delays are NaN where the radio does not resolve them, or the policy does not use them.
     arrivals = np.vstack([np.zeros((0, 5)), *columns["arrival"]])

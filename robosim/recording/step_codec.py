@@ -191,11 +191,11 @@ def encode_map(layer: Layer, previous: Layer | None) -> dict[str, Any]:
     """The smallest rectangle of a map that holds all changes since another, as columns; no bytes for no change."""
     changed = layer.values != _on_frame(previous, layer.frame)
     rows, columns = (np.flatnonzero(changed.any(axis)) for axis in (1, 0))
-    part, corner = NO_BYTES, np.zeros(2)
+    picture, corner = NO_BYTES, np.zeros(2)
     if len(rows):
         cells = layer.values[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        part, corner = _png(np.ascontiguousarray(cells), flat=True), np.array([rows[0], columns[0]], float)
-    return {"map": part, "map_frame": _numbers_of(layer.frame), "map_corner": corner}
+        picture, corner = _png(np.ascontiguousarray(cells), flat=True), np.array([rows[0], columns[0]], float)
+    return {"map": picture, "map_frame": _numbers_of(layer.frame), "map_corner": corner}
 
 
 def decode_map(row: Row, previous: Layer | None) -> Layer | None:
@@ -209,11 +209,11 @@ def decode_map(row: Row, previous: Layer | None) -> Layer | None:
     frame = _frame_of(row["map_frame"])
     values = _on_frame(previous, frame)
     if len(row["map"]):
-        part, (top, left) = _image(row["map"], "L"), row["map_corner"].astype(int)
-        window = values[top : top + part.shape[0], left : left + part.shape[1]]
-        if min(top, left) < 0 or window.shape != part.shape:
+        picture, (top, left) = _image(row["map"], "L"), row["map_corner"].astype(int)
+        window = values[top : top + picture.shape[0], left : left + picture.shape[1]]
+        if min(top, left) < 0 or window.shape != picture.shape:
             raise ValueError("a part of the map lies outside of the map")
-        window[:] = part
+        window[:] = picture
     return Layer(frame, values)
 
 
@@ -250,10 +250,10 @@ def _on_frame(layer: Layer | None, frame: GridFrame) -> UInt8[np.ndarray, "ny nx
         first = np.rint(corner[::-1]).astype(int)
         low, high = np.maximum(first, 0), np.minimum(first + layer.values.shape, frame.shape)
         if (low < high).all():
-            part = layer.values[
+            window = layer.values[
                 low[0] - first[0] : high[0] - first[0], low[1] - first[1] : high[1] - first[1]
             ]
-            values[low[0] : high[0], low[1] : high[1]] = part
+            values[low[0] : high[0], low[1] : high[1]] = window
     return values
 
 

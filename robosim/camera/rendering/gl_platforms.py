@@ -82,11 +82,11 @@ class GLPlatform(ABC):
         return code[::-1] >> 8  # OpenGL spreads 24 bits over all 32
 
     def _find_functions(self, address_of: Callable[[bytes], int | None]) -> None:
-        found = {
+        functions = {
             name: ctypes.CFUNCTYPE(None, *arguments)(address_of(name.encode()))  # type: ignore[arg-type]
             for name, arguments in _FRAME_FUNCTIONS.items()
         }
-        self.calls = SimpleNamespace(**found)
+        self.calls = SimpleNamespace(**functions)
 
 
 class OSMesaPlatform(GLPlatform):

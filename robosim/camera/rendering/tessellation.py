@@ -51,13 +51,13 @@ class Patches:
     @classmethod
     def joined(cls, parts: list["Patches"]) -> "Patches":
         """Several sets of patches as one."""
-        first = np.cumsum([0] + [len(part.vertices) for part in parts])
+        first = np.cumsum([0] + [len(patches.vertices) for patches in parts])
         columns = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            field.name: np.concatenate([getattr(patches, field.name) for patches in parts])
             for field in fields(cls)
             if field.name != "faces"
         }
-        faces = [part.faces + start for part, start in zip(parts, first, strict=False)]
+        faces = [patches.faces + start for patches, start in zip(parts, first, strict=False)]
         return cls(**columns, faces=np.concatenate(faces))
 
 
@@ -143,10 +143,10 @@ class CutGrid:
         used = np.unique(pieces)
         keys = self.xy[used] @ (1, 1j)
         order = np.argsort(keys)
-        found = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
+        index = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
         clockwise = _doubled_area(points) < 0
-        found[clockwise] = found[clockwise, ::-1]
-        return found, tile
+        index[clockwise] = index[clockwise, ::-1]
+        return index, tile
 
     def _inner_lines(self, border: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, "k 2"]:
         """Pieces of the grid's lines inside of a border, cut where lines cross."""
@@ -332,14 +332,14 @@ def placed_patches(
 ) -> tuple[Patches, Float[np.ndarray, "n 3"]]:
     """Patches of placed meshes, no side longer than a step [m] unless they are many, and colours of corners."""
     triangles, colours = [], []
-    for one in furnishings:
-        bodies = one.bodies
+    for furnishing in furnishings:
+        bodies = furnishing.bodies
         fronts = bodies.vertices[bodies.faces]
         backs = fronts[~bodies.oriented[bodies.body]][:, ::-1]
         both = np.concatenate([fronts, backs])
         cut = both if len(both) > _ENOUGH else _cut(both, step_m)
         triangles.append(cut)
-        colours.append(np.tile(np.array(one.colour, float), (3 * len(cut), 1)))
+        colours.append(np.tile(np.array(furnishing.colour, float), (3 * len(cut), 1)))
     corners = np.concatenate(triangles)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -368,15 +368,15 @@ def _cut(triangles: Float[np.ndarray, "n 3 3"], step_m: float) -> Float[np.ndarr
         done.append(triangles[count == 0])
         parts = []
         for n_long in (1, 2, 3):
-            some, which = triangles[count == n_long], long[count == n_long]
+            cut_now, which = triangles[count == n_long], long[count == n_long]
             # Turned so that long sides come first: a to b, and b to c.
             first = {
                 1: np.argmax(which, axis=1),
                 2: np.argmin(which, axis=1) + 1,
-                3: np.zeros(len(some), int),
+                3: np.zeros(len(cut_now), int),
             }
             order = (first[n_long][:, None] + np.arange(3)) % 3
-            a, b, c = np.take_along_axis(some, order[:, :, None], axis=1).transpose(1, 0, 2)
+            a, b, c = np.take_along_axis(cut_now, order[:, :, None], axis=1).transpose(1, 0, 2)
             ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
             pieces = {
                 1: [(a, ab, c), (ab, b, c)],

@@ -40,9 +40,9 @@ class Parts(NamedTuple):
     def of(cls, triangles: Float[np.ndarray, "m 3 3"]) -> "Parts":
         """Gather triangles by the square that their middle lies in."""
         square = np.floor(triangles[:, :, :2].mean(axis=1) / PART_M).astype(int)
-        _, part = np.unique(square, axis=0, return_inverse=True)
-        count = np.bincount(part.ravel())
-        return cls(np.argsort(part.ravel(), kind="stable"), np.cumsum(count) - count, count)
+        _, group = np.unique(square, axis=0, return_inverse=True)
+        count = np.bincount(group.ravel())
+        return cls(np.argsort(group.ravel(), kind="stable"), np.cumsum(count) - count, count)
 
 
 class Visibility:

@@ -59,23 +59,23 @@ def _entities(
     entities: Iterable["DXFEntity"], layer: str, count: list[int], deep: int = 0
 ) -> Iterator[tuple["DXFEntity", str]]:
     """Entities with their layers, those of blocks in their places; `layer` is that of the block's reference."""
-    for one in entities:
+    for entity in entities:
         count[0] += 1
         if deep > MOST_DEEP or count[0] > MOST_ENTITIES:
             raise MapError(
                 f"it has blocks in blocks, more than {MOST_DEEP} deep, or more than {MOST_ENTITIES} entities. Explode "
                 "them, or export the layers of walls alone."
             )
-        own = layer if layer and one.dxf.layer == "0" else one.dxf.layer
-        kind = one.dxftype()
-        inner: Any = one
+        layer_of_entity = layer if layer and entity.dxf.layer == "0" else entity.dxf.layer
+        kind = entity.dxftype()
+        inner: Any = entity
         if kind == "INSERT":
             for reference in inner.multi_insert() if inner.mcount > 1 else [inner]:
-                yield from _entities(reference.virtual_entities(), own, count, deep + 1)
+                yield from _entities(reference.virtual_entities(), layer_of_entity, count, deep + 1)
         elif kind == "MLINE":
-            yield from _entities(inner.virtual_entities(), own, count, deep + 1)
-        elif not one.dxf.get("invisible", 0):
-            yield one, own
+            yield from _entities(inner.virtual_entities(), layer_of_entity, count, deep + 1)
+        elif not entity.dxf.get("invisible", 0):
+            yield entity, layer_of_entity
 
 
 def _shapes(entities: Iterable[tuple["DXFEntity", str]], hidden: set[str], unit_m: float) -> Iterator[Shape]:

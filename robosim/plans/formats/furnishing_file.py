@@ -81,18 +81,18 @@ def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
         entries = parse_yaml(file.read())
         if not isinstance(entries, list) or len(entries) > _MOST_ENTRIES:
             raise ValueError(f"it holds no list of at most {_MOST_ENTRIES} entries")
-        found: list[Furnishing] = []
+        furnishings: list[Furnishing] = []
         for number, entry in enumerate(entries, 1):
             try:
-                one = _furnishing(check_object(entry, ("at",)), path.parent)
-                found.append(replace(one, source=f"{shown(path)}: entry {number}"))
+                furnishing = _furnishing(check_object(entry, ("at",)), path.parent)
+                furnishings.append(replace(furnishing, source=f"{shown(path)}: entry {number}"))
             except FileError as error:
                 raise MapError(f"{shown(path)}: entry {number}: {error}") from error
             except ValueError as error:
                 raise ValueError(f"entry {number}: {error}") from error
-            if sum(len(one.mesh.faces) for one in found) > _MOST_TRIANGLES:
+            if sum(len(furnishing.mesh.faces) for furnishing in furnishings) > _MOST_TRIANGLES:
                 raise ValueError(f"more than {_MOST_TRIANGLES} triangles up to entry {number}")
-        return tuple(found)
+        return tuple(furnishings)
 
 
 def furnishing_from_file(
@@ -144,17 +144,17 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
     """
     path = Path(path)
     entries = []
-    for number, one in enumerate(furnishings, 1):
-        said = dict(one.said)
+    for number, furnishing in enumerate(furnishings, 1):
+        said = dict(furnishing.said)
         if not said:
             file = path.with_name(f"{path.stem}-{number}.obj")
-            write_whole(file, _obj(one.mesh))
+            write_whole(file, _obj(furnishing.mesh))
             said = {"mesh": file.name, "up": "z", "origin": "own"}
-        material = part_name(one.material)
+        material = part_name(furnishing.material)
         if names_code(material):
             raise MapError(
-                f"{path}: material of {one.name} is {material}, which a file cannot name. Write its layers into a "
-                ".yaml file, and name that."
+                f"{path}: material of {furnishing.name} is {material}, which a file cannot name. Write its layers into "
+                "a .yaml file, and name that."
             )
         if not MATERIAL.is_name(material):
             material = str(Path(material).resolve())
@@ -164,12 +164,12 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
                     key: value if isinstance(value, (str, int)) else float(value)
                     for key, value in said.items()
                 },
-                "at": [float(value) for value in one.at],
-                "yaw_deg": float(np.degrees(one.yaw_rad)),
-                "z_m": float(one.z_m),
-                "name": one.name,
+                "at": [float(value) for value in furnishing.at],
+                "yaw_deg": float(np.degrees(furnishing.yaw_rad)),
+                "z_m": float(furnishing.z_m),
+                "name": furnishing.name,
                 "material": material,
-                "colour": [int(value) for value in one.colour],
+                "colour": [int(value) for value in furnishing.colour],
             }
         )
     text = yaml.safe_dump(
@@ -199,9 +199,13 @@ def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:
         entry = from_dict(known, keys)
         sizes = {size.name: getattr(entry, size.name) for size in fields(kind) if size.name in keys}
         return make_piece(keys["piece"], **_place(entry, folder), **sizes)
-    one = from_dict(_MeshEntry, keys)
+    stated = from_dict(_MeshEntry, keys)
     return furnishing_from_file(
-        folder / one.mesh, unit_m=one.unit_m, up=one.up, origin=one.origin, **_place(one, folder)
+        folder / stated.mesh,
+        unit_m=stated.unit_m,
+        up=stated.up,
+        origin=stated.origin,
+        **_place(stated, folder),
     )
 
 

@@ -43,9 +43,9 @@ def read_ifc(path: Path, options: ReadingOptions) -> FloorPlan:
 def _triangles_of(content: bytes) -> Triangles:
     """Surfaces of all products in the model's coordinates [m], read by another process."""
     with tempfile.TemporaryDirectory() as folder:
-        found = Path(folder) / "triangles.npy"
+        file = Path(folder) / "triangles.npy"
         done = subprocess.run(
-            [sys.executable, "-m", __name__, str(found)],
+            [sys.executable, "-m", __name__, str(file)],
             input=content,
             capture_output=True,
             timeout=MOST_S,
@@ -56,7 +56,7 @@ def _triangles_of(content: bytes) -> Triangles:
             raise ValueError(
                 words[-1] if done.returncode > 0 else f"its reader crashed, signal {-done.returncode}"
             )
-        triangles = np.load(found)
+        triangles = np.load(file)
     if not len(triangles):
         raise MapError("it has no walls or floors with a shape.")
     return triangles
@@ -71,14 +71,14 @@ def _write_triangles(content: bytes, path: Path) -> None:
     settings.set("use-world-coords", True)
     model = ifcopenshell.file.from_string(content.decode("utf-8", "replace"))
     shapes: Any = ifcopenshell.geom.iterator(settings, model, 1, exclude=LEFT_OUT)
-    found = [np.empty((0, 3, 3))]
+    batches = [np.empty((0, 3, 3))]
     more = bool(shapes.initialize())
     while more:
         geometry = shapes.get().geometry
         corners = np.array(geometry.verts, float).reshape(-1, 3)
-        found.append(corners[np.array(geometry.faces, np.int64).reshape(-1, 3)])
+        batches.append(corners[np.array(geometry.faces, np.int64).reshape(-1, 3)])
         more = bool(shapes.next())
-    np.save(path, np.concatenate(found))
+    np.save(path, np.concatenate(batches))
 
 
 if __name__ == "__main__":

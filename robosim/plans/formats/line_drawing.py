@@ -135,11 +135,13 @@ def _on_wall_layers(drawn: Sequence[Shape], patterns: tuple[str, ...], path: Pat
     if not layers:
         raise MapError("it has no lines or areas. Export the walls as lines, polylines or hatches.")
     known = {name: name.lower() for shape in drawn for name in shape.names}
-    of = {one: {name for name in known if fnmatchcase(known[name], one.lower())} for one in patterns}
+    of = {
+        pattern: {name for name in known if fnmatchcase(known[name], pattern.lower())} for pattern in patterns
+    }
     wanted = set().union(*of.values()) if patterns else set(filter(WALL_NAME.search, known))
     is_only = len(layers) == 1 and not patterns
     chosen = [shape for shape in drawn if is_only or not wanted.isdisjoint(shape.names)]
-    missing = [shown(one) for one in patterns if not of[one]]
+    missing = [shown(pattern) for pattern in patterns if not of[pattern]]
     if missing or not chosen:
         raise MapError(
             f"its layers are {listed}, and none is called {' or '.join(missing) or 'wall'}. Name the layer of walls: "

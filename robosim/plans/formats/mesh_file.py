@@ -83,10 +83,10 @@ def _of_scene(content: bytes, path: Path) -> Triangles:
     scene = trimesh.load_scene(
         io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
     )
-    count, most = 0, max(_MOST_TRIANGLES, len(content) // 16)
+    count, limit = 0, max(_MOST_TRIANGLES, len(content) // 16)
     for node in scene.graph.nodes_geometry:
         count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
-        if count > most:
+        if count > limit:
             raise ValueError(
                 f"more than {count} triangles, far more than a file of {len(content)} bytes should have"
             )
@@ -137,26 +137,30 @@ def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, in
     required = tree.get("extensionsRequired", ())
     if _DRACO in required and importlib.util.find_spec("DracoPy") is None:
         raise ValueError("its triangles are compressed by Draco; export it without, or install DracoPy")
-    if unknown := [str(one)[:40] for one in required if not _READ_EXTENSIONS.fullmatch(str(one))]:
+    if unknown := [str(item)[:40] for item in required if not _READ_EXTENSIONS.fullmatch(str(item))]:
         raise ValueError(f"it needs {unknown[0]}, which is not supported; export it without compression")
     for kind in ("accessors", "bufferViews", "buffers", "nodes"):
         if len(_listed(tree, kind)) > _MOST_ENTRIES:
             raise ValueError(f"it lists {len(tree[kind])} {kind}, expected at most {_MOST_ENTRIES}")
     views = sum(_count(view, "byteLength") for view in _listed(tree, "bufferViews"))
     accessors = sum(
-        _count(one, "count")
-        * _NUMBERS_OF.get(str(one.get("type")), 16)
-        * _BYTES_OF.get(one.get("componentType", 0), 4)
-        for one in _listed(tree, "accessors")
+        _count(item, "count")
+        * _NUMBERS_OF.get(str(item.get("type")), 16)
+        * _BYTES_OF.get(item.get("componentType", 0), 4)
+        for item in _listed(tree, "accessors")
     )
     # Bytes may be shared, but hardly by more than a few accessors; compressed they may be 50 times fewer.
     times = 50 if _DRACO in required else 4
-    most = times * (n_bytes + sum(_count(one, "byteLength") for one in _listed(tree, "buffers"))) + 1_000_000
-    if max(views, accessors) > min(most, 2 * MOST_BYTES):
+    limit = (
+        times * (n_bytes + sum(_count(item, "byteLength") for item in _listed(tree, "buffers"))) + 1_000_000
+    )
+    if max(views, accessors) > min(limit, 2 * MOST_BYTES):
         raise ValueError(f"it declares {max(views, accessors)} bytes of data, far more than there can be")
     _check_nodes(_listed(tree, "nodes"), _listed(tree, "meshes"))
     lengths = {
-        one["uri"]: one["byteLength"] for one in _listed(tree, "buffers") if isinstance(one.get("uri"), str)
+        item["uri"]: item["byteLength"]
+        for item in _listed(tree, "buffers")
+        if isinstance(item.get("uri"), str)
     }
     return tree, lengths
 
@@ -166,13 +170,13 @@ def _scale_normalised(tree: dict[str, Any]) -> bool:
     scale: dict[int, float] = {}
     for number, mesh in enumerate(_listed(tree, "meshes")):
         largest = set()
-        for part in mesh.get("primitives", ()):
-            accessor = _listed(tree, "accessors")[part.get("attributes", {}).get("POSITION", 0)]
+        for primitive in mesh.get("primitives", ()):
+            accessor = _listed(tree, "accessors")[primitive.get("attributes", {}).get("POSITION", 0)]
             if "sparse" in accessor:
                 raise ValueError(
                     "its positions are sparse, which is not supported; export it with all of them"
                 )
-            if part.get("mode", 4) == _FAN:
+            if primitive.get("mode", 4) == _FAN:
                 raise ValueError("it has triangle fans, which are not supported; export it with triangles")
             largest.add(
                 _LARGEST.get(accessor.get("componentType"), 1.0) if accessor.get("normalized") else 1.0
@@ -220,10 +224,10 @@ def _check_nodes(nodes: list[dict[str, Any]], meshes: list[dict[str, Any]]) -> N
 
 
 def _listed(tree: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    found = tree.get(key, [])
-    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+    entries = tree.get(key, [])
+    if not isinstance(entries, list) or not all(isinstance(each, dict) for each in entries):
         raise ValueError(f"{key!r} is no list of objects")
-    return found
+    return entries
 
 
 def _count(entry: dict[str, Any], key: str) -> int:

@@ -73,8 +73,8 @@ def find_floors(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: flo
             break
         near = np.abs(heights - heights[best]) <= _SPREAD_M
         left &= np.abs(heights - heights[best]) >= _STOREY_M
-        own = shapely.MultiPoint(triangles[level[near], :, :2].reshape(-1, 2)).convex_hull.area
-        if around[best] < max(_LEAST_OF_OWN * own, _LEAST_OF_ALL * whole):
+        hull_m2 = shapely.MultiPoint(triangles[level[near], :, :2].reshape(-1, 2)).convex_hull.area
+        if around[best] < max(_LEAST_OF_OWN * hull_m2, _LEAST_OF_ALL * whole):
             continue
         air_near = np.cumsum(air[near])
         height = float(heights[near][np.searchsorted(air_near, air_near[-1] / 2)])  # halves the area

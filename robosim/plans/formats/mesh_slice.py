@@ -237,14 +237,14 @@ def _is_inverted_wall(
 
 def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshFloor:
     """The floor nearest to a height, within half a metre, or the lowest one, with a warning if there are others."""
-    found = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
+    heights = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
     if floor_height_m is None:
         if len(floors) > 1:
-            logger.warning("floors found at %s; the lowest is taken. Choose by the floor height.", found)
+            logger.warning("floors found at %s; the lowest is taken. Choose by the floor height.", heights)
         return floors[0]
     nearest = min(floors, key=lambda floor: abs(floor.height_m - floor_height_m))
     if not abs(nearest.height_m - floor_height_m) <= _NEAR_M:
-        raise MapError(f"floor height is {floor_height_m:g} m, but floors were found at {found}.")
+        raise MapError(f"floor height is {floor_height_m:g} m, but floors were found at {heights}.")
     return nearest
 
 
@@ -261,7 +261,7 @@ def _slice(
             yield cut(block[facing_up & (z.max(axis=1) >= bottom) & (z.min(axis=1) <= top)], bottom, top)
 
     corners = (polygons.reshape(-1, 3)[:, :2] for polygons in floor() if len(polygons))
-    ends = np.array([(some.min(axis=0), some.max(axis=0)) for some in corners])
+    ends = np.array([(loop.min(axis=0), loop.max(axis=0)) for loop in corners])
     lower, upper = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     nx, ny = grid_size(lower, upper, resolution_m, "the floor")
     origin = lower - resolution_m
@@ -314,8 +314,8 @@ def _covers(
 ) -> Bool[np.ndarray, "ny nx"]:
     """Cells whose centre lies below (or above) more polygons that face up than polygons that face down."""
     windings = Windings(shape)
-    for some in polygons:
-        start, end = some[:, :, :2], np.roll(some[:, :, :2], -1, axis=1)
+    for polygon in polygons:
+        start, end = polygon[:, :, :2], np.roll(polygon[:, :, :2], -1, axis=1)
         windings.add(start.reshape(-1, 2), end.reshape(-1, 2))
     return windings.numbers() > 0
 
@@ -324,10 +324,10 @@ def _without_pockets(
     free: Bool[np.ndarray, "ny nx"], solid: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
     """Free cells without parts mostly inside solids, unless hardly any would be left, as in a shell of sheets."""
-    part, n = ndimage.label(free)
-    size = np.bincount(part[free], minlength=n + 1)
-    pocket = np.bincount(part[free & solid], minlength=n + 1) > size / 2
-    left = free & ~pocket[part]
+    component, n = ndimage.label(free)
+    size = np.bincount(component[free], minlength=n + 1)
+    pocket = np.bincount(component[free & solid], minlength=n + 1) > size / 2
+    left = free & ~pocket[component]
     return left if np.count_nonzero(left) * resolution_m**2 > _LEFT_M2 else free
 
 
@@ -337,13 +337,13 @@ def _without_bodies(
     places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]],
 ) -> Bool[np.ndarray, "ny nx"]:
     """Free cells without parts inside a body, such as a cupboard; `places` converts rows and columns to [m]."""
-    part, n = ndimage.label(free)
+    component, n = ndimage.label(free)
     if n < 2:
         return free
     # The middle of a part is farthest from all that bounds it.
     depth = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
-    middle = places(np.array(ndimage.maximum_position(depth, part, np.arange(1, n + 1)), float))
-    return free & ~np.append(False, in_bodies(triangles, middle))[part]
+    middle = places(np.array(ndimage.maximum_position(depth, component, np.arange(1, n + 1)), float))
+    return free & ~np.append(False, in_bodies(triangles, middle))[component]
 
 
 def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:

@@ -194,11 +194,11 @@ def three_states(
 
 def looked_up(state: Shaped[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -> Shaped[np.ndarray, "h w"]:
     """The state of each pixel by its brightness; a few rows at a time, since NumPy's indices take 8 bytes each."""
-    found = np.empty(light.shape, state.dtype)
+    states = np.empty(light.shape, state.dtype)
     rows = max(1, 1_000_000 // light.shape[1])
     for first in range(0, len(light), rows):
-        found[first : first + rows] = state[light[first : first + rows]]
-    return found
+        states[first : first + rows] = state[light[first : first + rows]]
+    return states
 
 
 def read_image_plan(path: Path, options: ReadingOptions) -> FloorPlan:

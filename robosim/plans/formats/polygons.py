@@ -105,17 +105,17 @@ def read_ply(content: bytes) -> Polygons:
     body = content[end.end() :]
     read: Callable[[int, list[tuple[str, str, str]]], dict[str, tuple[np.ndarray, np.ndarray]]]
     read = (_PlyText(body) if order == "" else _PlyBinary(body, order)).element
-    found = {name: read(n, properties) for name, n, properties in elements}
-    if "tristrips" in found:
+    contents = {name: read(n, properties) for name, n, properties in elements}
+    if "tristrips" in contents:
         raise ValueError("it has triangle strips, which are not supported; export it with faces")
-    if not {"x", "y", "z"} <= set(found.get("vertex", {})):
+    if not {"x", "y", "z"} <= set(contents.get("vertex", {})):
         raise ValueError("it has no vertices with x, y and z")
-    vertices = np.column_stack([found["vertex"][axis][0].astype(float) for axis in "xyz"])
-    faces = found.get("face", {})
+    vertices = np.column_stack([contents["vertex"][axis][0].astype(float) for axis in "xyz"])
+    faces = contents.get("face", {})
     lists = [faces[name] for name in ("vertex_indices", "vertex_index") if name in faces]
     if not lists:
         return Polygons(vertices, np.empty(0, np.int64), np.empty(0, np.int64))
-    return _checked(vertices, *(part.astype(np.int64) for part in lists[0]))
+    return _checked(vertices, *(column.astype(np.int64) for column in lists[0]))
 
 
 def read_stl(content: bytes) -> Polygons:
@@ -277,8 +277,8 @@ def triangulate(polygons: Polygons) -> Float[np.ndarray, "t 3 3"]:
         fan = np.stack([np.zeros(k - 2, int), np.arange(1, k - 1), np.arange(2, k)], axis=1)
         parts.append(rings[fanned][:, fan].reshape(-1, 3))
         parts += [
-            ring[_ears(own, up)]
-            for ring, own, up in zip(*(a[~fanned] for a in (rings, around, normal)), strict=True)
+            ring[_ears(ring_axes, up)]
+            for ring, ring_axes, up in zip(*(a[~fanned] for a in (rings, around, normal)), strict=True)
         ]
     return vertices[np.concatenate(parts)]
 

@@ -58,12 +58,12 @@ class Windings:
         high = np.where(rises[:, None], end, start)
         first = np.clip(np.ceil(low[:, 1] - 0.5), 0, height).astype(np.int64)
         stop = np.clip(np.ceil(high[:, 1] - 0.5), 0, height).astype(np.int64)
-        for part in self._work.parts(stop - first):
-            edge, row = index_ranges(first[part], stop[part] - first[part])
-            (x0, y0), (x1, y1) = low[part][edge].T, high[part][edge].T
+        for span in self._work.parts(stop - first):
+            edge, row = index_ranges(first[span], stop[span] - first[span])
+            (x0, y0), (x1, y1) = low[span][edge].T, high[span][edge].T
             x = x0 + (row + 0.5 - y0) / (y1 - y0) * (x1 - x0)
             column = np.clip(np.ceil(x - 0.5), 0, width).astype(np.int64)
-            np.add.at(self._change, (row, column), np.where(rises[part][edge], -1, 1))
+            np.add.at(self._change, (row, column), np.where(rises[span][edge], -1, 1))
 
     def numbers(self) -> Int[np.ndarray, "ny nx"]:
         """The winding numbers of all that was added."""
@@ -113,12 +113,12 @@ def cells_touched(
         near = (upper >= (0, 0, low)).all(axis=1) & (lower <= (shape[1], shape[0], high)).all(axis=1)
         polygons = cut(block[near], low, high)[:, :, :2] - MARGIN * unit_normals(block[near])[:, None, :2]
         first, last = _whole(polygons[:, :, 1].min(axis=1), polygons[:, :, 1].max(axis=1), shape[0])
-        for part in work.parts(last - first + 1):
-            polygon, row = index_ranges(first[part], last[part] - first[part] + 1)
-            begin, end = _whole(*_x_in_rows(polygons[part][polygon], row), shape[1])
-            some = end >= begin
-            np.add.at(edges, (row[some], begin[some]), 1)
-            np.add.at(edges, (row[some], end[some] + 1), -1)
+        for span in work.parts(last - first + 1):
+            polygon, row = index_ranges(first[span], last[span] - first[span] + 1)
+            begin, end = _whole(*_x_in_rows(polygons[span][polygon], row), shape[1])
+            occupied = end >= begin
+            np.add.at(edges, (row[occupied], begin[occupied]), 1)
+            np.add.at(edges, (row[occupied], end[occupied] + 1), -1)
     return np.cumsum(edges[:, :-1], axis=1, dtype=np.int32) > 0
 
 

@@ -143,11 +143,11 @@ def _furnishings(keys: _Keys) -> Path | None:
 
 def _materials(keys: _Keys) -> dict[tuple[int, int, int], str]:
     expected = "colours and radio materials, for example {'#0000ff': glazing, '#008000': door}"
-    given = keys.keys.get("materials", {})
-    if not isinstance(given, dict) or len(given) > 250:
+    stated = keys.keys.get("materials", {})
+    if not isinstance(stated, dict) or len(stated) > 250:
         raise keys.fail("materials", expected)
-    found = {}
-    for colour, material in given.items():
+    materials = {}
+    for colour, material in stated.items():
         if not (isinstance(colour, str) and re.fullmatch("#[0-9a-fA-F]{6}", colour)):
             raise keys.fail("materials", f"{expected}; {str(colour)[:80]!r} is no colour")
         try:
@@ -155,8 +155,8 @@ def _materials(keys: _Keys) -> dict[tuple[int, int, int], str]:
         except ValueError as error:
             raise keys.fail("materials", f"a radio material for {colour}: {error}") from error
         red, green, blue = bytes.fromhex(colour[1:])
-        found[red, green, blue] = material
-    return found
+        materials[red, green, blue] = material
+    return materials
 
 
 def _thresholds(keys: _Keys) -> Thresholds:

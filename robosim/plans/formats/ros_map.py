@@ -191,18 +191,18 @@ def occupancy_of(
             else f"It is ignored here, and transparent is unknown. {settle}",
         )
         states = letter if shades else states
-    found = unknown_grey(image, header.negate and not raw)
-    if found is not None:
-        unknown = found.cells & (states == FREE)
+    unknown_level = unknown_grey(image, header.negate and not raw)
+    if unknown_level is not None:
+        unknown = unknown_level.cells & (states == FREE)
         if unknown.any():
             logger.warning(
                 "%s: %d cells around grey %d are read as unknown, since that grey is common, though free_thresh %g "
                 "makes them free. Set 'free_thresh: %.3f' to settle it. %s",
                 path,
                 np.count_nonzero(unknown),
-                found.grey,
+                unknown_level.grey,
                 header.thresholds.free,
-                found.free_thresh,
+                unknown_level.free_thresh,
                 settle,
             )
             states[unknown] = UNKNOWN
@@ -229,15 +229,15 @@ def _materials_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.n
         raise MapError(
             f"{path}: materials names colours, but {header.image.name} is grey. Save the picture in colour, as PNG."
         )
-    found = np.zeros(image.light.shape, np.uint8)
+    materials = np.zeros(image.light.shape, np.uint8)
     for number, colour in enumerate(header.materials, 1):
         near = (np.abs(image.colour.astype(np.int16) - colour) <= COLOUR_OFF).all(axis=-1)
-        found[near] = number
+        materials[near] = number
         if not near.any():
             logger.warning(
                 "%s: materials names #%02x%02x%02x, which no pixel of the picture has.", path, *colour
             )
-    return found
+    return materials
 
 
 def _raw_states(image: PlanImage, thresholds: Thresholds) -> UInt8[np.ndarray, "h w"]:

@@ -67,7 +67,7 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
 def _view(root: ET.Element) -> tuple[tuple[float, float, float, float], float | None]:
     """The view box in user units, and how large a unit is if the picture says so [m]."""
     sides = [_LENGTH.fullmatch(root.get(name, "")) for name in ("width", "height")]
-    numbers = [float(one[1]) if one and one[2] != "%" else math.nan for one in sides]
+    numbers = [float(side[1]) if side and side[2] != "%" else math.nan for side in sides]
     box = [float(word) for word in root.get("viewBox", "").replace(",", " ").split()]
     size_m = UNITS_M.get(sides[0][2]) if sides[0] else None
     if not box:
@@ -105,25 +105,27 @@ def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) ->
     """What is drawn in a group and those within, in metres; `names` are those of the groups, the innermost first."""
     import svgelements
 
-    for one in group:
-        values = one.values.get("attributes", one.values)
+    for element in group:
+        values = element.values.get("attributes", element.values)
         label, own = values.get(_LABEL), [values.get(name) for name in ("id", "class")]
-        if isinstance(one, svgelements.Group | svgelements.Use):
-            yield from _shapes(one, (*filter(None, [label, *own]), *names), unit_m, height)
-        elif isinstance(one, svgelements.Shape) and one.values.get("visibility") != "hidden":
-            path = svgelements.Path(one)
+        if isinstance(element, svgelements.Group | svgelements.Use):
+            yield from _shapes(element, (*filter(None, [label, *own]), *names), unit_m, height)
+        elif isinstance(element, svgelements.Shape) and element.values.get("visibility") != "hidden":
+            path = svgelements.Path(element)
             lines = tuple(
                 unit_m * np.array([[x, height - y] for x, y in line])
-                for line in (_flattened(svgelements.Path(part), unit_m) for part in path.as_subpaths())
+                for line in (_flattened(svgelements.Path(subpath), unit_m) for subpath in path.as_subpaths())
                 if len(line) > 1
             )
             if not lines:
                 continue
             all_names = (*(names or ("",)), *filter(None, [label, *own]))
-            if _is_dark(one.fill, values.get("fill") is None) and not isinstance(one, svgelements.SimpleLine):
+            if _is_dark(element.fill, values.get("fill") is None) and not isinstance(
+                element, svgelements.SimpleLine
+            ):
                 yield Shape(all_names, lines, is_area=True)
-            if _is_dark(one.stroke, False):
-                yield Shape(all_names, lines, width_m=unit_m * float(one.stroke_width or 0.0))
+            if _is_dark(element.stroke, False):
+                yield Shape(all_names, lines, width_m=unit_m * float(element.stroke_width or 0.0))
 
 
 def _is_dark(colour: Any, by_default: bool) -> bool:
@@ -144,8 +146,8 @@ def _flattened(path: Any, unit_m: float) -> list[tuple[float, float]]:
         if isinstance(segment, svgelements.Curve):
             left, top, right, bottom = segment.bbox()
             length_m = unit_m * 2 * math.hypot(right - left, bottom - top)
-            some = min(max(2, math.ceil(math.sqrt(length_m / FLAT_M))), MOST_LINES)
-            points += [tuple(segment.point(t)) for t in np.linspace(0, 1, some + 1)[1:]]
+            count = min(max(2, math.ceil(math.sqrt(length_m / FLAT_M))), MOST_LINES)
+            points += [tuple(segment.point(t)) for t in np.linspace(0, 1, count + 1)[1:]]
         else:
             points.append((float(segment.end.x), float(segment.end.y)))
     return points

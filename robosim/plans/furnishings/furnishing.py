@@ -101,13 +101,13 @@ class Furnishing:
             raise ValueError(
                 f"name is {self.name[:80]!r}, expected printable text of at most 200 letters, such as 'table'."
             )
-        for what, value, most, unit in (
+        for what, value, limit, unit in (
             ("x", self.at[0], FARTHEST, "m"),
             ("y", self.at[1], FARTHEST, "m"),
             ("z_m", self.z_m, _HEIGHT_M, "m above the floor"),
             ("yaw_rad", self.yaw_rad, 100.0, "rad. Files have degrees"),
         ):
-            check_number(f"{what} of {self.name}", float(value), -most, most, unit)
+            check_number(f"{what} of {self.name}", float(value), -limit, limit, unit)
         if len(self.colour) != 3 or not all(0 <= value <= 255 for value in self.colour):
             raise ValueError(
                 f"colour of {self.name} is {self.colour}, expected red, green and blue from 0 to 255."
@@ -137,8 +137,8 @@ class Furnishing:
     @cached_property
     def bodies(self) -> Bodies:
         """Its triangles in `map`, sorted into bodies."""
-        found = find_bodies(np.asarray(self.mesh.vertices, float), np.asarray(self.mesh.faces, np.int64))
-        return found._replace(vertices=self.to_map(found.vertices))
+        bodies = find_bodies(np.asarray(self.mesh.vertices, float), np.asarray(self.mesh.faces, np.int64))
+        return bodies._replace(vertices=self.to_map(bodies.vertices))
 
     @property
     def triangles(self) -> Float[np.ndarray, "n 3 3"]:
