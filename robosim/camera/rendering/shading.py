@@ -9,12 +9,9 @@ Drawn in flat colours a picture takes a fraction of the time that it takes with 
   is left, with t(w) the distance to the next surface in direction w. Corners darken, and so do doors' reveals.
   Rays are cast in cosine-weighted directions of a Fibonacci spiral, the same at each vertex.
 - A tint by the direction that a surface faces, so that two walls that meet differ.
-- Daylight through the windows of `decor`, each of their patches a point with the area A that shines as a diffuse
-  surface does: a vertex in its sight gets the share sum A (n.d)(m.-d) / (pi t^2), d the direction to it, m its normal.
-- Texture: paint, floors, skirting, windows and door frames room by room (`decor`), and a hue of its own for each piece
-  of furniture; all of it by a seed and by positions on the plan.
+- A colour for each kind of surface, with a grain by positions on the plan, and a hue for each piece of furniture.
 
-Left out: lamps, the sun, what surfaces reflect.
+Left out: lamps, windows, the sun, what surfaces reflect, paint of single rooms.
 
 Reference: Zhukov, Iones, Kronin, "An ambient light illumination model", Rendering Techniques (1998).
 """
@@ -33,8 +30,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robosim.building.building import Building
-from robosim.building.extrusion import FURNITURE
-from robosim.camera.rendering.decor import Decor
+from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
 from robosim.camera.rendering.tessellation import Patches, placed_patches, tessellate
 from robosim.support.ray_casting import make_ray_scene
 from wireless.support.cached_array import cached_array
@@ -45,12 +41,17 @@ _STEP_M, _SKIRTING_M = 0.5, 0.10
 _LARGE_M2 = 15_000.0
 #: Surfaces farther off than this take no ambient light away [m]; rays from each vertex, and rays cast at once.
 _RANGE_M, _N_RAYS, _RAYS_AT_ONCE = 1.5, 64, 500_000
-#: Windows farther off than this give no light, and nearer ones than the second no more than there [m].
-_WINDOW_FAR_M, _WINDOW_NEAR_M = 8.0, 0.7
-#: Share of daylight at which it is as bright as 63 % of the brightest: eyes adapt to the dark.
-_ADAPTATION = 0.06
-#: Brightness of a surface without light, and what ambient light and daylight add.
-_DARK, _AMBIENT, _DAYLIGHT = 0.30, 0.66, 0.42
+#: Brightness of a surface without light, and what ambient light adds.
+_DARK, _AMBIENT = 0.40, 0.66
+#: Colour and grain of each kind of surface, and the colour of skirtings.
+_SURFACES = {
+    FLOOR: ((166, 130, 94), 0.08),
+    WALL: ((226, 218, 202), 0.012),
+    CEILING: ((238, 238, 234), 0.0),
+}
+_SKIRTING = (112, 92, 76)
+# Multipliers of a hash; large odd numbers without a pattern.
+_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 #: Shorter walls than this are painted by the mean normal of their surroundings [m].
 _STAIRS_M = 0.30
 # Golden angle: hues, and directions of a spiral, that never come near an earlier one.
@@ -58,51 +59,54 @@ _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
 @lru_cache(maxsize=1)
-def shaded_mesh(building: Building, *, seed: int = 0) -> trimesh.Trimesh:
+def shaded_mesh(building: Building) -> trimesh.Trimesh:
     """A building's surfaces, cut finely enough to carry light and texture in the colours of their vertices.
 
     Returned is a mesh in `map` with the same surfaces as `building.mesh`; placed sheets have one on either side. The
-    last result is cached, since many episodes run in one building: copy it before changing it. `seed` is of paints,
-    floors and windows.
+    last result is cached, since many episodes run in one building: copy it before changing it.
     """
     bare = building.bare
     step_m = _STEP_M * max(1.0, (bare.free.area / _LARGE_M2) ** 0.5)
     patches = tessellate(bare, step_m=step_m, heights_m=(_SKIRTING_M,))
-    facing, decor = _facing(bare)[patches.source], Decor(bare.plan, patches, seed)
-    albedo, windows = decor.albedo(), patches.vertices[decor.windows]
-    glass = np.zeros(len(albedo), bool)
-    glass[decor.windows.ravel()] = True
+    facing, albedo = _facing(bare)[patches.source], _albedo(patches)
     furniture = patches.kind == FURNITURE
     albedo[furniture] = _hues(bare)[patches.source[furniture]]
     if building.furnishings:
         placed, paint = placed_patches(building.furnishings, step_m=_STEP_M)
         patches = Patches.joined([patches, placed])
         facing, albedo = np.vstack([facing, placed.normals]), np.vstack([albedo, paint])
-        glass = np.concatenate([glass, np.zeros(len(paint), bool)])
-    light, daylight = _light_and_daylight(patches, building.mesh, windows)
     # Four even steps around a room, warmer on the bright side.
     tint = 1.0 + (facing @ (0.75, 0.25, 0.15))[:, None] * np.array([0.25, 0.22, 0.17])
-    brightness = _DARK + _AMBIENT * light + _DAYLIGHT * (1.0 - np.exp(-daylight / _ADAPTATION))
+    brightness = _DARK + _AMBIENT * _ambient_light(patches, building.mesh)
     colours = albedo * tint * brightness[:, None]
-    colours[glass] = albedo[glass]  # windows are as bright as they are painted
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)
     return trimesh.Trimesh(patches.vertices, patches.faces, vertex_colors=rgba, process=False)
 
 
-def _light_and_daylight(
-    patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"]
-) -> Float[np.ndarray, "2 n"]:
-    """Ambient light and daylight at the patches' vertices; cached on disk, as it takes most of a scene's time."""
-    inputs = [patches.vertices, patches.normals, patches.inward, mesh.triangles, windows]
-    made_of = [np.ascontiguousarray(one, float).tobytes() for one in inputs]
+def _albedo(patches: Patches) -> Float[np.ndarray, "n 3"]:
+    """Colour of each vertex before light falls on it; that of furniture is left grey."""
+    colours = np.full((len(patches.vertices), 3), 128.0)
+    mixed = (patches.cell.astype(np.uint64) * _ODD).sum(axis=1)
+    mixed ^= mixed >> np.uint64(29)
+    tone = ((mixed * np.uint64(0xBF58476D1CE4E5B9)) >> np.uint64(40)) / 2.0**23 - 1.0  # of each cell, -1 to 1
+    for kind, (colour, grain) in _SURFACES.items():
+        colours[patches.kind == kind] = colour * (1 + grain * tone[patches.kind == kind])[:, None]
+    colours[(patches.kind == WALL) & (patches.row == 0)] = _SKIRTING
+    return colours
+
+
+def _ambient_light(patches: Patches, mesh: trimesh.Trimesh) -> Float[np.ndarray, " n"]:
+    """Ambient light at the patches' vertices; cached on disk, as it takes most of a scene's time."""
+    inputs = [patches.vertices, patches.normals, patches.inward, mesh.triangles]
+    made_of = [np.ascontiguousarray(values, float).tobytes() for values in inputs]
     made_of.append(repr((_RANGE_M, _N_RAYS, version("embreex"), scipy.__version__)).encode())
-
-    def make() -> Float[np.ndarray, "2 n"]:
-        ambient = ambient_light(patches, mesh, range_m=_RANGE_M, n_rays=_N_RAYS)
-        return np.stack([ambient, window_light(patches, mesh, windows)])
-
-    return cached_array("light", made_of, [Path(__file__)], make)
+    return cached_array(
+        "light",
+        made_of,
+        [Path(__file__)],
+        lambda: ambient_light(patches, mesh, range_m=_RANGE_M, n_rays=_N_RAYS),
+    )
 
 
 def ambient_light(
@@ -124,44 +128,6 @@ def ambient_light(
         for part in np.array_split(np.arange(len(some)), 1 + len(some) * n_rays // _RAYS_AT_ONCE)
     ]
     return np.concatenate(light)[which.ravel()]
-
-
-def window_light(
-    patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"]
-) -> Float[np.ndarray, " n"]:
-    """Share of daylight that reaches the patches' vertices; corners of windows [m] from the lower left inside."""
-    found = np.zeros(len(patches.vertices))
-    if not len(windows):
-        return found
-    across, up = windows[:, 1] - windows[:, 0], windows[:, 3] - windows[:, 0]
-    normal = np.cross(across, up)
-    area_m2 = np.linalg.norm(normal, axis=1)
-    normal /= area_m2[:, None]
-    middle = windows.mean(axis=1) + 0.02 * normal
-    centre = mesh.bounds.mean(axis=0)
-    scene = make_ray_scene(mesh.triangles - centre)
-    places = patches.vertices + 0.01 * patches.inward + 0.002 * patches.normals
-    near = cKDTree(middle).query_ball_point(places, _WINDOW_FAR_M)
-    vertex = np.repeat(np.arange(len(places)), [len(some) for some in near])
-    window = np.concatenate([np.array(some, int) for some in near])
-    direction = middle[window] - places[vertex]
-    distance = np.linalg.norm(direction, axis=1)
-    direction /= distance[:, None]
-    leaves = -(direction * normal[window]).sum(axis=1)
-    arrives = (direction * patches.normals[vertex]).sum(axis=1)
-    lit = np.flatnonzero((leaves > 0) & (arrives > 0))
-    for part in np.array_split(lit, 1 + len(lit) // _RAYS_AT_ONCE):
-        hits = scene.run(
-            (places[vertex[part]] - centre).astype(np.float32),
-            direction[part].astype(np.float32),
-            (distance[part] - 0.01).astype(np.float32),
-            query="OCCLUDED",
-        )
-        free = part[hits < 0]
-        share = area_m2[window[free]] * leaves[free] * arrives[free]
-        share /= np.pi * np.maximum(distance[free], _WINDOW_NEAR_M) ** 2
-        np.add.at(found, vertex[free], share)
-    return np.minimum(found, 1.0)
 
 
 def cosine_directions(n: int) -> Float[np.ndarray, "n 3"]:

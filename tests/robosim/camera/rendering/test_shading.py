@@ -9,6 +9,8 @@ import shapely
 import trimesh
 
 from robosim.building.building import KINDS, Building, BuildingConfig, make_building
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import ambient_light, cosine_directions, shaded_mesh
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.plans.files import read_plan
@@ -197,3 +199,15 @@ def test_light_from_disk_is_the_light(tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("light-*.cached"))) == 2
     np.testing.assert_array_equal(found[0], found[1])
     assert found[2].shape != found[0].shape or (found[2] != found[0]).any()
+
+
+def test_shading_leaves_depth_as_it_is():
+    """Depth of the cottage is bit-identical with and without colours."""
+    building, config = make_building(read_plan("cottage")), CameraConfig()
+    x, y = np.array(building.free.representative_point().coords[0])
+    shaded = shaded_mesh(building)
+    depths = []
+    for mesh in (shaded, trimesh.Trimesh(shaded.vertices, shaded.faces, process=False)):
+        with make_camera([mesh], config) as camera:
+            depths.append(camera.render(camera_pose(np.array([x, y, 1.7]), config)).depth.copy())
+    assert np.array_equal(*depths)
