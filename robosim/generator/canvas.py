@@ -42,7 +42,7 @@ class Rect(NamedTuple):
         return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
     def polygon(self) -> Polygon:
-        """Its corners."""
+        """Corners of the rectangle."""
         x0, y0, x1, y1 = self
         return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
 

@@ -10,7 +10,7 @@ no such place is found, it is left out.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -26,10 +26,10 @@ Maker = Callable[[np.random.Generator], Piece]
 
 
 class Entry(NamedTuple):
-    """How often and where pieces of one kind stand in a room."""
+    """Frequency and placement of a kind of piece in a room."""
 
-    make: Callable[[np.random.Generator], Any]
-    """Makes a random piece."""
+    piece: str
+    """Name of the piece, of which a maker draws a random one."""
     place: str
     """"wall", "corner" or "free"."""
     each: float = 0.0
@@ -45,12 +45,17 @@ class Entry(NamedTuple):
 
 def entries(kind: str) -> list[Entry]:
     """Furniture of a kind of room in the order in which it is placed: large pieces first."""
-    return _STRUCTURE + _BY_KIND[kind] + _SMALL
+    return _STRUCTURE + movables(kind)
 
 
 def structure(kind: str) -> list[Entry]:
     """The entries that are part of the building: stubs of wall, and columns."""
     return _STRUCTURE
+
+
+def movables(kind: str) -> list[Entry]:
+    """The entries that are not part of the building."""
+    return _BY_KIND[kind] + _SMALL
 
 
 def turn(angle: float) -> Float[np.ndarray, "2 2"]:
@@ -135,78 +140,90 @@ def _column(rng: np.random.Generator) -> Piece:
 
 
 def _clutter(rng: np.random.Generator) -> Piece:
-    """Something small and irregular."""
+    """Draw a small, irregular piece."""
     angle = np.sort(rng.uniform(0, 2 * np.pi, 6))
     radius = rng.uniform(0.5, 1.0, 2) * rng.uniform(0.1, 0.45)
     return [np.column_stack([np.cos(angle), np.sin(angle)]) * radius + (0, radius[1] * rng.uniform(0, 0.9))]
 
 
-_ARMCHAIR = _sized((0.7, 0.95), (0.75, 0.95))
-_WARDROBE = _sized((0.9, 2.6), (0.5, 0.7))
-_SHELF = _sized((0.6, 2.0), (0.25, 0.45))
-_SIDEBOARD = _sized((0.9, 1.9), (0.4, 0.55))
-_LOW_TABLE = _sized((0.6, 1.2), (0.5, 0.8))
-_ISLAND = _sized((1.0, 2.2), (0.7, 1.1))
-_STUB = _sized((0.1, 0.2), (0.4, 1.3))
-_TUB = _sized((1.5, 1.8), (0.7, 0.85))
-_BASIN = _sized((0.5, 1.4), (0.45, 0.6))
-_TOILET = _sized((0.4, 0.5), (0.65, 0.75))
-_MACHINE = _sized((0.6, 0.7), (0.6, 0.7))
-_MEETING_TABLE = _sized((1.8, 3.6), (1.0, 1.4))
+#: Makers of pieces by name.
+_MAKERS: dict[str, Maker] = {
+    "bed": _bed,
+    "sofa": _sofa,
+    "table": _table,
+    "desk": _desk,
+    "desks": _desks,
+    "counter": _counter,
+    "plant": _plant,
+    "column": _column,
+    "clutter": _clutter,
+    "armchair": _sized((0.7, 0.95), (0.75, 0.95)),
+    "wardrobe": _sized((0.9, 2.6), (0.5, 0.7)),
+    "shelf": _sized((0.6, 2.0), (0.25, 0.45)),
+    "sideboard": _sized((0.9, 1.9), (0.4, 0.55)),
+    "low table": _sized((0.6, 1.2), (0.5, 0.8)),
+    "island": _sized((1.0, 2.2), (0.7, 1.1)),
+    "stub": _sized((0.1, 0.2), (0.4, 1.3)),
+    "tub": _sized((1.5, 1.8), (0.7, 0.85)),
+    "basin": _sized((0.5, 1.4), (0.45, 0.6)),
+    "toilet": _sized((0.4, 0.5), (0.65, 0.75)),
+    "machine": _sized((0.6, 0.7), (0.6, 0.7)),
+    "meeting table": _sized((1.8, 3.6), (1.0, 1.4)),
+}
 
 _STRUCTURE = [
-    Entry(_STUB, "wall", per_10_m2=0.55),
-    Entry(_column, "free", per_10_m2=0.08),
-    Entry(_column, "corner", each=0.25),
+    Entry("stub", "wall", per_10_m2=0.55),
+    Entry("column", "free", per_10_m2=0.08),
+    Entry("column", "corner", each=0.25),
 ]
-_SMALL = [Entry(_plant, "corner", per_10_m2=0.4), Entry(_clutter, "wall", per_10_m2=3.4)]
+_SMALL = [Entry("plant", "corner", per_10_m2=0.4), Entry("clutter", "wall", per_10_m2=3.4)]
 _BY_KIND = {
     "bedroom": [
-        Entry(_bed, "wall", each=1),
-        Entry(_WARDROBE, "corner", each=1),
-        Entry(_SIDEBOARD, "wall", each=1),
-        Entry(_desk, "wall", each=0.5),
-        Entry(_WARDROBE, "wall", per_10_m2=0.4),
+        Entry("bed", "wall", each=1),
+        Entry("wardrobe", "corner", each=1),
+        Entry("sideboard", "wall", each=1),
+        Entry("desk", "wall", each=0.5),
+        Entry("wardrobe", "wall", per_10_m2=0.4),
     ],
     "living": [
-        Entry(_sofa, "wall", each=1),
-        Entry(_LOW_TABLE, "free", each=0.7),
-        Entry(_SIDEBOARD, "wall", each=1),
-        Entry(_sofa, "free", per_10_m2=0.17),
-        Entry(_ARMCHAIR, "wall", per_10_m2=0.7),
-        Entry(_SHELF, "wall", per_10_m2=1.2),
-        Entry(_table, "free", per_10_m2=0.2),
+        Entry("sofa", "wall", each=1),
+        Entry("low table", "free", each=0.7),
+        Entry("sideboard", "wall", each=1),
+        Entry("sofa", "free", per_10_m2=0.17),
+        Entry("armchair", "wall", per_10_m2=0.7),
+        Entry("shelf", "wall", per_10_m2=1.2),
+        Entry("table", "free", per_10_m2=0.2),
     ],
     "dining": [
-        Entry(_table, "free", each=1),
-        Entry(_SIDEBOARD, "wall", each=1),
-        Entry(_SHELF, "wall", each=0.5),
+        Entry("table", "free", each=1),
+        Entry("sideboard", "wall", each=1),
+        Entry("shelf", "wall", each=0.5),
     ],
     "kitchen": [
-        Entry(_counter, "corner", each=1),
-        Entry(_counter, "wall", each=0.6),
-        Entry(_ISLAND, "free", per_10_m2=0.3),
-        Entry(_table, "free", per_10_m2=0.3),
-        Entry(_MACHINE, "corner", each=1),
+        Entry("counter", "corner", each=1),
+        Entry("counter", "wall", each=0.6),
+        Entry("island", "free", per_10_m2=0.3),
+        Entry("table", "free", per_10_m2=0.3),
+        Entry("machine", "corner", each=1),
     ],
     "bath": [
-        Entry(_TUB, "corner", each=1),
-        Entry(_BASIN, "wall", each=1),
-        Entry(_TOILET, "wall", each=1),
-        Entry(_MACHINE, "corner", each=0.4),
+        Entry("tub", "corner", each=1),
+        Entry("basin", "wall", each=1),
+        Entry("toilet", "wall", each=1),
+        Entry("machine", "corner", each=0.4),
     ],
-    "hall": [Entry(_SHELF, "wall", per_10_m2=1.3)],
-    "storage": [Entry(_SHELF, "wall", each=1, per_10_m2=2), Entry(_MACHINE, "corner", each=0.5)],
+    "hall": [Entry("shelf", "wall", per_10_m2=1.3)],
+    "storage": [Entry("shelf", "wall", each=1, per_10_m2=2), Entry("machine", "corner", each=0.5)],
     "office": [
-        Entry(_desk, "wall", each=1, per_10_m2=0.8),
-        Entry(_SHELF, "wall", each=1),
-        Entry(_ARMCHAIR, "corner", each=0.4),
+        Entry("desk", "wall", each=1, per_10_m2=0.8),
+        Entry("shelf", "wall", each=1),
+        Entry("armchair", "corner", each=0.4),
     ],
-    "meeting": [Entry(_MEETING_TABLE, "free", each=1), Entry(_SIDEBOARD, "wall", each=1)],
+    "meeting": [Entry("meeting table", "free", each=1), Entry("sideboard", "wall", each=1)],
     "open office": [
-        Entry(_desks, "free", per_10_m2=0.9),
-        Entry(_SHELF, "wall", per_10_m2=1),
-        Entry(_column, "free", per_10_m2=0.33),
+        Entry("desks", "free", per_10_m2=0.9),
+        Entry("shelf", "wall", per_10_m2=1),
+        Entry("column", "free", per_10_m2=0.33),
     ],
 }
 
@@ -320,7 +337,7 @@ def _relative(window: Window, outer: Window) -> Window | None:
 
 def _place(space: Space, floor: Rect, entry: Entry, rng: np.random.Generator) -> None:
     """Try to put a piece somewhere along a wall, into a corner or freely into a room."""
-    piece = entry.make(rng)
+    piece = _MAKERS[entry.piece](rng)
     extent = np.ptp(np.vstack(piece), axis=0)
     for _ in range(TRIES):
         if entry.place == "free":

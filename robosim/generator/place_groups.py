@@ -14,7 +14,7 @@ import shapely
 from jaxtyping import Bool
 
 from robosim.generator.canvas import Canvas, Polygon, Rect
-from robosim.generator.furniture_cells import Entry, Space, turn
+from robosim.generator.furniture_cells import Entry, Space, movables, turn
 from robosim.generator.layout import Layout
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import make_piece
@@ -26,15 +26,15 @@ class Part(NamedTuple):
     piece: str
     """One of `robosim.plans.furnishings.pieces.PIECES`."""
     sizes: dict[str, Any]
-    """Its sizes, `width_m` and `depth_m` among them."""
+    """Sizes of the piece, `width_m` and `depth_m` among them."""
     x_m: float
     y_m: float
-    """Its middle [m]; the wall is at 0."""
+    """Middle of the piece [m]; the wall is at 0."""
     yaw: float = 0.0
-    """Its rotation [rad]; its back is at the wall without."""
+    """Rotation of the piece [rad]; at 0 its back is at the wall."""
 
     def outline(self) -> Polygon:
-        """Its rectangle on the floor [m]."""
+        """Rectangle of the piece on the floor [m]."""
         width, depth = self.sizes["width_m"], self.sizes.get("depth_m", self.sizes["width_m"])
         corners = Rect(-width / 2, -depth / 2, width / 2, depth / 2).polygon()
         return corners @ turn(self.yaw).T + (self.x_m, self.y_m)
@@ -42,11 +42,6 @@ class Part(NamedTuple):
 
 Group = list[Part]
 Maker = Callable[[np.random.Generator], Group]
-
-
-def entries(kind: str) -> list[Entry]:
-    """Furniture of a kind of room in the order in which it is placed: large pieces first."""
-    return _BY_KIND[kind] + _SMALL
 
 
 def _one(piece: str, **ranges: tuple[float, float]) -> Maker:
@@ -85,61 +80,30 @@ def _desk(rng: np.random.Generator) -> Group:
     return [Part("table", table, 0.0, depth / 2), _chair(rng, rng.uniform(-0.2, 0.2), depth + 0.32, np.pi)]
 
 
-_BED = _one("bed", width_m=(0.9, 1.8), depth_m=(2.0, 2.15), height_m=(0.42, 0.58), clearance_m=(0.15, 0.3))
-_SOFA = _one("sofa", width_m=(1.5, 2.3), depth_m=(0.85, 0.95), height_m=(0.75, 0.9))
-_ARMCHAIR = _one("sofa", width_m=(0.8, 0.95), depth_m=(0.8, 0.9), height_m=(0.75, 0.95))
-_WARDROBE = _one("cupboard", width_m=(0.9, 2.4), depth_m=(0.55, 0.65), height_m=(1.9, 2.3))
-_SHELF = _one("shelf", width_m=(0.6, 1.6), depth_m=(0.25, 0.4), height_m=(0.9, 2.1))
-_SIDEBOARD = _one("cupboard", width_m=(0.9, 1.8), depth_m=(0.4, 0.5), height_m=(0.55, 0.95))
-_LOW_TABLE = _one("table", width_m=(0.7, 1.2), depth_m=(0.5, 0.8), height_m=(0.38, 0.48), leg_m=(0.04, 0.06))
-_COUNTER = _one("cupboard", width_m=(1.5, 3.0), depth_m=(0.58, 0.66), height_m=(0.88, 0.94))
-_MACHINE = _one("cupboard", width_m=(0.6, 0.65), depth_m=(0.6, 0.65), height_m=(0.85, 1.85))
-_TUB = _one("cupboard", width_m=(1.5, 1.8), depth_m=(0.7, 0.8), height_m=(0.5, 0.6))
-_BASIN = _one("cupboard", width_m=(0.5, 1.2), depth_m=(0.42, 0.55), height_m=(0.8, 0.9))
-_TOILET = _one("cupboard", width_m=(0.38, 0.42), depth_m=(0.6, 0.7), height_m=(0.42, 0.8))
-_PLANT = _one("plant", width_m=(0.3, 0.6), height_m=(0.5, 1.6))
-_BOX = _one("cupboard", width_m=(0.25, 0.5), depth_m=(0.2, 0.45), height_m=(0.2, 0.6))
-
-_SMALL = [Entry(_PLANT, "corner", per_10_m2=0.25), Entry(_BOX, "wall", per_10_m2=0.6)]
-_BY_KIND = {
-    "bedroom": [
-        Entry(_BED, "wall", each=1),
-        Entry(_WARDROBE, "corner", each=1),
-        Entry(_SIDEBOARD, "wall", each=0.7),
-        Entry(_desk, "wall", each=0.5),
-    ],
-    "living": [
-        Entry(_SOFA, "wall", each=1, per_10_m2=0.15),
-        Entry(_LOW_TABLE, "free", each=0.7),
-        Entry(_SIDEBOARD, "wall", each=1),
-        Entry(_ARMCHAIR, "wall", per_10_m2=0.5),
-        Entry(_SHELF, "wall", per_10_m2=0.8),
-        Entry(_dining, "free", per_10_m2=0.25),
-    ],
-    "dining": [
-        Entry(_dining, "free", each=1),
-        Entry(_SIDEBOARD, "wall", each=1),
-        Entry(_SHELF, "wall", each=0.5),
-    ],
-    "kitchen": [
-        Entry(_COUNTER, "corner", each=1),
-        Entry(_COUNTER, "wall", each=0.6),
-        Entry(_MACHINE, "corner", each=1),
-        Entry(_dining, "free", per_10_m2=0.4),
-    ],
-    "bath": [
-        Entry(_TUB, "corner", each=1),
-        Entry(_BASIN, "wall", each=1),
-        Entry(_TOILET, "wall", each=1),
-        Entry(_MACHINE, "corner", each=0.4),
-    ],
-    "hall": [Entry(_SHELF, "wall", per_10_m2=0.8)],
-    "storage": [Entry(_SHELF, "wall", each=1, per_10_m2=1.5)],
-    "office": [Entry(_desk, "wall", each=1, per_10_m2=0.8), Entry(_SHELF, "wall", each=1)],
-    "meeting": [Entry(_dining, "free", each=1), Entry(_SIDEBOARD, "wall", each=1)],
-    "open office": [Entry(_desk, "free", per_10_m2=0.9), Entry(_SHELF, "wall", per_10_m2=0.8)],
+#: Makers of groups by the name of the piece in plans of cells; others are left out.
+_MAKERS: dict[str, Maker] = {
+    "table": _dining,
+    "meeting table": _dining,
+    "desk": _desk,
+    "desks": _desk,
+    "bed": _one(
+        "bed", width_m=(0.9, 1.8), depth_m=(2.0, 2.15), height_m=(0.42, 0.58), clearance_m=(0.15, 0.3)
+    ),
+    "sofa": _one("sofa", width_m=(1.5, 2.3), depth_m=(0.85, 0.95), height_m=(0.75, 0.9)),
+    "armchair": _one("sofa", width_m=(0.8, 0.95), depth_m=(0.8, 0.9), height_m=(0.75, 0.95)),
+    "wardrobe": _one("cupboard", width_m=(0.9, 2.4), depth_m=(0.55, 0.65), height_m=(1.9, 2.3)),
+    "shelf": _one("shelf", width_m=(0.6, 1.6), depth_m=(0.25, 0.4), height_m=(0.9, 2.1)),
+    "sideboard": _one("cupboard", width_m=(0.9, 1.8), depth_m=(0.4, 0.5), height_m=(0.55, 0.95)),
+    "low table": _one(
+        "table", width_m=(0.7, 1.2), depth_m=(0.5, 0.8), height_m=(0.38, 0.48), leg_m=(0.04, 0.06)
+    ),
+    "counter": _one("cupboard", width_m=(1.5, 3.0), depth_m=(0.58, 0.66), height_m=(0.88, 0.94)),
+    "machine": _one("cupboard", width_m=(0.6, 0.65), depth_m=(0.6, 0.65), height_m=(0.85, 1.85)),
+    "tub": _one("cupboard", width_m=(1.5, 1.8), depth_m=(0.7, 0.8), height_m=(0.5, 0.6)),
+    "basin": _one("cupboard", width_m=(0.5, 1.2), depth_m=(0.42, 0.55), height_m=(0.8, 0.9)),
+    "toilet": _one("cupboard", width_m=(0.38, 0.42), depth_m=(0.6, 0.7), height_m=(0.42, 0.8)),
+    "plant": _one("plant", width_m=(0.3, 0.6), height_m=(0.5, 1.6)),
 }
-
 
 #: Pieces keep this far from each other at least, and a cell from walls [m].
 GAP_M = 0.02
@@ -166,7 +130,9 @@ def place_pieces(
     pieces: list[Furnishing] = []
     for i, room in enumerate(layout.rooms):
         space = Space(canvas, layout, i, passage_m)
-        for entry in entries(room.kind):
+        for entry in movables(room.kind):
+            if entry.piece not in _MAKERS:
+                continue
             for _ in range(entry.draw_count(rng, room.floor.area, density)):
                 pieces += _try(canvas, space, room_left, room.floor, entry, rng)
     return pieces
@@ -197,7 +163,7 @@ def _try(
     canvas: Canvas, space: Space, left: _Room, floor: Rect, entry: Entry, rng: np.random.Generator
 ) -> list[Furnishing]:
     """Try to place a group along a wall, into a corner or freely in a room; nothing if there is no place."""
-    group = entry.make(rng)
+    group = _MAKERS[entry.piece](rng)
     corners = np.vstack([piece.outline() for piece in group])
     low, high = corners.min(axis=0), corners.max(axis=0)
     for _ in range(TRIES):
