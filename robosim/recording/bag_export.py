@@ -156,7 +156,19 @@ class _Messages:
                 yield "/arrivals", time_s, self._arrivals(time_s, step)
 
     def _make(self, kind: str, **values: Any) -> Any:
-        return self.store.types[kind](__msgtype__=kind, **values)
+        """A message; fields without a value are zero or empty."""
+        fields = dict(self.store.fielddefs[kind][1])
+        unset = {name: self._zero(*form) for name, form in fields.items() if name not in values}
+        return self.store.types[kind](__msgtype__=kind, **values, **unset)
+
+    def _zero(self, node: int, form: Any) -> Any:
+        """The zero of a type of `rosbags`: a number or text (1), a message (2), an array (3) or a sequence (4)."""
+        if node == 1:
+            return "" if form[0] == "string" else np.dtype(form[0]).type(0).item()
+        if node == 2:
+            return self._make(form)
+        (of, element), length = form
+        return np.zeros(length, element[0]) if of == 1 else []
 
     def _header(self, time_s: float, frame: str) -> Any:
         nanoseconds = round(1e9 * time_s)
@@ -196,20 +208,16 @@ class _Messages:
         return self._make("tf2_msgs/msg/TFMessage", transforms=[transform])
 
     def _twist(self, v_mps: float, w_radps: float) -> Any:
-        linear = self._make("geometry_msgs/msg/Vector3", x=v_mps, y=0.0, z=0.0)
-        angular = self._make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=w_radps)
+        linear = self._make("geometry_msgs/msg/Vector3", x=v_mps)
+        angular = self._make("geometry_msgs/msg/Vector3", z=w_radps)
         return self._make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
 
     def _odometry(self, time_s: float, pose: Float[np.ndarray, "3"]) -> Any:
-        twist, unknown = self._twist(0.0, 0.0), np.zeros(36)
         return self._make(
             "nav_msgs/msg/Odometry",
             header=self._header(time_s, "odom"),
             child_frame_id="base_link",
-            pose=self._make(
-                "geometry_msgs/msg/PoseWithCovariance", pose=self._planar(pose), covariance=unknown
-            ),
-            twist=self._make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+            pose=self._make("geometry_msgs/msg/PoseWithCovariance", pose=self._planar(pose)),
         )
 
     def _scan(self, time_s: float, laser: LaserScan) -> Any:
@@ -219,12 +227,8 @@ class _Messages:
             angle_min=float(laser.bearing_rad[0]),
             angle_max=float(laser.bearing_rad[-1]),
             angle_increment=laser.step_rad,
-            time_increment=0.0,
-            scan_time=0.0,
-            range_min=0.0,
             range_max=laser.max_range_m,
             ranges=laser.range_m.astype(np.float32),
-            intensities=np.zeros(0, np.float32),
         )
 
     def _pictures(self, time_s: float, step: Step, camera: CameraConfig) -> Iterator[tuple[str, float, Any]]:
@@ -238,7 +242,6 @@ class _Messages:
                 height=pixels.shape[0],
                 width=pixels.shape[1],
                 encoding=encoding,
-                is_bigendian=0,
                 step=rows.shape[1],
                 data=rows.ravel(),
             )
@@ -255,16 +258,6 @@ class _Messages:
             k=k.ravel(),
             r=np.eye(3).ravel(),
             p=np.column_stack([k, np.zeros(3)]).ravel(),
-            binning_x=0,
-            binning_y=0,
-            roi=self._make(
-                "sensor_msgs/msg/RegionOfInterest",
-                x_offset=0,
-                y_offset=0,
-                height=0,
-                width=0,
-                do_rectify=False,
-            ),
         )
         yield "/camera/camera_info", time_s, info
 
@@ -296,7 +289,6 @@ class _Messages:
         measured = step.estimated.measurement
         assert measured is not None
         red, green, blue = (value / 255 for value in STATE_COLOURS[measured.state])
-        zero = self._make("builtin_interfaces/msg/Duration", sec=0, nanosec=0)
         arrows: list[tuple[dict[str, Any], float, float]] = [
             (
                 {"action": 3, "id": 0, "pose": self._pose((0.0, 0.0, 0.0))},
@@ -318,27 +310,8 @@ class _Messages:
                 "visualization_msgs/msg/Marker",
                 header=self._header(time_s, "map"),
                 ns="arrivals",
-                type=0,
                 scale=self._make("geometry_msgs/msg/Vector3", x=length_m, y=_SHAFT_M, z=_SHAFT_M),
                 color=self._make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
-                lifetime=zero,
-                frame_locked=False,
-                points=[],
-                colors=[],
-                texture_resource="",
-                texture=self._make(
-                    "sensor_msgs/msg/CompressedImage",
-                    header=self._header(time_s, ""),
-                    format="",
-                    data=np.zeros(0, np.uint8),
-                ),
-                uv_coordinates=[],
-                text="",
-                mesh_resource="",
-                mesh_file=self._make(
-                    "visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)
-                ),
-                mesh_use_embedded_materials=False,
                 **arrow,
             )
             for arrow, length_m, alpha in arrows
