@@ -61,9 +61,9 @@ class Finding:
     part: str
     works: bool
     detail: str
-    """What was found and measured, or what went wrong."""
+    """Result and measured rate, or the error."""
     fix: str = ""
-    """What to install or do."""
+    """Package to install, or another remedy."""
     needed: bool = True
     """Whether robosim cannot do its main job without it."""
 
@@ -174,7 +174,7 @@ def _measure_camera(system: GLSystem) -> str:
 
 
 def _camera(systems: dict[GLSystem, Finding]) -> Finding:
-    """Which system a camera takes, and why; whether it works there."""
+    """Report the OpenGL system that a camera takes, why, and whether it works."""
     setting = os.environ.get("PYOPENGL_PLATFORM", "")
     is_set = setting.lower() in SYSTEM_NAMES
     working = [system for system, finding in systems.items() if finding.works]
@@ -316,7 +316,7 @@ def _room() -> "Building":
 
 
 def remedy(error: BaseException, module: str) -> str:
-    """What to install or to do about an error that was raised while a Python module was being tried."""
+    """Remedy for an error that was raised while a Python module was being tried."""
     text = str(error)
     if isinstance(error, PermissionError) and error.filename:
         return f"get permission to use {error.filename}"
@@ -351,7 +351,7 @@ def _package(module: str) -> str:
 
 
 def _requirement(module: str) -> str:
-    """What to ask pip for to get a module: as this project's own requirement says, if it has one."""
+    """Requirement of pip for a module, by this project's own requirements if they have one."""
     package = _package(module)
     try:
         stated = importlib.metadata.requires(DISTRIBUTION) or []

@@ -33,7 +33,7 @@ DECISIONS, HEIGHT_M = 60, 1.5
 
 
 class Rate(NamedTuple):
-    """What was measured, a second of one core."""
+    """Measured rate per second of one core."""
 
     name: str
     per_s: float

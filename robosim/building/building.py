@@ -117,7 +117,7 @@ class Building(Faces):
     """A storey in three dimensions, in the `map` frame: z up, floor at z = 0."""
 
     plan: FloorPlan
-    """Its floor plan."""
+    """Floor plan of the storey."""
     free: shapely.MultiPolygon
     """Free floor [m] in `map`; walls stand on its boundary. Furnishings are not taken off: see `floor`,
     `free_at`."""
@@ -157,7 +157,7 @@ class Building(Faces):
         return self._without("taken", height_m)
 
     def free_at(self, height_m: float) -> shapely.MultiPolygon:
-        """Where points at some height [m] are in neither a wall nor a placed body, seen from above, in `map` [m]."""
+        """Area at a height [m] in which a point is in neither a wall nor a placed body, from above, in `map` [m]."""
         return self._without("level", height_m)
 
     @cached_property
@@ -345,7 +345,7 @@ def _own_materials(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"]
 
 
 def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, " n_rings"]:
-    """Which rings go around islands of at most this area that have no free space inside."""
+    """Mask of rings around islands of at most this area without free space inside."""
     parts = shapely.get_parts(free)
     rings, part = shapely.get_rings(parts, return_index=True)
     island = np.append(False, part[1:] == part[:-1])  # the first ring of each part is its outer one

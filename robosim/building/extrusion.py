@@ -240,7 +240,7 @@ def _half_edges(
     *,
     must: bool = True,
 ) -> Int[np.ndarray, " m"]:
-    """Which side of which triangle runs from `start` to `end`, as triangle * 3 + side; -1 where none does."""
+    """Side of a triangle from `start` to `end`, as triangle * 3 + side; -1 if there is none."""
     base = 1 + max(triangles.max(initial=0), start.max(initial=0), end.max(initial=0))
     keys = (triangles * base + np.roll(triangles, -1, axis=1)).ravel()
     order = np.argsort(keys)

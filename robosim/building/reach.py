@@ -71,7 +71,7 @@ class Reach:
     floor: Bool[np.ndarray, "ny nx"]
     """Free cells on which nothing stops the robot."""
     overhung: Bool[np.ndarray, "ny nx"]
-    """Those of them with something above."""
+    """Cells of the floor with something above."""
 
     @property
     def radius_m(self) -> float:
@@ -198,7 +198,7 @@ class Reach:
 def reach(
     building: Building, radius_m: float, height_m: float | None = None, outline_m: Outline = ()
 ) -> Reach:
-    """Where the middle of a hull's axle can be in a building.
+    """Find the places in a building that the middle of a hull's axle can be at.
 
     Args:
         building: The walls and furnishings.
@@ -304,7 +304,7 @@ def _nearest_cell(
 def _on(
     plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], floor: shapely.Geometry
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Those of some cells whose centre is on some floor."""
+    """Mask of those cells whose centre lies on a floor."""
     mask = np.zeros(plan.shape, bool)
     shapely.prepare(floor)
     at_once = 1 + _CELLS_AT_ONCE // plan.shape[1]

@@ -54,9 +54,9 @@ class Ring(NamedTuple):
     """A closed line along edges of cells, edge by edge."""
 
     point: Int[np.ndarray, "n 2"]
-    """Where each edge begins."""
+    """Start of each edge."""
     step: Int[np.ndarray, "n 2"]
-    """Where it leads: a unit vector along the grid."""
+    """Direction of each edge: a unit vector along the grid."""
     fixed: Bool[np.ndarray, " n"]
     """Whether it stays as it is."""
 
@@ -112,7 +112,7 @@ def _fix(rings: list[Ring], wrong: KDTree, apart: float) -> list[int]:
 
 
 def _crossings(corners: list[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "n 2"]:
-    """Where closed lines cross themselves or each other; places near all of these, that is."""
+    """Places near all crossings of closed lines with themselves or each other."""
     ends = np.concatenate([np.stack([points, np.roll(points, -1, axis=0)], axis=1) for points in corners])
     walls = shapely.linestrings(ends)
     first, other = shapely.STRtree(walls).query(walls, predicate="intersects")
@@ -186,7 +186,7 @@ def _along_grid(ring: Ring, first: int, end: int) -> list[Wall]:
 
 
 def _corners(ring: Ring) -> Float[np.ndarray, "m 2"]:
-    """Where the straight walls of a ring meet, in order."""
+    """Corners at which the straight walls of a ring meet, in order."""
     spans, lines = _segments(np.tile(ring.step, (2, 1)), np.tile(ring.fixed, 2))
     if not len(spans):
         turns = (ring.step != np.roll(ring.step, 1, axis=0)).any(axis=1)
@@ -236,7 +236,7 @@ def _merged(corners: Float[np.ndarray, "n 2"], on_grid: list[int]) -> Float[np.n
 
 
 def _meeting(ring: Ring, before: Wall, after: Wall) -> Float[np.ndarray, "2"] | None:
-    """Where two walls in a row meet; None if that is nowhere near both."""
+    """Corner at which two consecutive walls meet; None if it is near neither."""
     n = len(ring.step)
     if not (before.slanted or after.slanted):
         return ring.point[after.first % n].astype(float)

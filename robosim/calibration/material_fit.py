@@ -51,25 +51,25 @@ class MaterialFit:
     """Materials that fit best, and how well."""
 
     wall: str
-    """Of walls without a colour."""
+    """Material of walls without a colour."""
     colours: tuple[str, ...]
-    """Of each material of the plan, in its order."""
+    """Chosen material for each material of the plan, in its order."""
     before_db: tuple[float, float]
     """Residual at places that materials were chosen on and at the others, root mean square, with those given [dB]."""
     after_db: tuple[float, float]
-    """The same with those chosen."""
+    """Errors with the chosen materials."""
     tried: dict[str, float]
     """Residual of each material for the walls without a colour, where materials were chosen [dB]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Explained:
-    """How much of what was measured traced paths explain."""
+    """Fractions of the measurement that traced paths explain."""
 
     paths: float
     """Share of the measured paths."""
     by_chance: float
-    """The same with the paths of other places."""
+    """Fraction explained by the paths of other places."""
     power: float
     """Share of the measured power."""
     off_db: float
@@ -96,7 +96,7 @@ class Fit:
         return match(self._hall, trace_hall(self._hall, tracer, self._config.height_m), self._config)
 
     def explained(self, plan: FloorPlan, wall: str, kinds: TracerConfig) -> Explained:
-        """How much is explained; ValueError as in `residuals_db`."""
+        """Compute the explained fractions; ValueError as in `residuals_db`."""
         matched = self.match(plan, wall, kinds)
         off = residuals_db(self._hall, matched)
         assert self._hall.power_db is not None  # or there are no residuals

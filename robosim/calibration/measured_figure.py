@@ -18,7 +18,7 @@ _STROKE_M = 1.0
 
 
 def kinds_of(matched: Matched) -> dict[str, Bool[np.ndarray, " n"]]:
-    """Which measured paths are explained by what."""
+    """Group measured paths by what explains them."""
     by_walls = matched.explained & ~matched.diffracted
     return {
         "direct": matched.order == 0,

@@ -54,7 +54,7 @@ class MeasuredHall:
 
     @property
     def transmitter(self) -> Float[np.ndarray, "3"]:
-        """Where the transmitter truly is: x [m], y [m], heading [rad]."""
+        """True pose of the transmitter: x [m], y [m], heading [rad]."""
         return self.table[0, 1:4]
 
     @property
@@ -88,7 +88,7 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class MatchConfig:
-    """How far apart the same path may be measured and traced."""
+    """Tolerances between a measured and a traced path."""
 
     delay_ns: Annotated[float, Range(1e-3, 1e3, "ns")] = 1.0
     angle_deg: Annotated[float, Range(1e-3, 180, "degrees")] = 5.0
@@ -109,9 +109,9 @@ class Matched:
     traced_db: Float[np.ndarray, " n"]
     """Power gain of that path [dB]; NaN for none."""
     path: Int[np.ndarray, " n"]
-    """Its number among the traced paths, -1 for none."""
+    """Number of the matching traced path, -1 for none."""
     order: Int[np.ndarray, " n"]
-    """Its number of interactions, -1 for none."""
+    """Number of interactions of the matching path, -1 for none."""
     diffracted: Bool[np.ndarray, " n"]
     """Whether it met an edge."""
     by_chance: float

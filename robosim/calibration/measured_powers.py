@@ -38,7 +38,7 @@ class MeasuredPowers:
     places: Float[np.ndarray, "n 3"]
     """Positions of the receiver [m]."""
     heading_rad: Float[np.ndarray, " n"] | None
-    """Its headings; None if unknown."""
+    """Headings of the receiver; None if unknown."""
     power_dbm: Float[np.ndarray, "b n"]
     """Powers; NaN where none was received."""
 

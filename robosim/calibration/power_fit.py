@@ -63,7 +63,7 @@ _PATHS = TracerConfig(max_reflections=2, max_transmissions=2, floor_ceiling=True
 @dataclass(frozen=True, kw_only=True)
 @checked
 class PowerFitConfig:
-    """What is traced, and what is known of walls and antennas before the fit."""
+    """Settings of the tracing, and prior knowledge of walls and antennas."""
 
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 2.44e9
     ceiling_m: Annotated[float, Range(0.1, 100, "m")] = 2.5
@@ -81,7 +81,7 @@ class PowerFitConfig:
     beacon_orders: Annotated[int, Range(0, 8)] = 2
     """Orders of the pattern of each beacon."""
     tracer: TracerConfig = _PATHS
-    """Which paths are traced."""
+    """Settings of the tracer."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,7 +156,7 @@ class _Model:
         self.mean = np.concatenate([prior, np.zeros(len(measured.names) + len(columns))])
         """Parameters before the fit: logarithms of the wall, offsets of beacons, coefficients of patterns."""
         self.precision = 1 / np.concatenate([_PRIOR, np.full(len(measured.names), np.inf), deviations])
-        """One over their standard deviations."""
+        """Inverse standard deviations of the parameters."""
         self._last: tuple[bytes, Float[np.ndarray, " p"]] = b"", base
 
     def predict(self, x: Float[np.ndarray, " k"]) -> Float[np.ndarray, " m"]:
@@ -346,7 +346,7 @@ def _on_floor(
 def _harmonics(
     azimuth_rad: Float[np.ndarray, " p"], elevation_rad: Float[np.ndarray, " p"], orders: int
 ) -> list[Float[np.ndarray, " p"]]:
-    """What the coefficients of a pattern are multiplied by, cosine before sine of each order."""
+    """Basis functions of a pattern, cosine before sine of each order."""
     level = np.cos(elevation_rad)
     return [level * wave(k * azimuth_rad) for k in range(1, orders + 1) for wave in (np.cos, np.sin)]
 

@@ -1,1 +1,1 @@
-"""What the `robosim` command can do, one group of commands a file; `robosim.cli` lists them."""
+"""Commands of `robosim`, a group of commands per file; `robosim.cli` lists them."""

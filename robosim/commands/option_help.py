@@ -26,7 +26,7 @@ _METAVARS: dict[Any, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH
 
 
 def option_registry(*, brief: bool) -> ConstructorRegistry:
-    """What `tyro.cli` is given so that the fields of configurations become options as `option_type` says."""
+    """Make the registry for `tyro.cli` by which fields of configurations become options as in `option_type`."""
     registry, inside = ConstructorRegistry(), False
 
     @registry.struct_rule

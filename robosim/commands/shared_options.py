@@ -299,7 +299,7 @@ def output_folder(out: Path | None, command: str) -> Path:
 
 @contextmanager
 def results_folder(out: Path | None, command: str) -> Iterator[Path]:
-    """The same folder, made, and locked as long as the block lasts."""
+    """Make the output folder of a command, and lock it as long as the block lasts."""
     with run_folder(output_folder(out, command), command) as folder:
         yield folder
 

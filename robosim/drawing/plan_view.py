@@ -214,7 +214,7 @@ class PlanView:
         return np.column_stack([across[:, 0], HEIGHT - across[:, 1]])
 
     def _fixed(self, points: np.ndarray) -> np.ndarray:
-        """The same in OpenCV's fixed-point numbers."""
+        """Pixels in OpenCV's fixed-point numbers."""
         return np.rint(self._pixels(points) * (1 << _SHIFT)).astype(np.int32)[:, None, :]
 
     def _pixel(self, point: np.ndarray) -> tuple[int, int]:

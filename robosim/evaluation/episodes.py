@@ -50,7 +50,7 @@ _LARGEST = 1e15
 
 
 def name_of(row: Mapping[str, Any]) -> str:
-    """What an episode's file is called, unique in an evaluation: PLAN/TASK-POLICY-REPEAT.
+    """Name of an episode's file, unique in an evaluation: PLAN/TASK-POLICY-REPEAT.
 
     A policy that is a file lies in folders of its own, which are no folders of the evaluation.
     """
@@ -128,7 +128,7 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Of its file, unique in an evaluation."""
+        """Name of the episode's file, unique in an evaluation."""
         return name_of(self.identity)
 
     @property
@@ -138,12 +138,12 @@ class Job:
         return {"plan": task.plan, "task": task.number, "policy": self.policy, "repeat": self.repeat}
 
     def scene(self) -> tuple[Building, Reach]:
-        """Its building, and what the robot can reach there."""
+        """Building of the episode, and the places that the robot can reach in it."""
         config = self.config
         return scene(self.plan_file, self.reader, config.building, config.simulator.robot.hull_m)
 
     def file(self, out: Path) -> Path:
-        """Where the episode is stored below the folder of an evaluation."""
+        """File of the episode below the folder of an evaluation."""
         return Path(out) / "episodes" / f"{self.name}.npz"
 
 
@@ -153,9 +153,9 @@ class Failure:
 
     job: Job
     error: str
-    """Its kind and the first line of its message."""
+    """Kind of the error and the first line of its message."""
     trace: str
-    """Where it happened."""
+    """Traceback."""
 
 
 def make_jobs(

@@ -76,7 +76,7 @@ class Evaluation:
 
     @property
     def warnings(self) -> list[str]:
-        """What a reader must know before trusting the numbers."""
+        """Warnings for readers of the numbers."""
         lines = [f"{f.job.name} failed and is left out: {f.error}" for f in self.errors]
         if self.foreign:
             lines.append(
@@ -241,7 +241,7 @@ def _title(result: Evaluation, task: Compared) -> str:
 
 
 def _outcome(result: Evaluation, task: Compared) -> str:
-    """How the two policies that are compared ended, in a line."""
+    """Summarise in a line how the two compared policies ended."""
     words = []
     for row in (result.rows[i] for i in (task.subject, task.rival) if i is not None):
         if row["arrived"]:
@@ -274,7 +274,7 @@ def _section(
 
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Of `_TASK_HEADS`."""
+    """Cells of the columns `_TASK_HEADS`."""
     time = row["relative_time"]
     return (
         escape(row["policy"]),

@@ -114,7 +114,7 @@ class Summary:
     time_median: Estimate
     """Relative arrival time that half of the episodes keep within; infinite if less than half arrive."""
     time_p80: Estimate
-    """The same for 80 %."""
+    """Relative arrival time that 80 % of the episodes keep within."""
     limit_median: Estimate
     """Median arrival time relative to that of `shortest`, the physical limit; NaN where that was not run."""
     spl: Estimate

@@ -1,4 +1,4 @@
-"""Which searches are made: a list of tasks, drawn from floor plans by a seed, or read from a file.
+"""Suites of searches: a list of tasks, drawn from floor plans by a seed, or read from a file.
 
 A task is a plan, a start and a target. Task i of a plan is drawn from the seed, the plan's name and i alone, so
 that neither other plans nor the number of tasks change it. Places are stored as they are typed, in metres and degrees
@@ -58,7 +58,7 @@ class SuiteTask:
     plan: str
     """Name of the plan in the suite."""
     number: int
-    """Which of the plan's tasks it is, from 0."""
+    """Number of the task in its plan, from 0."""
     start: tuple[float, float, float]
     """x [m], y [m], yaw [degrees] in `map`."""
     target: tuple[float, float]
@@ -78,11 +78,11 @@ class Suite:
     tasks: tuple[SuiteTask, ...]
     """Ordered by plan."""
     seed: int = 0
-    """What the tasks and all noise are drawn from."""
+    """Seed of the tasks and of all noise."""
     reader: str = "auto"
     """Reader of the plans, of `robosim.parts.READER`, by name or `module:Name`."""
     file: Path | None = field(default=None, compare=False)
-    """What it was read from."""
+    """File that the suite was read from."""
 
     def check_places(self) -> None:
         """Raise FileError, before any task is run, if one begins or ends outside of its plan."""

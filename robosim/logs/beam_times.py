@@ -38,13 +38,13 @@ class OdometryTrack:
     """Whether the motion since the reading before is known, but for late readings and restarts; None for all."""
 
     def late(self) -> Bool[np.ndarray, " m"]:
-        """Which readings come too long after the one before."""
+        """Mask of readings that come too long after the one before."""
         step_s = np.diff(self.times, prepend=self.times[0])
         usual_s = float(np.median(step_s[1:])) if len(step_s) > 1 else 0.0
         return step_s > max(_LATE_S, _LATE_STEPS * usual_s)
 
     def restarts(self) -> Bool[np.ndarray, " m"]:
-        """Which readings jump back to where odometry began."""
+        """Mask of readings that jump back to where odometry began."""
         step = np.abs(np.diff(self.poses, axis=0, prepend=self.poses[:1]))
         step_s = np.diff(self.times, prepend=self.times[0])
         jumps = np.hypot(step[:, 0], step[:, 1]) > np.maximum(_JUMP_M, _JUMP_M_S * step_s)

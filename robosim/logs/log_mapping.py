@@ -48,13 +48,13 @@ class LogOdometryConfig:
     """
 
     position_m: Annotated[float, Range(1e-6, 10, "m")] = 0.04
-    """Of the place, constant part [m]."""
+    """Standard deviation of the place, constant part [m]."""
     position_per_m: Annotated[float, Range(0, 10)] = 0.05
-    """Of the place, for each metre driven."""
+    """Standard deviation of the place, for each metre driven."""
     yaw_rad: Annotated[float, Range(1e-6, math.pi, "rad")] = 0.05
-    """Of the heading, constant part [rad]."""
+    """Standard deviation of the heading, constant part [rad]."""
     yaw_per_rad: Annotated[float, Range(0, 10)] = 0.15
-    """Of the heading, for each radian turned."""
+    """Standard deviation of the heading, for each radian turned."""
     unknown_m: Annotated[tuple[float, float], Range(1e-3, 100, "m")] = (1.0, 0.2)
     """Without odometry: of the place ahead, and to the side [m]."""
     unknown_rad: Annotated[float, Range(1e-3, 2 * math.pi, "rad")] = 0.45
@@ -223,7 +223,7 @@ def _scan(
 
 
 def _view(bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], farthest_m: float) -> View:
-    """How far a scan saw: not at all where nothing was measured."""
+    """Range that each beam saw: zero where nothing was measured."""
     seen = np.where(range_m < farthest_m, range_m, -_NOTHING_M)
     return View(bearing_rad=bearing_rad, range_m=np.where(np.isnan(range_m), 0.0, seen))
 

@@ -41,11 +41,11 @@ class RobotLog:
     """A log, with one entry per scan."""
 
     name: str
-    """Its name in reports."""
+    """Name of the log in reports."""
     bearing_rad: Float[np.ndarray, "*n w"]
     """Directions of the beams in the laser's frame [rad], rising: counter-clockwise, 0 ahead; or a row per scan."""
     range_m: Float[np.ndarray, "n w"]
-    """How far each beam went [m]; inf where nothing was hit, NaN where nothing was measured."""
+    """Range of each beam [m]; inf where nothing was hit, NaN where nothing was measured."""
     displacement: Float[np.ndarray, "n 3"]
     """Displacement since the scan before by odometry: x, y [m], yaw [rad] in the frame before; 0 for the first."""
     known: Bool[np.ndarray, " n"]
@@ -111,7 +111,7 @@ class RobotLog:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class BagTopics:
-    """What to read of a bag; topics that are not given are found by type."""
+    """Topics to read of a bag; those that are not given are found by type."""
 
     scan_topic: Annotated[str | None, ADVANCED] = None
     """Topic of a bag with scans, point clouds or depth images."""

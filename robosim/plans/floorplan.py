@@ -79,9 +79,9 @@ class FloorPlan:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x [m], y [m], yaw [rad] in `map` of the lower-left corner of cell (0, 0)."""
     name: str = "plan"
-    """Its name in reports and pictures."""
+    """Name of the plan in reports and pictures."""
     wall_line: WallLine = "cell_edge"
-    """Where walls stand: on the edges of free cells, or through the centres of the outermost ones."""
+    """Position of walls: on the edges of free cells, or through the centres of the outermost ones."""
     eroded_m: float = 0.0
     """Margin that was already taken off the free area [m]."""
     material: UInt8[np.ndarray, "ny nx"] | None = None
@@ -116,7 +116,7 @@ class FloorPlan:
         )
 
     def _problem_of_grid(self) -> str | None:
-        """What is wrong with the cells, if anything."""
+        """Describe what is wrong with the cells; empty if nothing is."""
         grid = self.occupancy
         if grid.ndim != 2 or 0 in grid.shape:
             return f"occupancy has shape {grid.shape}, expected (ny, nx)."
@@ -145,7 +145,7 @@ class FloorPlan:
         return None
 
     def _problem_of_place(self) -> str | None:
-        """What is wrong with the numbers around the grid, if anything."""
+        """Describe what is wrong with the numbers around the grid; empty if nothing is."""
         try:
             check_resolution(self.resolution_m)
         except MapError as error:
@@ -176,7 +176,7 @@ class FloorPlan:
 
     @property
     def free(self) -> Bool[np.ndarray, "ny nx"]:
-        """Which cells are free."""
+        """Mask of the free cells."""
         return self.occupancy == FREE
 
     @property

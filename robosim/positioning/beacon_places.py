@@ -1,4 +1,4 @@
-"""Where beacons are, from powers that a robot received along its route: in a plan, in a map it made, or without either.
+"""Positions of beacons from powers received along a route: in a plan, in the robot's map, or without either.
 
 Candidate places lie on a grid around the free floor of the plan or map, or around the route. A law of distance with
 walls and correlated shadowing (`wireless.positioning.received_power`) gives the probability of each. Furniture and
@@ -34,7 +34,7 @@ _FARTHEST = 3.0
 @dataclass(frozen=True, kw_only=True)
 @checked
 class BeaconConfig:
-    """What is known before the readings, and how exact places can be."""
+    """Prior knowledge of a beacon, and the resolution of its place."""
 
     law: PowerLawConfig = field(default_factory=PowerLawConfig)
     """Powers."""
@@ -44,7 +44,7 @@ class BeaconConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BeaconPlace:
-    """Where a beacon is after a part of the route."""
+    """Position of a beacon after a part of the route."""
 
     xy: Float[np.ndarray, "2"]
     """Mean [m]."""

@@ -205,7 +205,7 @@ def rays(paths: Paths) -> list[Float[np.ndarray, "_ 3"]]:
 
 
 def ray_kind(interaction: UInt8[np.ndarray, " m"]) -> str:
-    """What a path met, as a key of `RAY_COLOURS`."""
+    """Kind of interactions of a path, as a key of `RAY_COLOURS`."""
     met = {Interaction(int(kind)) for kind in interaction} - {Interaction.NONE}
     if Interaction.TRANSMISSION in met:
         return "transmission"

@@ -79,7 +79,7 @@ def _open(name: str) -> ctypes.CDLL | None:
 
 
 def missing(system: GLSystem) -> OpenGLError | None:
-    """What a system lacks on this machine, and how to install it; None if its libraries are there."""
+    """Find what a system lacks on this machine, and how to install it; None if its libraries are there."""
     try:
         open_libraries(system)
     except OpenGLError as error:

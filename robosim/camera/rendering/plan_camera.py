@@ -28,7 +28,7 @@ _SAME = 1e-6
 
 
 class _Storey(NamedTuple):
-    """What stands upright or lies level in a scene."""
+    """Upright walls and level faces of a scene."""
 
     walls: WallTiles
     shade: UInt8[np.ndarray, " n"]
@@ -103,7 +103,7 @@ class PlanCamera(ClosingCamera):
 
 
 def _are_walls(triangles: Float[np.ndarray, "n 3 3"], low: float, high: float) -> Bool[np.ndarray, " n"]:
-    """Which triangles are half of a wall from floor to ceiling."""
+    """Mask of triangles that are half of a wall from floor to ceiling."""
     z = triangles[:, :, 2]
     ends = (np.abs(z - low) < _SAME) | (np.abs(z - high) < _SAME)
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

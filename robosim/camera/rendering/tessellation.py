@@ -38,7 +38,7 @@ class Patches:
     inward: Float[np.ndarray, "n 3"]
     """Unit vectors in the patch's plane, from the vertex into the patch."""
     kind: UInt8[np.ndarray, " n"]
-    """What the patch is part of: index into `robosim.building.building.KINDS`."""
+    """Kind of surface of the patch: index into `robosim.building.building.KINDS`."""
     cell: Int[np.ndarray, "n 2"]
     """Column and row of the grid's square that the patch lies in."""
     row: Int[np.ndarray, " n"]

@@ -1,4 +1,4 @@
-"""Which parts of a scene a level camera can see, so that only these are drawn.
+"""Visibility of the parts of a scene from a level camera, so that only visible parts are drawn.
 
 If a camera is level, all rays of one column of pixels lie in one upright plane. Where that plane meets a wall
 that reaches from the lowest to the highest point of the scene, nothing behind the wall can be seen in that
@@ -32,9 +32,9 @@ class Parts(NamedTuple):
     order: Int[np.ndarray, " m"]
     """All triangles, part by part."""
     starts: Int[np.ndarray, " n"]
-    """Where the parts start in that order."""
+    """Start of each group in that order."""
     counts: Int[np.ndarray, " n"]
-    """How many triangles they have."""
+    """Number of triangles of each group."""
 
     @classmethod
     def of(cls, triangles: Float[np.ndarray, "m 3 3"]) -> "Parts":

@@ -26,7 +26,7 @@ class WallTiles(NamedTuple):
     corner: Float[np.ndarray, "2"]
     """Lower left corner of the tiles [m]."""
     first: Int[np.ndarray, "nx1 ny"]
-    """Where the list of a tile's walls begins in `members`; it ends where that of the next tile in memory begins."""
+    """Start of the list of a tile's walls in `members`; it ends at the start of the next tile's list."""
     members: Int[np.ndarray, " m"]
     """Numbers of walls, tile after tile."""
 

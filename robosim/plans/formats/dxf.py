@@ -79,7 +79,7 @@ def _entities(
 
 
 def _shapes(entities: Iterable[tuple["DXFEntity", str]], hidden: set[str], unit_m: float) -> Iterator[Shape]:
-    """What is drawn, in metres."""
+    """Shapes of the drawing, in metres."""
     from ezdxf.path import from_hatch, make_path
 
     for one, layer in entities:

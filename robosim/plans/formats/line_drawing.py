@@ -65,7 +65,7 @@ _LISTED = 20
 
 
 class Shape(NamedTuple):
-    """Something drawn."""
+    """Shape of a drawing."""
 
     names: tuple[str, ...]
     """The layer that it is on; then other names by which it can be chosen."""

@@ -113,7 +113,7 @@ def area_below_air(
 def _surfaces(
     triangles: Float[np.ndarray, "n 3 3"],
 ) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, "3 k"]]:
-    """Which triangles are level; area [m2], lowest and highest point [m] of the walls."""
+    """Mask of level triangles; area [m2], lowest and highest point [m] of the walls."""
     level, walls = [], []
     for first, block in zip(itertools.count(0, AT_ONCE), blocks(triangles), strict=False):
         normals = np.cross(block[:, 1] - block[:, 0], block[:, 2] - block[:, 0])

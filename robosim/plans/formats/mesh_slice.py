@@ -221,7 +221,7 @@ def _is_inverted_wall(
     length: Float[np.ndarray, " n"],
     surface: Int[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " s"]:
-    """Which surfaces enclose a thin volume, as of a wall, and face into it; none if rooms are such surfaces too."""
+    """Find surfaces that enclose a thin volume, as of a wall, and face into it; none if rooms are such too."""
     n = int(surface.max()) + 1
     area = np.bincount(surface, length, n)
     total = np.stack([np.bincount(surface, axis, n) for axis in normals.T])
@@ -255,7 +255,7 @@ def _slice(
     bottom, top = height - _DIP_M, height + low
 
     def floor() -> Iterator[Triangles]:
-        """Its polygons, cut out of the triangles that face up."""
+        """Polygons of the floor, cut out of the triangles that face up."""
         for block in blocks(triangles):
             z, facing_up = block[:, :, 2], unit_normals(block)[:, 2] > LEVEL_COSINE
             yield cut(block[facing_up & (z.max(axis=1) >= bottom) & (z.min(axis=1) <= top)], bottom, top)

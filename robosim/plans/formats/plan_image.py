@@ -121,9 +121,9 @@ class PlanImage:
     light: UInt[np.ndarray, "h w"]
     """Sum of the colour channels: 0 is black."""
     white: int
-    """The same sum for a white pixel."""
+    """Sum of the colour channels of a white pixel."""
     alpha: UInt16[np.ndarray, "h w"] | None = None
-    """How opaque, or None for images without an alpha channel."""
+    """Opacity, or None for images without an alpha channel."""
     opaque: int = 255
     """Value of `alpha` for a fully opaque pixel."""
     colour: UInt8[np.ndarray, "h w 3"] | None = None

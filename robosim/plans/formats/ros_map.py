@@ -121,7 +121,7 @@ def _levels(white: int) -> Int[np.ndarray, " n"]:
 
 
 def _counts(image: PlanImage, level: Int[np.ndarray, " n"]) -> Int[np.ndarray, "256"]:
-    """How many opaque cells have each grey."""
+    """Count opaque cells of each grey."""
     light = image.light if image.alpha is None else image.light[~image.see_through]
     return np.bincount(level, np.bincount(light.ravel(), minlength=len(level)), 256).astype(np.int64)
 

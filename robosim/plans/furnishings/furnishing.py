@@ -86,9 +86,9 @@ class Furnishing:
     yaw_rad: float = 0.0
     """Rotation about its z axis, counter-clockwise [rad]."""
     name: str = "furnishing"
-    """Its name in messages."""
+    """Name of the furnishing in messages."""
     material: MaterialPart = "wood"
-    """Its radio material."""
+    """Radio material of the furnishing."""
     colour: tuple[int, int, int] = (166, 124, 82)
     """Red, green and blue of it, 0 to 255."""
     source: str = ""
@@ -136,11 +136,11 @@ class Furnishing:
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Its triangles in `map`, sorted into bodies."""
+        """Triangles in `map`, sorted into bodies."""
         bodies = find_bodies(np.asarray(self.mesh.vertices, float), np.asarray(self.mesh.faces, np.int64))
         return bodies._replace(vertices=self.to_map(bodies.vertices))
 
     @property
     def triangles(self) -> Float[np.ndarray, "n 3 3"]:
-        """Its triangles in `map` [m]."""
+        """Triangles in `map` [m]."""
         return self.bodies.vertices[self.bodies.faces]

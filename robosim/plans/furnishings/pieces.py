@@ -71,7 +71,7 @@ class Cupboard:
     depth_m: Annotated[float, _SIDE_M] = 0.6
     """Along y [m]."""
     height_m: Annotated[float, _SIDE_M] = 2.0
-    """Of its upper edge above the floor [m]."""
+    """Height of the upper edge above the floor [m]."""
 
     def mesh(self) -> trimesh.Trimesh:
         """The closed surface [m], z up, on the floor around the origin."""
@@ -153,7 +153,7 @@ class Shelf(Cupboard):
     depth_m: Annotated[float, _SIDE_M] = 0.3
     height_m: Annotated[float, _SIDE_M] = 1.8
     boards: Annotated[int, Range(2, 50)] = 5
-    """How many, the lowest and the uppermost among them."""
+    """Number of boards, the lowest and the uppermost among them."""
     board_m: Annotated[float, _BOARD_M] = 0.02
     """Thickness of boards, sides and back [m]."""
 
@@ -221,7 +221,7 @@ class Bed(Cupboard):
     depth_m: Annotated[float, Range(0.2, 20, "m")] = 2.05
     height_m: Annotated[float, _SIDE_M] = 0.5
     clearance_m: Annotated[float, _BOARD_M] = 0.22
-    """Of the frame above the floor [m]."""
+    """Height of the frame above the floor [m]."""
     head_m: Annotated[float, _SIDE_M] = 0.95
     """Height of the headboard [m]."""
 
@@ -247,9 +247,9 @@ class Plant:
     height_m: Annotated[float, _SIDE_M] = 1.2
     """Along z [m]."""
     sides: Annotated[int, Range(3, 64)] = 6
-    """Of the coarse form."""
+    """Number of sides of the coarse form."""
     subdivisions: Annotated[int, Range(0, 4)] = 1
-    """How often each triangle becomes four."""
+    """Number of times that each triangle becomes four."""
 
     def mesh(self) -> trimesh.Trimesh:
         """The closed surface [m]."""

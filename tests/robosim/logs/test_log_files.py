@@ -10,6 +10,7 @@ import pytest
 from evo.tools import file_interface
 
 from robosim.cli import main
+from robosim.logs.carmen import CarmenReader
 from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
@@ -358,3 +359,18 @@ def test_a_map_of_few_beams_has_its_walls(tmp_path):
     assert np.mean([cells.any() for cells in near]) > 0.8
     column, row = plan.to_cells(np.array(route)[:, :2]).astype(int).T
     assert (plan.occupancy[row, column] == FREE).all()
+
+
+def test_read_log_takes_a_reader_of_its_caller(tmp_path):
+    """An object with the methods of `LogReader`, for a format that no shipped reader knows."""
+    path = tmp_path / "drive.own"
+    path.write_text("carmen, but shifted")
+    (tmp_path / "room.clf").write_text(DRIVE.newer())
+
+    class Own(CarmenReader):
+        def read(self, path, scans, topics):
+            return super().read(path.with_name("room.clf"), scans, topics)
+
+    assert read_log(path, reader=Own()).name == "room"
+    with pytest.raises(ValueError, match="Did you mean 'carmen'"):
+        read_log(path, reader="carmn")
