@@ -26,7 +26,7 @@ from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
 from slam.mapping.moving import MovingConfig
-from slam.mapping.odometry import OdometryConfig, calibrated
+from slam.odometry import OdometryConfig, calibrated
 from slam.planning.planner import Planner
 from slam.robot import Robot
 from slam.sensing.projection import Band

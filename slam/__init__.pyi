@@ -14,7 +14,7 @@ from slam.grid import MapEstimate as MapEstimate
 from slam.grid import GridFrame as GridFrame
 from slam.sensing.projection import CameraModel as CameraModel
 from slam.sensing.projection import Band as Band
-from slam.mapping.odometry import OdometryConfig as OdometryConfig
+from slam.odometry import OdometryConfig as OdometryConfig
 
 # Moving
 from slam.planning.planner import Planner as Planner

@@ -10,7 +10,7 @@ import tyro
 
 from robosim.support.checks import RADIUS_M, Range, checked
 from slam.hull import Hull, Outline
-from slam.mapping.odometry import OdometryConfig, Vector
+from slam.odometry import OdometryConfig, Vector
 from slam.sensing.projection import CameraModel
 
 #: Radius of a hull without radius or outline [m].

@@ -197,7 +197,7 @@ def calibrate(
     from robosim.drawing.plots import draw_errors
     from robosim.parts import PHYSICS
     from robosim.support.progress import tracked
-    from slam.mapping.odometry import calibrated
+    from slam.odometry import calibrated
 
     simulator = settings.simulator
     with results_folder(out, "calibrate") as folder:

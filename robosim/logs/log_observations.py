@@ -13,7 +13,7 @@ from robosim.logs.robot_log import RobotLog
 from robosim.simulator import Observation
 from slam.actions import Velocity
 from slam.mapping.classical import ClassicalMapper, MapperConfig
-from slam.mapping.odometry import ActionError, OdometryConfig
+from slam.odometry import ActionError, OdometryConfig
 from slam.robot import Robot
 from slam.sensing.laser import LaserScan
 

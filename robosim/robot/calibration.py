@@ -1,7 +1,7 @@
 """Calibrating a robot's odometry: each action many times, and what was measured against what was true.
 
 A simulated robot is run here; of a real one, a table says what was measured (`read_runs`), against a motion capture, a
-total station, or marks on the floor. `slam.mapping.odometry.calibrated` makes of either what a mapper takes.
+total station, or marks on the floor. `slam.odometry.calibrated` makes of either what a mapper takes.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ from robosim.support.checks import check_choice
 from robosim.support.reading import reading
 from robosim.support.text_in import csv_number, csv_rows
 from slam.actions import MOVES, PUBLISHED, Action
-from slam.mapping.odometry import calibrated
+from slam.odometry import calibrated
 from slam.poses import between, wrap
 
 

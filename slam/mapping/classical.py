@@ -33,11 +33,11 @@ from slam.grid import GridFrame, MapEstimate
 from slam.mapping.collisions import CollisionMarks
 from slam.mapping.moving import MovingConfig, MovingThings
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
-from slam.mapping.odometry import OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
 from slam.matching.levels import ARM_M
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_beams, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
+from slam.odometry import OdometryCorrector
 from slam.poses import between, rotation, wrap
 from slam.robot import Robot
 from slam.sensing.bearings import Bearing

@@ -39,9 +39,9 @@ from slam.grid import MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.neural import NeuralMapper
 from slam.mapping.occupancy import OccupancyGrid
-from slam.mapping.odometry import OdometryConfig
 from slam.mapping.relocalization import RelocalizationConfig
 from slam.networks.scores import PatchScores
+from slam.odometry import OdometryConfig
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.projection import scan_from_depth
 from tests.benchmarks.harness import DEFAULT, Options, run_units

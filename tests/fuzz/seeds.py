@@ -46,7 +46,7 @@ from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
 from slam.actions import MOVES
 from slam.grid import GridFrame, MapEstimate
-from slam.mapping.odometry import calibrated
+from slam.odometry import calibrated
 from tests import stored_episodes
 from tests.fuzz.bag_seeds import bags
 from tests.fuzz.checkpoint_seeds import checkpoints

@@ -3,7 +3,7 @@
 import numpy as np
 
 from slam.grid import GridFrame, MapEstimate
-from slam.mapping.odometry import ActionError, OdometryConfig
+from slam.odometry import ActionError, OdometryConfig
 from slam.robot import Robot
 
 CELL = 0.05

@@ -14,7 +14,7 @@ from robosim.robot.robot_files import read_robot
 from robosim.robot.robots import LOCOBOT
 from robosim.support.reading import FileError
 from slam.actions import MOVES, Action
-from slam.mapping.odometry import calibrated
+from slam.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR
 
 

@@ -10,8 +10,8 @@ from slam.grid import MapEstimate
 from slam.mapping import classical
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.occupancy import OccupancyGrid
-from slam.mapping.odometry import calibrated
 from slam.matching.surfaces import SurfaceGrid
+from slam.odometry import calibrated
 from slam.poses import between, compose
 from slam.robot import Robot
 from tests.slam.rooms import Room

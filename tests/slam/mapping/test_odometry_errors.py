@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slam.actions import MOVES, Action, Velocity
-from slam.mapping.odometry import ActionError, OdometryConfig, OdometryCorrector, calibrated
+from slam.odometry import ActionError, OdometryConfig, OdometryCorrector, calibrated
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MEAN = np.array([0.002, 0.02, 0.0035])
