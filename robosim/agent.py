@@ -148,8 +148,7 @@ def make_agent(config: EpisodeConfig, task: Task | None = None, watch: Stopwatch
 
     Args:
         config: Parts and robot.
-        task: Places of anchors that the robot knows, and the target, which is for oracles only; None for a robot whose
-            task nobody knows.
+        task: Places of anchors that the robot knows, and the target, which is for oracles only; None if unknown.
         watch: Collects the time by stage.
 
     Raises:

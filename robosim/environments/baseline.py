@@ -58,7 +58,7 @@ class Baseline:
         self._agent: Agent | None = None
 
     def act(self) -> Any:
-        """Return the action for what the robot senses now; at the start of a search, the agent starts anew."""
+        """Return the action for what the robot senses now; each search has a new agent."""
         search = self._search
         if self._agent is None or search.sensed.action is None:
             self._agent = self._new_agent()

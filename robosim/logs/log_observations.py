@@ -1,6 +1,6 @@
-"""A log as what its robot sensed, scan after scan: an agent (`robosim.agent`) maps and decides along a recorded drive.
+"""Observations of a log, scan after scan: an agent (`robosim.agent`) maps and decides along a recorded drive.
 
-The drive was another's, so the agent's commands are not carried out; what it is told to have done is the velocity by
+The drive is recorded, so the agent's commands are not carried out: the action before an observation is the velocity by
 odometry.
 """
 

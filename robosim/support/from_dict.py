@@ -95,7 +95,7 @@ def _tuple(name: str, inner: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
 
 
 def _part(name: str, value: Any) -> Any:
-    """A part by its name, or as `robosim.support.parts.described` writes an object."""
+    """A part by its name, or as `robosim.support.parts.to_dict` writes an object."""
     if isinstance(value, str):
         check_code_allowed(name, value)
         return value

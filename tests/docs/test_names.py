@@ -1,14 +1,13 @@
-"""Names in docstrings, comments and pages exist: modules, classes, their members, files and folders."""
+"""Names in docstrings, comments and pages exist: modules, classes, their members, files and folders.
+
+Sources are parsed, not imported: importing all of them would bind a process to one OpenGL.
+"""
 
 import ast
-import importlib
-import inspect
-import pkgutil
 import re
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -24,7 +23,9 @@ PAGES = sorted(
 )
 _DOTTED = re.compile(r"`((?:robosim|slam|wireless)(?:\.\w+)+)`")
 _MEMBER = re.compile(r"`([A-Z]\w+)\.(\w+)(?:\(\))?`")
-_PATH = re.compile(r"`((?:robosim|slam|wireless|tests|docs|assets|scripts)/[\w./-]+)`")
+_PATH = re.compile(
+    r"`((?!robosim/TargetSearch)(?:robosim|slam|wireless|tests|docs|assets|scripts)/[\w./-]+)`"
+)
 
 
 def written(path: Path) -> str:
@@ -37,59 +38,77 @@ def written(path: Path) -> str:
     return "\n".join([string for string in strings if isinstance(string, str)] + comments)
 
 
+def names_in(body: list[ast.stmt]) -> set[str]:
+    """Names that statements define or import, also those under conditions."""
+    names: set[str] = set()
+    for node in body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {alias.asname or alias.name for alias in node.names}
+        elif isinstance(node, ast.If | ast.With | ast.Try):
+            names |= names_in(node.body)
+        else:
+            names |= {item.id for item in ast.walk(node) if isinstance(item, ast.Name)}
+    return names
+
+
 @cache
-def classes() -> dict[str, list[type]]:
-    """All classes of the packages by name."""
-    known: dict[str, list[type]] = defaultdict(list)
+def modules() -> dict[str, set[str]]:
+    """Names of each module by its dotted name; public names of packages are in their stubs."""
+    known: dict[str, set[str]] = defaultdict(set)
     for package in PACKAGES:
-        for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-            if not module.name.endswith("__main__"):
-                for name, item in vars(importlib.import_module(module.name)).items():
-                    if inspect.isclass(item):
-                        known[name].append(item)
+        for path in [*(ROOT / package).rglob("*.py"), *(ROOT / package).rglob("*.pyi")]:
+            words = list(path.relative_to(ROOT).with_suffix("").parts)
+            module = ".".join(words[:-1] if words[-1] == "__init__" else words)
+            known[module] |= names_in(ast.parse(path.read_text("utf-8")).body)
+            known[module.rpartition(".")[0]].add(module.rpartition(".")[2])
     return known
 
 
+@cache
+def classes() -> dict[str, set[str]]:
+    """Members of all classes by the class's name, with those of the classes that they derive from."""
+    members, bases = defaultdict(set), defaultdict(set)
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                own = names_in(node.body)
+                own |= {
+                    item.attr
+                    for item in ast.walk(node)
+                    if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store)
+                }
+                members[node.name] |= own
+                bases[node.name] |= {base.id for base in node.bases if isinstance(base, ast.Name)}
+    for _ in range(3):
+        for name in list(members):
+            members[name] |= {member for base in bases[name] for member in members.get(base, ())}
+    return members
+
+
 def resolves(dotted: str) -> bool:
-    """Whether a dotted name is a module, or a member of one."""
+    """Whether a dotted name is a module, a name in one, or a member of a class there."""
     words = dotted.split(".")
     for count in range(len(words), 0, -1):
-        try:
-            found: object = importlib.import_module(".".join(words[:count]))
-        except ModuleNotFoundError:
-            continue
-        return all_members(found, words[count:])
-    return False
-
-
-def all_members(item: object, names: list[str]) -> bool:
-    """Whether names lead from an object to a member of a member."""
-    for name in names:
-        if not has_member(item, name):
-            return False
-        item = getattr(item, name, None)
-    return True
-
-
-def has_member(item: object, name: str) -> bool:
-    """Whether a class or module has an attribute, an annotated field, or an attribute that its code sets."""
-    if hasattr(item, name) or name in getattr(item, "__annotations__", {}):
+        if (module := ".".join(words[:count])) in modules():
+            break
+    else:
+        return False
+    names = words[count:]
+    if not names:
         return True
-    if isinstance(item, ModuleType):
-        return False
-    try:
-        return f"self.{name}" in inspect.getsource(item)  # type: ignore[arg-type]
-    except (OSError, TypeError):
-        return False
+    return names[0] in modules()[module] and (len(names) == 1 or names[1] in classes().get(names[0], ()))
 
 
 def unknown_names(text: str) -> list[str]:
     """Names in a text that do not exist."""
     missing = [name for name in _DOTTED.findall(text) if not resolves(name)]
-    for owner, member in _MEMBER.findall(text):
-        known = classes().get(owner, [])
-        if known and not any(has_member(item, member) for item in known):
-            missing.append(f"{owner}.{member}")
+    missing += [
+        f"{owner}.{member}"
+        for owner, member in _MEMBER.findall(text)
+        if owner in classes() and member not in classes()[owner]
+    ]
     paths = [name for name in _PATH.findall(text) if not name.startswith("docs/_build")]
     return missing + [name for name in paths if not (ROOT / name).exists()]
 

@@ -9,6 +9,7 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.movers.movers import MoversConfig
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.randomness import named_generator
 from robosim.task.tasks import Anchor, make_task, with_anchors
@@ -17,15 +18,16 @@ from tests.plans import two_rooms
 
 ROOMS = make_building(two_rooms(0.9))
 PLACES = reach(ROOMS, 0.1)
-BASE = SimulatorConfig(physics="kinematic", camera="plan", lidar="ring-64")
+LIDAR = RobotConfig(lidar="ring-64")
+BASE = SimulatorConfig(physics="kinematic", camera="plan", robot=LIDAR)
 ANCHORS = [Anchor(name="hall", place=np.array([1.0, 1.0])), Anchor(name="lift", place=np.array([5.0, 2.0]))]
 #: Further sources: another configuration, number of anchors, and whether there is a radio.
 SOURCES = {
     "person": (replace(BASE, movers=MoversConfig(people=1)), 0, True),
     "anchor": (BASE, 1, True),
     "second anchor": (BASE, 2, True),
-    "depth": (replace(BASE, depth_noise=DepthNoise(level=1.0)), 0, True),
-    "no lidar": (replace(BASE, lidar="none"), 0, True),
+    "depth": (replace(BASE, robot=replace(LIDAR, depth_noise=DepthNoise(level=1.0))), 0, True),
+    "no lidar": (replace(BASE, robot=RobotConfig()), 0, True),
     "no radio": (BASE, 0, False),
 }
 
@@ -42,8 +44,8 @@ def random_states(config, anchors, uses_radio):
     generators = {
         "motion": simulator._rng,
         **({"radio": simulator._radio_rng} if uses_radio else {}),
-        **({"lidar": simulator._lidar_rng} if config.lidar != "none" else {}),
-        **({"depth": simulator._depth_rng} if config.depth_noise.level else {}),
+        **({"lidar": simulator._lidar_rng} if config.robot.lidar != "none" else {}),
+        **({"depth": simulator._depth_rng} if config.robot.depth_noise.level else {}),
         **{f"anchor {name}": generator for name, generator in simulator._anchor_rngs.items()},
     }
     return {name: generator.bit_generator.state for name, generator in generators.items()}
