@@ -17,7 +17,7 @@ Left out: doors and windows as such, walls with a thickness. Storeys over each o
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -113,6 +113,23 @@ class BuildingConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Storey:
+    """One storey of a building."""
+
+    building: "Building"
+    """The storey alone, its floor at z = 0."""
+    floor_m: float = 0.0
+    """Height of its floor above that of the lowest storey [m]."""
+    opening: shapely.MultiPolygon = field(default_factory=shapely.MultiPolygon)
+    """Where the slab over it is open [m]."""
+
+    @property
+    def ceiling_m(self) -> float:
+        """Height of its ceiling above the lowest floor [m]."""
+        return self.floor_m + self.building.height_m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Building(Faces):
     """A storey in three dimensions, in the `map` frame: z up, floor at z = 0."""
 
@@ -130,6 +147,11 @@ class Building(Faces):
             f"<Building {self.plan.name!r}: {self.free.area:.1f} m2 of free floor, {len(self.mesh.faces)} faces of "
             f"{', '.join(map(str, self.materials))}{placed}>"
         )
+
+    @property
+    def storeys(self) -> tuple[Storey, ...]:
+        """The building as its own only storey."""
+        return (Storey(building=self),)
 
     @cached_property
     def bare(self) -> "Building":
@@ -160,8 +182,22 @@ class Building(Faces):
         """Area at a height [m] in which a point is in neither a wall nor a placed body, from above, in `map` [m]."""
         return self._without("level", height_m)
 
+    def nearest_free(
+        self, shape: shapely.Geometry, height_m: float, clearance_m: float = 0.0
+    ) -> Float[np.ndarray, "2"]:
+        """The point of `free_at` nearest to a shape [m], this far from walls where there is space for it."""
+        return shapely.get_coordinates(shapely.shortest_line(self._clear(height_m, clearance_m), shape))[0]
+
+    def _clear(self, height_m: float, clearance_m: float) -> shapely.Geometry:
+        key = f"level {clearance_m}", float(height_m)
+        if key not in self._free_of:
+            free = self.free_at(height_m)
+            inside = free.buffer(-clearance_m)
+            self._free_of[key] = free if inside.is_empty else inside
+        return self._free_of[key]
+
     @cached_property
-    def _free_of(self) -> dict[tuple[str, float], shapely.MultiPolygon]:
+    def _free_of(self) -> dict[tuple[str, float], shapely.Geometry]:
         return {}
 
     def _without(self, what: str, height_m: float) -> shapely.MultiPolygon:
@@ -323,7 +359,7 @@ def _check_place(bare: Building, one: Furnishing) -> None:
     outline = shapely.convex_hull(shapely.multipoints(one.bodies.vertices[:, :2]))
     inside = outline.intersection(bare.free)
     if inside.is_empty:
-        near = shapely.shortest_line(bare.free, outline).coords[0]
+        near = bare.nearest_free(outline, 0.0)
         raise MapError(
             f"{at} stands in a wall or outside of the building; the nearest free floor is at ({near[0]:.2f}, "
             f"{near[1]:.2f}) m."

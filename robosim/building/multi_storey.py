@@ -20,7 +20,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
+from robosim.building.building import (
+    Building,
+    BuildingConfig,
+    Storey,
+    make_building,
+    material_of,
+    with_furnishings,
+)
 from robosim.building.extrusion import (
     CEILING,
     FLOOR,
@@ -68,23 +75,6 @@ class StoreysConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Storey:
-    """One storey of a building."""
-
-    building: Building
-    """The storey alone, its floor at z = 0."""
-    floor_m: float
-    """Height of its floor above that of the lowest storey [m]."""
-    opening: shapely.MultiPolygon
-    """Where the slab over it is open [m]."""
-
-    @property
-    def ceiling_m(self) -> float:
-        """Height of its ceiling above the lowest floor [m]."""
-        return self.floor_m + self.building.height_m
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Storeys(Faces):
     """Storeys over each other in three dimensions, in the `map` frame: z up, the lowest floor at z = 0."""
 
@@ -95,13 +85,6 @@ class Storeys(Faces):
 
     def __repr__(self) -> str:
         return f"<Storeys {self.plan.name!r}: {len(self.storeys)}, {len(self.mesh.faces)} faces>"
-
-    def storey_at(self, z_m: float) -> int | None:
-        """Number of the storey that a height above the lowest floor is in, None for a slab or outside."""
-        for number, storey in enumerate(self.storeys):
-            if storey.floor_m <= z_m <= storey.ceiling_m:
-                return number
-        return None
 
 
 #: Corners of triangles [m], and the kind and material of each.
@@ -116,8 +99,8 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     """
     config = config or StoreysConfig()
     alone = [
-        make_building(one.plan, config=replace(config.building, height_m=one.height_m))
-        for one in plan.storeys
+        make_building(plan.one(number).plan, config=replace(config.building, height_m=storey.height_m))
+        for number, storey in enumerate(plan.storeys)
     ]
     free = [building.free for building in alone]
     opening = [

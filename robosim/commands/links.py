@@ -36,9 +36,6 @@ from wireless.bands import BandName
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
-    from robosim.plans.floorplan import FloorPlan
-    from robosim.plans.storey_plans import OneStorey
-    from robosim.radio.mesh_scene import MeshScene
     from wireless.paths import Paths
 
 #: Options of the radio that a scene decides itself.
@@ -103,8 +100,8 @@ def trace(
     """
     from robosim.datasets.csi import parse_csi, write_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
-    from robosim.radio.mesh_scene import MeshScene
     from robosim.radio.receivers import check_step
+    from robosim.radio.scene import radio_site
     from wireless.tracing.mitsuba_scene import is_mitsuba
 
     config = radio.config(polarisation)
@@ -132,19 +129,21 @@ def trace(
     alone = grid is None and len(rx) > 0
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     with console.status("reading the scene ..." if is_scene else "reading the plan ..."):
-        place = MeshScene(file, config) if is_scene else read_storey(plan, storey, reading)
+        place = None if is_scene else read_storey(plan, storey, reading)
     if along is not None:
-        samples = trace_along(place, config, folder, tx=tx, trajectory=along, rate_hz=rate, console=console)
-        emit_result({"plan": place.name, "tx_m": tx, "samples": samples}, folder)
+        site = radio_site(place or file, config)
+        samples = trace_along(site, folder, tx=tx, trajectory=along, rate_hz=rate, console=console)
+        emit_result({"plan": site.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
         console.print(f"Wrote channel_{_numbers(len(tx))}.npz in {folder}")
         return
-    if alone or isinstance(place, MeshScene):
-        paths = trace_link(place, config, folder, tx=tx, rx=rx, console=console)
+    if alone or place is None:
+        site = radio_site(place or file, config)
+        paths = trace_link(site, folder, tx=tx, rx=rx, console=console)
         if responses is not None:
             write_csi(folder, responses, len(tx), rx=None, plots=plots)
             console.print(f"Wrote csi_{_numbers(len(tx))}.npz in {folder}")
-        _report_links(place, paths, folder)
+        _report_links(site.name, paths, folder)
         return
     with resume_hint(folder):
         result = trace_plan(
@@ -168,7 +167,7 @@ def trace(
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
     drawn = ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else "")
-    console.print(f"Wrote paths.parquet, {place.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
+    console.print(f"Wrote paths.parquet, {result['plan']}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
@@ -212,15 +211,14 @@ def _check_scene(
         )
 
 
-def _report_links(place: "FloorPlan | OneStorey | MeshScene", paths: "Paths", folder: Path) -> None:
+def _report_links(name: str, paths: "Paths", folder: Path) -> None:
     """What the traced links have, on the terminal and as the command's result."""
-    from robosim.plans.storey_plans import OneStorey
     from wireless.paths import LinkCategory
 
     states = [[LinkCategory(one).name.lower() for one in row] for row in paths.link_category()]
     n_rx = len(paths.rx_position)
     result = {
-        "plan": place.name,
+        "plan": name,
         "tx_m": paths.tx_position,
         "rx_m": paths.rx_position[0] if n_rx == 1 else paths.rx_position,
         "paths": len(paths),
@@ -230,8 +228,7 @@ def _report_links(place: "FloorPlan | OneStorey | MeshScene", paths: "Paths", fo
     sources = counted(len(paths.tx_position), "transmitter")
     receivers = "the receiver" if n_rx == 1 else counted(n_rx, "receiver")
     console.print(f"{counted(len(paths), 'path')} from {sources} to {receivers}")
-    drawn = "storeys_tx1.png" if isinstance(place, OneStorey) else "rays_tx1.png"
-    console.print(f"Wrote paths.parquet and {drawn} in {folder}")
+    console.print(f"Wrote paths.parquet and rays_{_numbers(len(paths.tx_position))}.png in {folder}")
 
 
 def dataset(

@@ -23,10 +23,8 @@ from rich.text import Text
 
 from robosim.movers.mover import Body
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
-from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import STEP_M, ReceiverGrid
-from robosim.radio.scene import RadioConfig, RadioScene
+from robosim.radio.scene import Place, RadioConfig, RadioScene
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part, to_dict
 from robosim.support.progress import text_column
@@ -51,7 +49,7 @@ def csv_files(
     scene: RadioScene, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
 ) -> Files:
     """`NAME_Tx_K.csv` with traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` with its estimates."""
-    config, start = scene.config, f"{scene.building.plan.name}_Tx_{tx + 1}"
+    config, start = scene.config, f"{scene.name}_Tx_{tx + 1}"
     power = {"tx_power_dbm": config.tx_power_dbm, "threshold_db": config.threshold_db}
     files = {f"{start}.csv": traced_csv(paths, tx, grid.cell, grid.shape, **power)}
     if estimates is not None:
@@ -80,9 +78,9 @@ def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
 def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
     """The other files of a scenario, which are written last: they complete it."""
     return scene_files(
-        mesh=scene.whole.mesh,
+        mesh=scene.mesh,
         materials=scene.whole.materials,
-        face_material=scene.face_material,
+        face_material=scene.whole.face_material.astype(np.int64),
         frequency_hz=scene.config.frequency_hz,
         config=scene.config.tracer,
         n_tx=n_tx,
@@ -167,12 +165,12 @@ class LinkSetConfig:
 
 
 @dataclass(frozen=True)
-class Site:
-    """A building or storey with its transmitters; equal if the plans are equal."""
+class LinkPlan:
+    """A plan or storey with its transmitters; equal if the plans are equal."""
 
     digest: str
     """Digest of the plan, see `FloorPlan.digest`."""
-    plan: FloorPlan | OneStorey = field(compare=False)
+    plan: Place = field(compare=False)
     """The plan."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Places of transmitters [m]."""
@@ -190,17 +188,19 @@ def unit_path(out: Path, name: str, tx: int) -> Path:
     return out / LINKS / f"{name}_Tx_{tx + 1}.parquet"
 
 
-def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
+def make_unit(site: LinkPlan, tx: int, config: LinkSetConfig) -> Files:
     """Trace, sound and estimate all links of a transmitter; files by paths below the data set's, links last."""
     scene, grid = prepare_site(site, config.radio, config.grid_m)
-    paths = scene.tracer.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
+    paths = scene.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
     rng = stream(config.seed, site.digest, tx)
     heading = np.zeros(len(grid.position))
     if config.headings == "random":
         heading = rng.uniform(-np.pi, np.pi, len(grid.position))
     received = paths
     if config.people:
-        received = _among_people(paths, config.people, stream(config.seed, site.digest, tx, _PEOPLE))
+        received = _among_people(
+            paths, config.people, stream(config.seed, site.digest, tx, _PEOPLE), scene.floor_m
+        )
     rays = Rays.from_paths(received, rx_heading_rad=heading)
     estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
     paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
@@ -224,16 +224,16 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
     return {**files, unit_path(Path(), name, tx).as_posix(): buffer.getvalue()}
 
 
-def _among_people(paths: Paths, mean: int, rng: np.random.Generator) -> Paths:
-    """Paths weakened by people: for each receiver up to twice the mean, where other receivers are."""
-    factor, floor = np.ones(len(paths), complex), paths.rx_position[:, :2]
-    ends = np.searchsorted(paths.rx, np.arange(len(floor) + 1))
+def _among_people(paths: Paths, mean: int, rng: np.random.Generator, floor_m: float) -> Paths:
+    """Paths weakened by people on a floor: for each receiver up to twice the mean, where other receivers are."""
+    factor, feet = np.ones(len(paths), complex), paths.rx_position * (1, 1, 0) + (0, 0, floor_m)
+    ends = np.searchsorted(paths.rx, np.arange(len(feet) + 1))
     for k, (first, last) in enumerate(pairwise(ends.tolist())):
-        places = floor[rng.integers(len(floor), size=int(rng.integers(2 * mean + 1)))]
-        places = places[np.hypot(*(places - floor[k]).T) > _FROM_RECEIVER_M]
+        places = feet[rng.integers(len(feet), size=int(rng.integers(2 * mean + 1)))]
+        places = places[np.hypot(*(places - feet[k])[:, :2].T) > _FROM_RECEIVER_M]
         if last > first and len(places):
-            own = paths.select(np.arange(first, last))
-            factor[first:last] = find_blockage(own, people(places, radius_m=Body.radius_m)).factor
+            link = paths.select(np.arange(first, last))
+            factor[first:last] = find_blockage(link, people(places, radius_m=Body.radius_m)).factor
     return weaken(paths, factor)[0]
 
 
@@ -242,7 +242,7 @@ def _below(folder: Path, files: Files) -> Files:
 
 
 @lru_cache(maxsize=1)
-def prepare_site(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
+def prepare_site(site: LinkPlan, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
     """The building and its receivers, cached for the next unit of the same process."""
     scene = RadioScene(site.plan, config)
     return scene, scene.grid(grid_m)

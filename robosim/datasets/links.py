@@ -17,15 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from rich.console import Console
 
-from robosim.building.multi_storey import Storeys
 from robosim.datasets.link_units import (
     MMWROBOTNAV,
+    LinkPlan,
     LinkProgress,
     LinkSetConfig,
-    Site,
     deepmimo_folder,
     deepmimo_scene,
     link_progress,
@@ -36,9 +34,8 @@ from robosim.datasets.link_units import (
     unit_path,
 )
 from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.plans.storey_plans import OneStorey, StoreysPlan
-from robosim.radio.receivers import random_transmitters, receiver_grid
-from robosim.radio.scene import RadioScene, built
+from robosim.plans.storey_plans import StoreysPlan, storeys_of
+from robosim.radio.scene import Place, RadioScene
 from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
 from robosim.support.progress import tracked
@@ -49,7 +46,7 @@ from wireless.paths import LinkState
 
 #: Spawn key of transmitters' places; those of units are their numbers.
 _PLACES = 1 << 31
-Unit = tuple[Site, int]
+Unit = tuple[LinkPlan, int]
 
 
 def make_dataset(
@@ -72,7 +69,7 @@ def make_dataset(
         ValueError: If a setting does not fit a plan.
     """
     out, console = Path(out), console or Console(quiet=True)
-    places = _places(plans)
+    places = [place for plan in plans for place in storeys_of(plan)]
     _check_names(places)
     with tracked(places, "plans", console) as shown:
         sites = [_site(plan, config) for plan in shown]
@@ -86,18 +83,7 @@ def make_dataset(
     return {**manifest, "timing": {**timing, "links_per_s": timing["links"] / timing["seconds"]}}
 
 
-def _places(plans: Sequence[FloorPlan | StoreysPlan]) -> list[FloorPlan | OneStorey]:
-    """Plans, and each storey of buildings of several."""
-    places: list[FloorPlan | OneStorey] = []
-    for plan in plans:
-        if isinstance(plan, FloorPlan):
-            places.append(plan)
-        else:
-            places += [plan.one(number) for number in range(len(plan.storeys))]
-    return places
-
-
-def _check_names(plans: Sequence[FloorPlan | OneStorey]) -> None:
+def _check_names(plans: Sequence[Place]) -> None:
     if not plans:
         raise ValueError("plans is empty, expected at least one floor plan.")
     for name, count in Counter(plan.name.lower() for plan in plans).items():
@@ -105,32 +91,17 @@ def _check_names(plans: Sequence[FloorPlan | OneStorey]) -> None:
             raise MapError(f"{count} plans are called {name!r}, but files are named after them. Rename them.")
 
 
-def _site(plan: FloorPlan | OneStorey, config: LinkSetConfig) -> Site:
-    """A building with its transmitters and number of receivers."""
-    building, whole, _ = built(plan, config.radio.building)
-    digest, height_m = plan.digest(), config.radio.height_m
-    grid = receiver_grid(building, config.grid_m, height_m)
-    if isinstance(plan, OneStorey) and isinstance(whole, Storeys):
-        transmitters = _on_all_storeys(plan.building.digest(), whole, config)
-    else:
-        transmitters = random_transmitters(
-            building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES)
-        )
-    return Site(digest, plan, transmitters, len(grid.position))
+def _site(plan: Place, config: LinkSetConfig) -> LinkPlan:
+    """A plan with its transmitters and number of receivers."""
+    scene = RadioScene(plan, config.radio)
+    grid, whole = scene.grid(config.grid_m), scene.whole.plan.digest()
+    transmitters = scene.transmitters(
+        config.tx_per_plan, lambda storey: stream(config.seed, whole, _PLACES + storey)
+    )
+    return LinkPlan(plan.digest(), plan, transmitters, len(grid.position))
 
 
-def _on_all_storeys(digest: str, whole: Storeys, config: LinkSetConfig) -> Float[np.ndarray, "n 3"]:
-    """Transmitters of a building, one storey after the other from the lowest up."""
-    turns = -(-config.tx_per_plan // len(whole.storeys))
-    each = []
-    for number, storey in enumerate(whole.storeys):
-        rng = stream(config.seed, digest, _PLACES + number)
-        places = random_transmitters(storey.building, turns, config.radio.height_m, rng)
-        each.append(places + np.array([0.0, 0.0, storey.floor_m]))
-    return np.stack(each, axis=1).reshape(-1, 3)[: config.tx_per_plan]
-
-
-def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
+def _settings(sites: list[LinkPlan], config: LinkSetConfig) -> dict[str, Any]:
     """All that the data depend on, as JSON types."""
     return {
         "version": package_version(),
@@ -143,7 +114,7 @@ def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
 
 
 def _make_units(
-    sites: list[Site],
+    sites: list[LinkPlan],
     config: LinkSetConfig,
     out: Path,
     workers: int,
@@ -165,7 +136,7 @@ def _make_units(
             progress.report(done, total)
 
 
-def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, Any]:
+def _manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[str, Any]:
     """Content of `manifest.json`."""
     units: list[dict[str, Any]] = []
     for site in sites:
@@ -201,7 +172,9 @@ def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, 
     }
 
 
-def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifest: dict[str, Any]) -> None:
+def _finish_formats(
+    sites: list[LinkPlan], config: LinkSetConfig, out: Path, manifest: dict[str, Any]
+) -> None:
     """Write the files that formats have once per building."""
     for site in sites:
         name = site.plan.name

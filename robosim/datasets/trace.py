@@ -22,9 +22,8 @@ import pyarrow.parquet as pq
 from jaxtyping import Float, Int
 from rich.console import Console
 
-from robosim.building.multi_storey import Storeys
 from robosim.datasets.link_units import (
-    Site,
+    LinkPlan,
     csv_files,
     deepmimo_folder,
     deepmimo_paths,
@@ -33,13 +32,9 @@ from robosim.datasets.link_units import (
     prepare_site,
     transmitters_file,
 )
-from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_rays
-from robosim.drawing.storeys_picture import plot_scene, plot_storeys
-from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storey_plans import OneStorey
-from robosim.radio.mesh_scene import MeshScene
+from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_link
 from robosim.radio.receivers import ReceiverGrid, check_step
-from robosim.radio.scene import RadioConfig, RadioScene
+from robosim.radio.scene import Place, RadioConfig, RadioScene, RadioSite
 from robosim.support.checks import check_some
 from robosim.support.files import npz_bytes, whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
@@ -58,7 +53,7 @@ UNIT_RX = BLOCK_RX
 
 
 def trace_grid(
-    plan: FloorPlan | OneStorey,
+    plan: Place,
     config: RadioConfig,
     grid_m: float,
     tx: Float[np.ndarray, "n_tx 3"],
@@ -92,7 +87,7 @@ def trace_grid(
         ]
         done = total - sum(len(txs) * (ends[first] - first) for txs, first in calls)
         report(done, total)
-        site = Site(plan.digest(), plan, tx, len(rx))
+        site = LinkPlan(plan.digest(), plan, tx, len(rx))
         with Workers(workers, cluster, what="links") as pool:
             arguments = [(site, config, grid_m, txs, first, ends[first]) for txs, first in calls]
             for number, tables in pool.run(_trace_unit, arguments):
@@ -131,11 +126,11 @@ def _join(
 
 
 def _trace_unit(
-    site: Site, config: RadioConfig, grid_m: float, txs: list[int], first: int, end: int
+    site: LinkPlan, config: RadioConfig, grid_m: float, txs: list[int], first: int, end: int
 ) -> list[bytes]:
     """Paths from some transmitters to consecutive receivers, one file per transmitter."""
     scene, grid = prepare_site(site, config, grid_m)
-    paths = scene.tracer.trace(site.transmitters[txs], grid.position[first:end], workers=1)
+    paths = scene.trace(site.transmitters[txs], grid.position[first:end], workers=1)
     tables = []
     for j, tx in enumerate(txs):
         some = paths.select(paths.tx == j)
@@ -152,7 +147,7 @@ APART_M = 0.005
 
 
 def trace_plan(
-    plan: FloorPlan | OneStorey,
+    plan: Place,
     config: RadioConfig,
     out: Path,
     *,
@@ -177,8 +172,10 @@ def trace_plan(
     """
     check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, () if rx is None else (rx,), height_of(plan, config))
-    scene, transmitters = _prepare(plan, config, tx, console)
+    with console.status("preparing the building ..."):
+        scene = RadioScene(plan, config)
+    check_terminals(tx, () if rx is None else (rx,), scene.height_m)
+    transmitters = _transmitters(scene, tx, console)
     given_rx = None if rx is None else scene.places((rx,), "rx")[0]
     grid = scene.grid(grid_m)
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
@@ -220,8 +217,7 @@ def trace_plan(
 
 
 def trace_link(
-    plan: FloorPlan | OneStorey | MeshScene,
-    config: RadioConfig,
+    site: RadioSite,
     out: Path,
     *,
     tx: tuple[tuple[float, ...], ...],
@@ -230,36 +226,26 @@ def trace_link(
 ) -> Paths:
     """Trace transmitters to receivers; writes `paths.parquet`, and the rays of one link of each as a picture.
 
-    With several receivers it is an instructive link; with several storeys around, a second picture shows them all.
+    With several receivers it is an instructive link.
 
     Raises:
         ValueError: If a position does not fit.
         FolderError: If the folder holds a grid.
-        MapError: If the plan has no free area.
     """
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, rx, height_of(plan, config))
+    check_terminals(tx, rx, site.height_m)
     with run_folder(out, "trace --rx"):
-        scene, transmitters = _opened(plan, config, tx, console)
-        paths = scene.tracer.trace(transmitters, scene.places(rx, "rx"))
+        transmitters = _transmitters(site, tx, console)
+        paths = site.trace(transmitters, site.places(rx, "rx"))
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
         for i in range(len(transmitters)):
-            shown, picture = choose_link(paths, i), out / f"rays_tx{i + 1}.png"
-            if isinstance(scene, MeshScene):
-                plot_scene(picture, scene, paths, i, shown)
-                continue
-            plot_rays(picture, scene.building, paths, i, shown, config.tx_power_dbm)
-            if isinstance(scene.whole, Storeys):
-                plot_storeys(
-                    out / f"storeys_tx{i + 1}.png", scene.whole, paths, i, shown, config.tx_power_dbm
-                )
+            plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i))
     return paths
 
 
 def trace_along(
-    plan: FloorPlan | OneStorey | MeshScene,
-    config: RadioConfig,
+    site: RadioSite,
     out: Path,
     *,
     tx: tuple[tuple[float, ...], ...],
@@ -277,22 +263,17 @@ def trace_along(
         FileError: If the trajectory is damaged.
     """
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, (), height_of(plan, config))
+    check_terminals(tx, (), site.height_m)
     time_s, poses = read_tum(trajectory)
     samples = 0
     with run_folder(out, "trace --along"):
-        scene, transmitters = _opened(plan, config, tx, console)
-        rx = scene.places(tuple((x, y) for x, y, _ in poses.tolist()), "a pose of the trajectory")
-        for i, one in enumerate(transmitters):
-            channel = sample_channel(scene.tracer, one, rx, time_s, rate_hz=rate_hz)
+        transmitters = _transmitters(site, tx, console)
+        rx = site.places(tuple((x, y) for x, y, _ in poses.tolist()), "a pose of the trajectory")
+        for i, position in enumerate(transmitters):
+            channel = sample_channel(site.tracer, position, rx, time_s, rate_hz=rate_hz)
             write_whole(out / f"channel_tx{i + 1}.npz", npz_bytes(vars(channel)))
             samples = len(channel.time_s)
     return samples
-
-
-def height_of(plan: FloorPlan | OneStorey | MeshScene, config: RadioConfig) -> float:
-    """Height of terminals without one of their own, above the lowest floor [m]."""
-    return config.height_m + (plan.floor_m if isinstance(plan, OneStorey) else 0.0)
 
 
 def check_terminals(
@@ -316,37 +297,14 @@ def _point_text(at: tuple[float, ...]) -> str:
     return f"({', '.join(f'{value:g}' for value in at)}) m"
 
 
-def _opened(
-    plan: FloorPlan | OneStorey | MeshScene,
-    config: RadioConfig,
-    tx: tuple[tuple[float, ...], ...],
-    console: Console,
-) -> tuple[RadioScene | MeshScene, Float[np.ndarray, "n 3"]]:
-    """A building, or a scene, and the places of transmitters."""
-    return (
-        (plan, plan.places(tx, "tx")) if isinstance(plan, MeshScene) else _prepare(plan, config, tx, console)
-    )
-
-
-def _prepare(
-    plan: FloorPlan | OneStorey, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
-) -> tuple[RadioScene, Float[np.ndarray, "n 3"]]:
-    """The building and the places of transmitters; warns of transmitters in small parts of it."""
-    with console.status("preparing the building ..."):
-        scene = RadioScene(plan, config)
-    if scene.engine == "space":
-        line = (
-            f"{plan.name} is traced in space, ten to a hundred times slower: not all of its "
-            f"{len(scene.whole.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings."
-        )
-        if (order := config.tracer.max_reflections) > 1:
-            line += f" One reflection less (--max-reflections {order - 1}) makes it faster."
-        console.print(line, highlight=False)
-    transmitters = scene.places(tx, "tx")
-    for at in transmitters:
-        if part := scene.cut_off(at):
-            console.print(part, style="yellow", highlight=False)
-    return scene, transmitters
+def _transmitters(
+    site: RadioSite, tx: tuple[tuple[float, ...], ...], console: Console
+) -> Float[np.ndarray, "n 3"]:
+    """Places of transmitters [m], after a word on slow or incomplete traces from them."""
+    transmitters = site.places(tx, "tx")
+    for remark in site.remarks(transmitters):
+        console.print(remark, style="yellow", highlight=False)
+    return transmitters
 
 
 def _settings(
@@ -354,7 +312,7 @@ def _settings(
 ) -> dict[str, Any]:
     """Everything that the paths depend on."""
     return {
-        "plan": scene.building.plan.name,
+        "plan": scene.name,
         "tolerance_m": scene.config.building.tolerance_m,
         "building_sha256": scene.digest,
         "version": package_version(),
@@ -376,7 +334,7 @@ def _write_formats(
     console: Console,
 ) -> Int[np.ndarray, "5"]:
     """Write the paths as a DeepMIMO scenario and as CSV files; returns the number of links of each state."""
-    config, name = scene.config, scene.building.plan.name
+    config, name = scene.config, scene.name
     states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
     with whole_folder(deepmimo_folder(out, name)) as folder, console.status("writing ...") as status:
         for i in range(len(transmitters)):
@@ -403,7 +361,7 @@ def _plot(
     if given_rx is None:
         link = paths, tx, choose_link(paths, tx)
     else:
-        link = scene.tracer.trace(paths.tx_position[tx : tx + 1], given_rx[None]), 0, 0
+        link = scene.trace(paths.tx_position[tx : tx + 1], given_rx[None]), 0, 0
     plot_grid(
         out,
         f"_tx{tx + 1}",

@@ -1,4 +1,4 @@
-"""Pictures of traced radio over a floor plan: power, link state, direction of arrival, rays of one link.
+"""Pictures of traced radio: power, link state, direction of arrival over a floor plan, and rays of one link.
 
 Colours are safe for the colour-blind: states from `robosim.support.colours`, power of the floor in cividis, of rays in
 plasma, both the brighter the stronger, angles in twilight, which is the same at both ends.
@@ -17,13 +17,16 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.colorbar import Colorbar
-from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.path import Path as PathOutline
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from robosim.building.building import Building
 from robosim.radio.receivers import ReceiverGrid
+from robosim.radio.scene import RadioSite
 from robosim.support.colours import FURNISHING, STATE_COLOURS, STATE_NAMES, css
 from robosim.support.figures import save_figure
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
@@ -83,11 +86,46 @@ def plot_grid(
     return files
 
 
-def plot_rays(path: Path, building: Building, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
-    """Draw the paths of one link."""
-    figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
-    draw_rays(axes, building, paths, tx, rx, tx_power_dbm)
+def plot_link(path: Path, site: RadioSite, paths: Paths, tx: int, rx: int) -> None:
+    """Draw the paths of one link: from above in a building of one storey, else in three dimensions."""
+    if len(site.storeys) == 1:
+        building = site.storeys[0].building
+        figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
+        draw_rays(axes, building, paths, tx, rx, site.config.tx_power_dbm)
+    else:
+        figure = plt.figure(figsize=(8.0, 8.0), layout="constrained")
+        axes = figure.add_subplot(projection="3d", computed_zorder=False)
+        draw_in_space(axes, site, paths, tx, rx)
     save_figure(figure, path)
+
+
+def draw_in_space(axes: Axes3D, site: RadioSite, paths: Paths, tx: int, rx: int) -> None:
+    """All paths of one link in three dimensions among the surfaces around it, coloured by power."""
+    link, ends = paths.between(tx, rx), (paths.tx_position[tx], paths.rx_position[rx])
+    corners = np.vstack([link.corners().reshape(-1, 3), *ends])
+    low, high = site.draw(axes, np.array([np.nanmin(corners, axis=0), np.nanmax(corners, axis=0)]))
+    power = site.config.tx_power_dbm + link.power_db
+    order = reversed(range(len(link)))  # the strongest on top
+    lines = [np.vstack([ends[0], link.point[i, : link.order[i]], ends[1]]) for i in order]
+    if lines:
+        scale = Normalize(power.min(), max(power.max(), power.min() + 1))
+        rays = Line3DCollection(lines, cmap=ray_colours(), norm=scale, linewidths=1.1, zorder=50)
+        rays.set_array(power[::-1])
+        axes.add_collection3d(rays)
+        label = f"received power [dBm], {site.config.tx_power_dbm:g} dBm sent"
+        axes.figure.colorbar(rays, ax=axes, shrink=0.5, label=label)
+    for at, marker, colour, label in zip(
+        ends, "*P", (TX_COLOUR, RX_COLOUR), ("transmitter", "receiver"), strict=True
+    ):
+        axes.plot(*at[:, None], marker, color=colour, mec="white", ms=12, label=label, zorder=60)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(np.maximum(high - low, 0.1), zoom=1.05)
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    about = conditions(paths.frequency_hz, ends[0], ends[1][None])
+    title = f"{site.name}: {counted(len(link), 'path')} of one link\n{about}"
+    axes.set_title(title, fontsize=10, parse_math=False)
+    axes.legend(loc="upper left", fontsize=8)
+    axes.view_init(elev=24, azim=-58)
 
 
 def choose_link(paths: Paths, tx: int) -> int:

@@ -20,28 +20,26 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.building.building import Building, make_building
-from robosim.building.multi_storey import Storey, Storeys, StoreysConfig, make_storeys
 from robosim.plans.files import IMAGES, read_plan
 from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.plans.storey_plans import StoreysPlan
+from robosim.plans.storey_plans import StoreysPlan, storeys_of
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpreter, Measurement
-from robosim.radio.receivers import ReceiverGrid, receiver_grid
-from robosim.radio.scene import RadioConfig
+from robosim.radio.receivers import ReceiverGrid
+from robosim.radio.scene import RadioConfig, RadioScene
 from wireless.paths import LinkState, Paths
-from wireless.tracing.tracer import Tracer
 
-#: Distance from walls at which a handle stops [m].
-CLEARANCE_M = 0.05
 #: Distance between candidates for the robot's first place [m].
 FIRST_STEP_M = 1.0
 #: Wall materials that the page offers.
 WALL_MATERIALS = ("partition", "concrete_wall", "glazing", "door", "metal")
 
 
-class LinkModel:
-    """A building with one or several storeys, ready for tracing."""
+class LinkModel(RadioScene):
+    """A building with one or several storeys, and a receiver in it."""
+
+    clearance_m = 0.05
+    """Distance from walls at which a handle stops [m]."""
 
     def __init__(self, plan: FloorPlan | StoreysPlan, config: RadioConfig) -> None:
         """Build walls and furniture of the wall material, and the tracer.
@@ -52,90 +50,56 @@ class LinkModel:
         """
         self.plan = plan
         walls = replace(config.building, furniture_material=config.building.wall_material)
-        if isinstance(plan, StoreysPlan):
-            self._walls: Building | Storeys = make_storeys(plan, config=StoreysConfig(building=walls))
-            self.storeys = self._walls.storeys
-        else:
-            self._walls = single = make_building(plan, config=walls)
-            self.storeys = (Storey(building=single, floor_m=0.0, opening=shapely.MultiPolygon()),)
-        #: The lowest storey.
-        self.building: Building = self.storeys[0].building
-        self._prepare(config)
+        super().__init__(storeys_of(plan)[0], replace(config, building=walls))
+        self._prepare()
 
-    def _prepare(self, config: RadioConfig) -> None:
-        self.config = config
-        lowest = min(one.building.height_m for one in self.storeys)
-        if not 0 < config.height_m < lowest:
-            where = " of each storey" if len(self) > 1 else ""
+    def _prepare(self) -> None:
+        lowest = min(storey.building.height_m for storey in self.storeys)
+        if not 0 < self.config.height_m < lowest:
+            where = " of each storey" if len(self.storeys) > 1 else ""
             raise ValueError(
-                f"height is {config.height_m:g} m, expected antennas between floor and ceiling{where}, 0 to "
+                f"height is {self.config.height_m:g} m, expected antennas between floor and ceiling{where}, 0 to "
                 f"{lowest:g} m."
             )
-        self.tracer = Tracer(self._walls, frequency_hz=config.frequency_hz, config=config.tracer)
-        self._free = []
-        for storey in self.storeys:
-            free = storey.building.free_at(config.height_m)
-            inside = free.buffer(-CLEARANCE_M)
-            self._free.append(free if inside.is_empty else inside)
-            shapely.prepare(self._free[-1])
+        self.__dict__.pop("tracer", None)
+        assert self.tracer  # raises an error now rather than at the first link
         self._lock = Lock()
         self._receiver: tuple[RadioLink, Interpreter] | None = None
         self._grids: dict[float, ReceiverGrid] = {}
-
-    def __len__(self) -> int:
-        """Number of storeys."""
-        return len(self.storeys)
 
     def with_config(self, config: RadioConfig) -> "LinkModel":
         """The same plan with other settings; only other settings of the building build the walls again."""
         if config.building != self.config.building:
             return LinkModel(self.plan, config)
         other = copy(self)
-        other._prepare(config)
+        other.config = config
+        other._prepare()
         return other
 
-    def level_m(self, storey: int) -> float:
-        """Height of antennas on a storey above the lowest floor [m]."""
-        return self.storeys[storey].floor_m + self.config.height_m
-
     def antenna(self, place: Float[np.ndarray, "2"], storey: int = 0) -> Float[np.ndarray, "3"]:
-        """Position of an antenna on a storey, height above the lowest floor [m]."""
-        return np.array([*place, self.level_m(storey)])
+        """Position of an antenna on a storey at the free point nearest to a place, above the lowest floor [m]."""
+        return self.nearest_free(np.array([*place, self.storeys[storey].floor_m + self.config.height_m]))
 
-    def nearest_free(self, place: Float[np.ndarray, "2"], storey: int = 0) -> Float[np.ndarray, "2"]:
-        """The free point of a storey that is nearest to a place [m]; some free point for NaN or infinite values."""
-        free = self._free[storey]
-        if not np.isfinite(place).all():
-            place = np.array(free.representative_point().coords[0])
-        point = shapely.Point(*place)
-        if free.covers(point):
-            return np.array(place, float)
-        return np.array(shapely.shortest_line(free, point).coords[0])
+    def first_place(self, storey: int = 0) -> Float[np.ndarray, "3"]:
+        """Position below the opening of a storey's slab, or in its largest connected floor if it has none [m]."""
+        opening, free = (
+            self.storeys[storey].opening,
+            self.storeys[storey].building.free_at(self.config.height_m),
+        )
+        components = shapely.get_parts(free)
+        inside = components[np.argmax(shapely.area(components))] if opening.is_empty else opening
+        return self.antenna(shapely.get_coordinates(inside.representative_point())[0], storey)
 
-    def first_place(self, storey: int = 0) -> Float[np.ndarray, "2"]:
-        """A place below the opening of a storey's slab, or in its largest part if it has none [m]."""
-        opening = self.storeys[storey].opening
-        parts = shapely.get_parts(self._free[storey])
-        inside = opening if not opening.is_empty else parts[int(np.argmax(shapely.area(parts)))]
-        return self.nearest_free(np.array(inside.representative_point().coords[0]), storey)
-
-    def place_out_of_sight(self, tx: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
-        """A place with many paths from a transmitter, out of its sight if possible [m]; one storey only."""
+    def place_out_of_sight(self, tx: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+        """Position on the lowest storey with many paths from a transmitter, out of its sight if possible [m]."""
         try:
             places = self.grid(FIRST_STEP_M).position
         except ValueError:  # the room is smaller than the step
-            return self.nearest_free(tx + FIRST_STEP_M)
-        paths = self.tracer.trace(self.antenna(tx)[None], places, workers=1)
+            return self.antenna(tx[:2] + FIRST_STEP_M)
+        paths = self.trace(tx[None], places, workers=1)
         count, hidden = paths.count()[0], paths.link_state()[0] == LinkState.FIRST_ORDER
-        best = int(np.argmax(np.where(hidden, count, 0) if hidden.any() else count))
-        return self.nearest_free(places[best][:2])
-
-    def paths(
-        self, tx: Float[np.ndarray, "2"], rx: Float[np.ndarray, "2"], storeys: tuple[int, int] = (0, 0)
-    ) -> Paths:
-        """True paths between two places [m] on their storeys."""
-        ends = self.antenna(tx, storeys[0]), self.antenna(rx, storeys[1])
-        return self.tracer.trace(ends[0][None], ends[1][None], workers=1)
+        best = np.argmax(np.where(hidden, count, 0) if hidden.any() else count)
+        return self.nearest_free(places[best])
 
     def measure(
         self, tx: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"], seed: int
@@ -156,13 +120,9 @@ class LinkModel:
             return interpreter.interpret(estimates, pose), link.paths
 
     def grid(self, step_m: float) -> ReceiverGrid:
-        """Places all over the free space, a step apart [m].
-
-        Raises:
-            ValueError: If none fits.
-        """
+        """Receivers on a grid over the lowest storey, cached by step [m]."""
         if step_m not in self._grids:
-            self._grids[step_m] = receiver_grid(self.building, step_m, self.config.height_m)
+            self._grids[step_m] = super().grid(step_m)
         return self._grids[step_m]
 
 

@@ -103,7 +103,7 @@ class Page:
             )
             above = self.server.gui.add_button("View from above")
             above.on_click(lambda event: self._view_all(event.client))
-            if len(model) == 1:
+            if len(model.storeys) == 1:
                 shoulder = self.server.gui.add_button("View over the robot's shoulder")
                 shoulder.on_click(lambda event: self._view_robot(event.client))
         self._closers.append(radio.close)

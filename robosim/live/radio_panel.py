@@ -76,7 +76,7 @@ class RadioPanel:
     @property
     def places(self) -> dict[Terminal, Float[np.ndarray, "2"]]:
         """Positions of the handles [m]."""
-        return dict(self._places)
+        return {terminal: position[:2] for terminal, position in self._positions.items()}
 
     @property
     def building(self) -> BuildingScene:
@@ -85,7 +85,7 @@ class RadioPanel:
 
     @property
     def _has_one_storey(self) -> bool:
-        return len(self.model) == 1
+        return len(self.model.storeys) == 1
 
     def close(self) -> None:
         """End the workers."""
@@ -138,10 +138,10 @@ class RadioPanel:
             )
             for number, one in enumerate(model.storeys)
         ]  # fmt: skip
-        self.storey: dict[Terminal, int] = {"transmitter": 0, "robot": len(model) - 1}
-        tx = model.first_place()
-        rx = model.place_out_of_sight(tx) if self._has_one_storey else model.first_place(len(model) - 1)
-        self._places: dict[Terminal, np.ndarray] = {"transmitter": tx, "robot": rx}
+        top, tx = len(model.storeys) - 1, model.first_place()
+        self.storey: dict[Terminal, int] = {"transmitter": 0, "robot": top}
+        rx = model.first_place(top) if top else model.place_out_of_sight(tx)
+        self._positions: dict[Terminal, np.ndarray] = {"transmitter": tx, "robot": rx}
         self._draw_handles()
 
     def _draw_handles(self) -> None:
@@ -150,12 +150,11 @@ class RadioPanel:
         if self._has_one_storey:
             self._view.show_heading(self._yaw_rad)
         for terminal in TERMINALS:
-            self._put(terminal, self._places[terminal])
+            self._put(terminal, self._positions[terminal][:2])
 
     def _put(self, terminal: Terminal, place: Float[np.ndarray, "2"]) -> None:
-        storey = self.storey[terminal]
-        self._places[terminal] = self.model.nearest_free(place, storey)
-        self._view.place(terminal, self._places[terminal], self.model.level_m(storey))
+        self._positions[terminal] = self.model.antenna(place, self.storey[terminal])
+        self._view.place(terminal, self._positions[terminal])
 
     def _fill(self, gui: "viser.GuiApi") -> None:
         if self._has_one_storey:
@@ -202,7 +201,7 @@ class RadioPanel:
             first = names[self.storey[terminal]]
             choice = gui.add_dropdown(f"{terminal} on storey", tuple(names), initial_value=first)
             choice.on_update(
-                lambda event: self.move(terminal, self._places[terminal], names.index(choice.value))
+                lambda event: self.move(terminal, self.places[terminal], names.index(choice.value))
             )
 
         for terminal in TERMINALS:
@@ -276,9 +275,8 @@ class RadioPanel:
         self._file_message.content = self._message
 
     def _trace(self, requested: float) -> None:
-        model, places = self.model, self._places
-        storeys = self.storey["transmitter"], self.storey["robot"]
-        paths = model.paths(places["transmitter"], places["robot"], storeys)
+        model, tx, rx = self.model, self._positions["transmitter"], self._positions["robot"]
+        paths = model.trace(tx[None], rx[None], workers=1)
         self._view.show_paths(paths, self._colours.value, model.config.tx_power_dbm)
         self._paths.content = path_table(paths, model.config.tx_power_dbm)
         self.delays_s.append(perf_counter() - requested)
@@ -293,7 +291,7 @@ class RadioPanel:
             self._reception.content = arrival_table(measurement, true_paths)
 
     def _colour_floor(self, _: None) -> None:
-        model, tx, kind = self.model, self._places["transmitter"], self._map_kind
+        model, tx, kind = self.model, self._positions["transmitter"], self._map_kind
         if kind == "off":
             self._view.show_map(None)
             return
@@ -306,7 +304,7 @@ class RadioPanel:
         if config.height_m != height_m:
             self._draw_handles()
         for terminal in TERMINALS:
-            self._put(terminal, self._places[terminal])
+            self._put(terminal, self._positions[terminal][:2])
         self._say("")
         self.refresh()
 

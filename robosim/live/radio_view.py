@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.live.building_scene import STEP_M
-from robosim.live.link_model import LinkModel
 from robosim.live.scene_nodes import (
     ESTIMATED_ARRIVAL,
     NO_SHADOW,
@@ -27,6 +26,7 @@ from robosim.live.scene_nodes import (
 )
 from robosim.radio.measurement import Measurement
 from robosim.radio.receivers import ReceiverGrid
+from robosim.radio.scene import RadioSite
 from robosim.recording.rerun_recording import ray_kind, rays
 from wireless.paths import Paths
 
@@ -86,10 +86,10 @@ class RadioView:
         for terminal, handle in self.handles.items():
             handle.on_drag(partial(drag, terminal))
 
-    def place(self, terminal: Terminal, place: Float[np.ndarray, "2"], level_m: float) -> None:
-        """Move a handle to a place and a height above the lowest floor [m]."""
-        self._levels_m[terminal] = level_m
-        self.handles[terminal].position = (float(place[0]), float(place[1]), level_m)
+    def place(self, terminal: Terminal, position: Float[np.ndarray, "3"]) -> None:
+        """Move a handle to a position, its height above the lowest floor [m]."""
+        self._levels_m[terminal] = float(position[2])
+        self.handles[terminal].position = tuple(position.tolist())
 
     def show_heading(self, yaw_rad: float) -> None:
         """Draw an arrow along the robot's heading."""
@@ -186,12 +186,12 @@ class RadioMap:
 
 
 def radio_maps(
-    model: LinkModel, tx: Float[np.ndarray, "2"], kind: MapKind, is_stale: Callable[[], bool]
+    site: RadioSite, tx: Float[np.ndarray, "3"], kind: MapKind, is_stale: Callable[[], bool]
 ) -> Iterator[RadioMap]:
     """Maps of a transmitter, each finer than the last, until `is_stale`, which is called every 10 ms."""
     for step_m in MAP_STEPS_M:
         try:
-            grid = model.grid(step_m)
+            grid = site.grid(step_m)
         except ValueError:  # too coarse for a small room, or too fine for a large one
             continue
         if len(grid.position) > _MOST_RECEIVERS:
@@ -201,16 +201,16 @@ def radio_maps(
             if is_stale():
                 return
             batch = slice(first, first + _BATCH)
-            colours[batch] = _map_colours(model, tx, grid.position[batch], kind)
+            colours[batch] = _map_colours(site, tx, grid.position[batch], kind)
         rgba = np.zeros((*grid.shape, 4), np.uint8)
         rgba[tuple(grid.cell.T)] = colours
         yield RadioMap(rgba, grid, step_m)
 
 
 def _map_colours(
-    model: LinkModel, tx: Float[np.ndarray, "2"], places: Float[np.ndarray, "n 3"], kind: MapKind
+    site: RadioSite, tx: Float[np.ndarray, "3"], places: Float[np.ndarray, "n 3"], kind: MapKind
 ) -> UInt8[np.ndarray, "n 4"]:
-    paths = model.tracer.trace(model.antenna(tx)[None], places, workers=1)
+    paths = site.trace(tx[None], places, workers=1)
     first = paths.select(paths.rank == 0)
     rgba = np.zeros((len(places), 4), np.uint8)
     rgba[first.rx, 3] = 255
@@ -219,5 +219,5 @@ def _map_colours(
     elif kind == "direction of arrival":
         rgba[first.rx, :3] = angle_colours(first.aoa_az)
     else:
-        rgba[first.rx, :3] = power_colours(model.config.tx_power_dbm + first.power_db)
+        rgba[first.rx, :3] = power_colours(site.config.tx_power_dbm + first.power_db)
     return rgba

@@ -135,6 +135,14 @@ class OneStorey:
         return hashlib.sha256(f"{self.building.digest()} {self.number}".encode()).hexdigest()[:16]
 
 
+def storeys_of(plan: FloorPlan | StoreysPlan) -> list[FloorPlan | OneStorey]:
+    """Each storey of a building of several, or the only floor plan."""
+    match plan:
+        case StoreysPlan():
+            return [plan.one(number) for number in range(len(plan.storeys))]
+    return [plan]
+
+
 def is_storeys(path: Path) -> bool:
     """Whether a file is of a building of several storeys, and not a map."""
     if path.suffix.lower() not in (".yaml", ".yml") or not path.is_file():

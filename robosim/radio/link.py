@@ -29,6 +29,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.constants import speed_of_light
 
+import wireless
 from robosim.building.building import Building
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.radio.link_state import Classifier
@@ -99,9 +100,10 @@ class RadioLinkConfig:
 
 
 def first_path_m(paths: Paths) -> float:
-    """Length of the first path of one link that ranging finds [m]."""
-    found = paths.power >= paths.power.max() * 10 ** (-_FIRST_DB / 10)
-    return float(speed_of_light * paths.delay_s[found].min())
+    """Length of the first path of one link that ranging finds [m]; NaN in outage."""
+    strongest = paths.power.max(initial=0.0)
+    delays_s = paths.delay_s[paths.power >= strongest * 10 ** (-_FIRST_DB / 10)]
+    return float(speed_of_light * delays_s.min()) if len(delays_s) else math.nan
 
 
 @cache
@@ -228,6 +230,16 @@ class RadioLink:
         return self._tracer.trace(self._target[None], np.array([[*at, self.config.height_m]]), workers=1)
 
 
+@cache
+def _code_digest() -> str:
+    """A text that changes with the code of the tracer, and of what this package does with paths."""
+    digest = hashlib.sha256()
+    for folder in (Path(wireless.__file__).parent, Path(__file__).parent):
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
 class RadioTables:
     """Tables by the place of the transmitter."""
 
@@ -269,7 +281,9 @@ class RadioTables:
         return table
 
     def _name(self, place: Float[np.ndarray, "3"]) -> str:
-        """Differs for different paths."""
+        """Differs for different paths, and for paths by other code."""
         tracer = self._tracer
-        made_from = (self._building.digest, place.tolist(), STEP_M, tracer.frequency_hz, tracer.config)
+        made_from = (
+            self._building.digest, place.tolist(), STEP_M, tracer.frequency_hz, tracer.config, _code_digest()
+        )  # fmt: skip
         return "radio-" + hashlib.sha256(repr(made_from).encode()).hexdigest()[:24]

@@ -1,22 +1,38 @@
-"""A floor plan, or a storey of a building, with its tracer and checked places of terminals."""
+"""Where radio is: plans, buildings of several storeys and Mitsuba scenes behind one interface.
 
+Positions are x, y [m] in `map`, or in the frame of the scene, and heights above the lowest floor [m].
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Annotated, NamedTuple
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import shapely
+import trimesh
 from jaxtyping import Float
 
-from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.building.building import Building, BuildingConfig, Storey, make_building
 from robosim.building.multi_storey import Storeys, StoreysConfig, make_storeys
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
-from robosim.radio.receivers import ReceiverGrid, check_height, receiver_grid
+from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
+from wireless.paths import Paths
+from wireless.tracing.mitsuba_scene import read_mitsuba
 from wireless.tracing.tracer import Tracer, TracerConfig
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D
 
 #: A place this far from free space still counts as on its edge [m].
 ON_EDGE_M = 1e-6
+#: Faces that meet at a smaller angle are one surface in pictures.
+FLAT_RAD = 1e-3
+Place = FloorPlan | OneStorey
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,45 +59,135 @@ class RadioConfig:
         return -np.inf if self.threshold_dbm is None else self.threshold_dbm - self.tx_power_dbm
 
 
-class Built(NamedTuple):
-    """A building, or a storey of one."""
+class RadioSite(ABC):
+    """Where radio is: surfaces with a tracer, and the places that terminals can have among them."""
 
-    building: Building
-    """The storey on its own, its floor at z = 0."""
-    whole: Building | Storeys
-    """Everything that is traced: the same, or all storeys."""
-    floor_m: float
-    """Height of the storey's floor [m]."""
+    name: str
+    """Its name in reports and files."""
+    config: RadioConfig
+    """What is traced and how."""
+    mesh: trimesh.Trimesh
+    """All surfaces."""
+    storeys: tuple[Storey, ...] = ()
+    """Storeys of a building, from the lowest up; a scene has none."""
+    floor_m: float = 0.0
+    """Height of the floor below terminals without a height of their own [m]."""
+
+    @property
+    @abstractmethod
+    def tracer(self) -> Tracer:
+        """The tracer, made at the first use; ValueError if a material is unknown at the carrier frequency."""
+
+    @property
+    def height_m(self) -> float:
+        """Height of terminals without one of their own, above the lowest floor [m]."""
+        return self.floor_m + self.config.height_m
+
+    def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
+        """Points (x, y) or (x, y, z) [m] as positions; heights count from the lowest floor.
+
+        Without z a point is at `height_m`.
+
+        Raises:
+            ValueError: If a point is not in free space; the message says where the nearest free point is.
+        """
+        positions = np.array([[*point, self.height_m][:3] for point in points], float).reshape(-1, 3)
+        for value in positions.ravel():
+            check_number(name, float(value), -FARTHEST, FARTHEST, "m")
+        for position in positions:
+            if problem := self.problem_at(position, name):
+                raise ValueError(problem)
+        return positions
+
+    def grid(self, step_m: float) -> ReceiverGrid:
+        """Receivers on a grid at `height_m`; ValueError if there is none."""
+        raise ValueError(f"{self.name} has no floor plan to lay a grid over. Give places of receivers.")
+
+    def nearest_free(self, place: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The free point nearest to a place (x, y) or (x, y, z) [m]."""
+        return np.array(place, float)
+
+    def problem_at(self, position: Float[np.ndarray, "3"], name: str) -> str | None:
+        """Why a terminal of a name cannot be at a position [m]; None in free space."""
+        return None
+
+    def trace(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None = None
+    ) -> Paths:
+        """Paths from transmitters to receivers [m]."""
+        return self.tracer.trace(tx, rx, workers=workers)
+
+    def remarks(self, transmitters: Float[np.ndarray, "n 3"]) -> list[str]:
+        """What to know of a trace from transmitters [m] before it starts."""
+        return []
+
+    def draw(self, axes: "Axes3D", near: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
+        """Draw the edges of surfaces around a box [m] in three dimensions; returns the box that is shown."""
+        from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+        margin = 1.0 + 0.1 * (near[1] - near[0]).max()
+        low = np.maximum(near[0] - margin, np.minimum(near[0], self.mesh.bounds[0]))
+        high = np.minimum(near[1] + margin, np.maximum(near[1], self.mesh.bounds[1]))
+        lines = clipped(surface_edges(self.mesh), low, high)
+        if len(lines):
+            axes.add_collection3d(Line3DCollection(list(lines), colors="0.25", linewidths=0.6, zorder=2))
+        return np.array([low, high])
 
 
-def built(plan: FloorPlan | OneStorey, config: BuildingConfig) -> Built:
-    """Make the building of a plan, or all storeys around one.
+def radio_site(place: Place | Path, config: RadioConfig) -> RadioSite:
+    """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file."""
+    match place:
+        case Path():
+            return MeshScene(place, config)
+    return RadioScene(place, config)
+
+
+class MeshScene(RadioSite):
+    """A Mitsuba scene: places are anywhere, and all of its surfaces reflect, level ones too.
+
+    Raises:
+        FileError: If a file is damaged, or a shape or material is not understood.
+    """
+
+    def __init__(self, path: Path, config: RadioConfig):
+        self.name, self.config = path.stem, config
+        self._scene = read_mitsuba(path)
+        self.mesh = self._scene.mesh
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """The tracer of the scene."""
+        config = replace(self.config.tracer, floor_ceiling=True)
+        return Tracer(self._scene, frequency_hz=self.config.frequency_hz, config=config)
+
+
+class RadioScene(RadioSite):
+    """The building of a plan, or all storeys of a building around the one in which receivers are.
 
     Raises:
         MapError: If a plan has no free area.
         ValueError: If a setting does not fit a building of several storeys.
     """
-    if isinstance(plan, FloorPlan):
-        building = make_building(plan, config=config)
-        return Built(building, building, 0.0)
-    whole = make_storeys(plan.building, config=StoreysConfig(building=config))
-    own = whole.storeys[plan.number]
-    return Built(replace(own.building, plan=plan.plan), whole, own.floor_m)
 
+    clearance_m = 0.01
+    """Distance of nearest free points from walls, where there is space [m]; more than messages round away."""
 
-class RadioScene:
-    """The building of a plan, or of a storey, in which receivers are, ready for tracing.
-
-    Raises:
-        MapError: If the plan has no free area.
-        ValueError: If a material is unknown at this frequency.
-    """
-
-    def __init__(self, plan: FloorPlan | OneStorey, config: RadioConfig):
+    def __init__(self, plan: Place, config: RadioConfig):
         self.config = config
-        self.building, self.whole, self.floor_m = built(plan, config.building)
-        self.face_material = self.whole.face_material.astype(np.int64)
-        self.tracer = Tracer(self.whole, frequency_hz=config.frequency_hz, config=config.tracer)
+        number = 0
+        match plan:
+            case FloorPlan():
+                self.whole: Building | Storeys = make_building(plan, config=config.building)
+            case _:
+                number, building = plan.number, plan.building
+                self.whole = make_storeys(building, config=StoreysConfig(building=config.building))
+        self.name, self.mesh, self.storeys = plan.name, self.whole.mesh, self.whole.storeys
+        self.building, self.floor_m = self.storeys[number].building, self.storeys[number].floor_m
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """The tracer of the whole building."""
+        return Tracer(self.whole, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
 
     @property
     def engine(self) -> str:
@@ -98,58 +204,91 @@ class RadioScene:
         grid = receiver_grid(self.building, step_m, self.config.height_m)
         return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
 
-    def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
-        """Points (x, y) or (x, y, z) [m] as positions; heights count from the lowest floor.
+    def transmitters(
+        self, count: int, stream: Callable[[int], np.random.Generator]
+    ) -> Float[np.ndarray, "count 3"]:
+        """Random places [m], one storey after the other from the lowest up; each storey has its random numbers."""
+        turns = -(-count // len(self.storeys))
+        each = [
+            random_transmitters(storey.building, turns, self.config.height_m, stream(number))
+            + np.array([0.0, 0.0, storey.floor_m])
+            for number, storey in enumerate(self.storeys)
+        ]
+        return np.stack(each, axis=1).reshape(-1, 3)[:count]
 
-        Without z a point is at the configured height above the floor of the scene's storey.
+    def nearest_free(self, place: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The free point nearest to a place on its storey [m]; any free point for NaN or infinite values."""
+        x, y, z = [*place, self.height_m][:3]
+        storey = min(self.storeys, key=lambda s: max(s.floor_m - z, z - s.ceiling_m))
+        height_m = min(max(z - storey.floor_m, 0.0), storey.building.height_m)
+        point = shapely.Point(x, y)
+        if not np.isfinite([x, y]).all():
+            point = storey.building.free_at(height_m).representative_point()
+        nearest = storey.building.nearest_free(point, height_m, self.clearance_m)
+        return np.array([*nearest, storey.floor_m + height_m][: len(place)])
 
-        Raises:
-            ValueError: If one is not in free space; the message says where the nearest free point is.
-        """
-        height = self.floor_m + self.config.height_m
-        at = np.array([[*point, height][:3] for point in points], float).reshape(-1, 3)
-        for x, y, z in at:
-            for value in (x, y):
-                check_number(name, float(value), -FARTHEST, FARTHEST, "m")
-            building, where, floor_m = self._building_at(float(z), f"height of {name} ({x:g}, {y:g})")
-            point = shapely.Point(x, y)
-            free = building.free_at(float(z) - floor_m)
-            if free.distance(point) > ON_EDGE_M:
-                # Rounded to centimetres it must not be in a wall again.
-                inside = free.buffer(-0.01)
-                room = free if inside.is_empty else inside
-                near = shapely.shortest_line(room, point).coords[0]
-                within = " at this height" if building.furnishings else ""
-                raise ValueError(
-                    f"{name} is ({x:g}, {y:g}) m, outside of the free space of {where}{within}; the "
-                    f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."
-                )
-        return at
-
-    def _building_at(self, z_m: float, name: str) -> tuple[Building, str, float]:
-        """The storey of a height, its name, and the height of its floor [m]."""
-        if not isinstance(self.whole, Storeys):
-            check_height(self.building, z_m, name)
-            return self.building, self.building.plan.name, 0.0
-        number = self.whole.storey_at(z_m)
-        if number is None:
-            spans = ", ".join(f"{one.floor_m:g} to {one.ceiling_m:g}" for one in self.whole.storeys)
-            raise ValueError(
-                f"{name} is {z_m:g} m, expected one within a storey: {spans} m above the lowest floor."
+    def problem_at(self, position: Float[np.ndarray, "3"], name: str) -> str | None:
+        """Why a terminal of a name cannot be at a position [m]; None in free space."""
+        x, y, z = position.tolist()
+        storey = next((s for s in self.storeys if s.floor_m <= z <= s.ceiling_m), None)
+        if storey is None:
+            spans = ", ".join(f"{s.floor_m:g} to {s.ceiling_m:g}" for s in self.storeys)
+            return (
+                f"height of {name} ({x:g}, {y:g}) is {z:g} m, expected {spans} m, between floor and ceiling."
             )
-        own = self.whole.storeys[number]
-        return own.building, self.whole.plan.one(number).name, own.floor_m
+        if storey.building.free_at(z - storey.floor_m).distance(shapely.Point(x, y)) > ON_EDGE_M:
+            near = self.nearest_free(position)
+            within = " at this height" if storey.building.furnishings else ""
+            return (
+                f"{name} is ({x:g}, {y:g}) m, outside of the free space of {storey.building.plan.name}{within}; the "
+                f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."
+            )
+        return None
 
-    def cut_off(self, at: Float[np.ndarray, "3"]) -> str | None:
-        """A warning of a transmitter that is not in the largest part of free space."""
-        if isinstance(self.whole, Storeys):  # stairs may lead on
-            return None
-        parts = shapely.get_parts(self.building.free)
-        own = int(np.argmin(shapely.distance(parts, shapely.Point(*at[:2]))))
-        areas = shapely.area(parts)
-        if areas[own] == areas.max() or self.config.tracer.walls_passed(self.config.frequency_hz):
-            return None
-        return (
-            f"tx ({at[0]:g}, {at[1]:g}) is in a part of {areas[own]:.1f} m2 without a passage to the largest one, of "
-            f"{areas.max():.1f} m2: only receivers in its own part have paths."
-        )
+    def remarks(self, transmitters: Float[np.ndarray, "n 3"]) -> list[str]:
+        """Why tracing is slow, and which transmitters are cut off from the largest part of free space."""
+        remarks = []
+        if self.engine == "space":
+            remarks.append(
+                f"{self.name} is traced in space, ten to a hundred times slower: not all of its "
+                f"{len(self.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings."
+            )
+            if (order := self.config.tracer.max_reflections) > 1:
+                remarks[0] += f" One reflection less (--max-reflections {order - 1}) makes it faster."
+        if len(self.storeys) > 1 or self.config.tracer.walls_passed(self.config.frequency_hz):
+            return remarks  # stairs and walls may lead on
+        components = shapely.get_parts(self.building.free)
+        areas = shapely.area(components)
+        for x, y, _ in transmitters:
+            area = areas[np.argmin(shapely.distance(components, shapely.Point(x, y)))]
+            if area < areas.max():
+                remarks.append(
+                    f"tx ({x:g}, {y:g}) is in a part of {area:.1f} m2 without a passage to the largest one, of "
+                    f"{areas.max():.1f} m2: only receivers in its own part have paths."
+                )
+        return remarks
+
+
+def surface_edges(mesh: trimesh.Trimesh) -> Float[np.ndarray, "n 2 3"]:
+    """Edges of a mesh, but for those within a flat surface."""
+    solid = mesh.copy()
+    solid.merge_vertices()
+    flat = solid.face_adjacency_edges[solid.face_adjacency_angles < FLAT_RAD]
+    edges = np.unique(solid.edges_sorted, axis=0)
+    key, key_of_flat = (pairs.astype(np.int64) @ [len(solid.vertices), 1] for pairs in (edges, flat))
+    return solid.vertices[edges[~np.isin(key, key_of_flat)]]
+
+
+def clipped(
+    lines: Float[np.ndarray, "n 2 3"], low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "m 2 3"]:
+    """The sections of straight lines within a box (Liang and Barsky, 1984)."""
+    start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        enter, leave = np.sort([(low - start) / along, (high - start) / along], axis=0)
+    apart = ((along == 0) & ((start < low) | (start > high))).any(axis=1)
+    first = np.fmax(np.where(along == 0, 0.0, enter).max(axis=1), 0.0)
+    last = np.fmin(np.where(along == 0, 1.0, leave).min(axis=1), 1.0)
+    is_inside = ~apart & (first < last)
+    ends = np.stack([first, last], axis=1)[is_inside, :, None]
+    return start[is_inside, None] + ends * along[is_inside, None]

@@ -137,7 +137,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--tx 1,1,2.7", "height of tx (1, 1) is 2.7 m, expected 0 to 2.5 m"),
         ("--tx 1,1 --grid 0", "grid is 0.0, expected 0.01 to 100 m between receivers"),
         ("--tx 1,1 --grid -0.15", "grid is -0.15"),
-        ("--tx 1,1 --height 3", "is 3.0 m, expected 0 to 2.5 m"),
+        ("--tx 1,1 --height 3", "is 3 m, expected 0 to 2.5 m"),
         ("--tx 1,1 --frequency-ghz 28e9", "frequency_hz is 2.8e+19"),
         ("--tx 1,1 --max-reflections -1", "max_reflections is -1"),
         ("--tx 1,1 --max-transmissions 13", "max_transmissions is 13"),

@@ -10,13 +10,14 @@ import trimesh
 from PIL import Image
 
 from robosim.building.building import BuildingConfig
-from robosim.live.link_model import CLEARANCE_M, LinkModel, plan_of
+from robosim.live.link_model import LinkModel, plan_of
 from robosim.live.radio_view import radio_maps
 from robosim.live.scene_nodes import linear, power_colours
 from robosim.plans.floorplan import MapError
 from robosim.radio.scene import RadioConfig
 from slam.poses import wrap
 from tests.plans import two_rooms
+from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer
 
 
@@ -25,11 +26,17 @@ def model() -> LinkModel:
     return LinkModel(two_rooms(0.8), RadioConfig())
 
 
+def link(model: LinkModel, *ends: np.ndarray) -> Paths:
+    """Paths between two places on the lowest storey."""
+    tx, rx = (model.antenna(place[:2])[None] for place in ends)
+    return model.trace(tx, rx)
+
+
 def test_a_handle_in_a_wall_stops_next_to_it(model):
     """From inside the wall between the rooms to 0.05 m from it; from far away to the nearest room."""
     assert model.nearest_free(np.array([1.0, 2.0])) == pytest.approx([1.0, 2.0])
     place = model.nearest_free(np.array([3.05, 0.5]))
-    assert place == pytest.approx([3.0 - CLEARANCE_M, 0.5], abs=1e-6)
+    assert place == pytest.approx([3.0 - model.clearance_m, 0.5], abs=1e-6)
     far = model.nearest_free(np.array([100.0, 1.0]))
     assert model.building.free.covers(shapely.Point(far))
     assert np.isfinite(model.nearest_free(np.array([np.nan, 1.0]))).all()
@@ -37,7 +44,7 @@ def test_a_handle_in_a_wall_stops_next_to_it(model):
 
 def test_the_first_link_has_several_paths(model):
     tx = model.first_place()
-    assert len(model.paths(tx, model.place_out_of_sight(tx))) > 1
+    assert len(link(model, tx, model.place_out_of_sight(tx))) > 1
 
 
 def test_settings_change_the_paths_as_the_tracer_does(model):
@@ -46,10 +53,10 @@ def test_settings_change_the_paths_as_the_tracer_does(model):
     bare = replace(model.config.tracer, max_reflections=0, diffraction=False)
     one = model.with_config(replace(model.config, tracer=bare))
     assert one.building is model.building, "only the wall material changes the building"
-    assert len(one.paths(tx, rx)) == 1
-    assert len(one.paths(tx, np.array([5.0, 0.3]))) == 0
+    assert len(link(one, tx, rx)) == 1
+    assert len(link(one, tx, np.array([5.0, 0.3]))) == 0
     low = one.with_config(replace(one.config, frequency_hz=2.8e9))
-    gain = low.paths(tx, rx).power_db[0] - one.paths(tx, rx).power_db[0]
+    gain = link(low, tx, rx).power_db[0] - link(one, tx, rx).power_db[0]
     assert gain == pytest.approx(20.0, abs=1e-6)
     glass = model.with_config(replace(model.config, building=BuildingConfig(wall_material="glazing")))
     assert glass.building is not model.building
@@ -65,12 +72,12 @@ def test_antennas_above_the_ceiling_are_rejected(model):
 
 def test_radio_maps_become_finer_and_match_the_tracer(model):
     """Colours of the finest map equal those of an independent trace of all places."""
-    tx = np.array([1.0, 1.5])
+    tx = np.array([1.0, 1.5, 1.5])
     levels = list(radio_maps(model, tx, "received power", lambda: False))
     steps = [level.step_m for level in levels]
     assert steps == sorted(steps, reverse=True) and len(steps) >= 3
     last = levels[-1]
-    paths = Tracer(model.building).trace(np.array([[*tx, 1.5]]), last.grid.position)
+    paths = Tracer(model.building).trace(tx[None], last.grid.position)
     first = paths.select(paths.rank == 0)
     row, column = last.grid.cell[first.rx].T
     expected = power_colours(model.config.tx_power_dbm + first.power_db)
@@ -79,7 +86,7 @@ def test_radio_maps_become_finer_and_match_the_tracer(model):
 
 
 def test_a_stale_map_is_aborted(model):
-    assert list(radio_maps(model, np.array([1.0, 1.5]), "link state", lambda: True)) == []
+    assert list(radio_maps(model, np.array([1.0, 1.5, 1.5]), "link state", lambda: True)) == []
 
 
 def test_the_receiver_measures_the_traced_paths(model):

@@ -21,22 +21,19 @@ def plan() -> StoreysPlan:
 
 def test_places_are_on_their_storeys(plan):
     model = LinkModel(plan, RadioConfig(height_m=1.5))
-    assert len(model) == 2
-    assert [model.level_m(k) for k in (0, 1)] == [1.5, 4.35]
-    assert np.all((model.first_place(0) > 0.9) & (model.first_place(0) < 3.1)), "below the opening"
-    x, y = model.nearest_free(np.array([9.0, 2.0]), 1)
-    assert (x, y) == pytest.approx((5.95, 2.0))
+    assert [model.antenna(np.ones(2), k)[2] for k in (0, 1)] == [1.5, 4.35]
+    x, y, z = model.first_place(0)
+    assert 0.9 < x < 3.1 and 0.9 < y < 3.1 and z == 1.5, "below the opening"
+    assert model.antenna(np.array([9.0, 2.0]), 1) == pytest.approx((5.95, 2.0, 4.35))
 
 
 def test_the_path_through_the_opening_is_direct(plan):
     """From below the opening to above it, the direct path is as long as the distance."""
     model = LinkModel(plan, RadioConfig(height_m=1.5))
-    tx, rx = np.array([2.0, 2.0]), np.array([2.4, 2.2])
-    paths = model.paths(tx, rx, (0, 1))
+    tx, rx = model.antenna(np.array([2.0, 2.0])), model.antenna(np.array([2.4, 2.2]), 1)
+    paths = model.trace(tx[None], rx[None])
     assert paths.order[0] == 0
-    assert paths.delay_s[0] * 299_792_458 == pytest.approx(
-        np.linalg.norm(model.antenna(rx, 1) - model.antenna(tx)), rel=1e-9
-    )
+    assert paths.delay_s[0] * 299_792_458 == pytest.approx(np.linalg.norm(rx - tx), rel=1e-9)
 
 
 def test_antennas_that_do_not_fit_are_rejected(plan):
