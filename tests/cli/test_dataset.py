@@ -12,8 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from robosim.cli import main
+from robosim.datasets.link_units import LinkSetConfig
+from robosim.datasets.links import make_dataset
 from robosim.plans.files import read_plan
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from robosim.radio.scene import RadioScene
+from tests.plans import room
 from wireless.estimates import wrapped
 from wireless.formats.link_records import COLUMNS, read_links, read_rays
 from wireless.formats.mmwrobotnav_measurements import find_measurements, read_measurements
@@ -110,6 +114,21 @@ def test_people_weaken_estimates_and_leave_states(plan_file, tmp_path):
     sight = without.state == LinkState.LOS
     loss_db = (without.estimates.snr_db - among.estimates.snr_db)[sight, 0]
     assert np.mean(loss_db > 6) > 0.05 and loss_db.min() > -3
+
+
+def test_people_stand_on_the_storey_of_the_receiver(tmp_path):
+    """Links from a transmitter on a storey to receivers there lose power on either storey."""
+    house = StoreysPlan(name="house", storeys=(StoreyPlan(plan=room()), StoreyPlan(plan=room())))
+    without, among = (
+        LinkSetConfig(tx_per_plan=2, grid_m=0.4, estimator="pca", people=people) for people in (0, 8)
+    )
+    for config, out in ((without, tmp_path / "without"), (among, tmp_path / "among")):
+        make_dataset([house], config, out)
+    for storey, tx in ((0, 1), (1, 2)):
+        file = f"links/house_storey_{storey}_Tx_{tx}.parquet"
+        alone, crowded = (read_links(tmp_path / name / file) for name in ("without", "among"))
+        loss_db = (alone.estimates.snr_db - crowded.estimates.snr_db)[:, 0]
+        assert np.mean(loss_db > 3) > 0.1, f"storey {storey}"
 
 
 def test_formats_hold_the_same_links(made):

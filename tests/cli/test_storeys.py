@@ -29,7 +29,7 @@ def test_link_between_storeys_is_drawn(house, tmp_path):
     main(["trace", str(house), "--tx", "1.5,1.7", "--rx", "1.4,1.8,4.3", *FAST, "--out", str(out)])
     paths = Paths.read_parquet(out / "paths.parquet")
     assert paths.order[0] == 0 and paths.tx_position[0, 2] == 1.5 and paths.rx_position[0, 2] == 4.3
-    assert (out / "storeys_tx1.png").stat().st_size > 10_000
+    assert (out / "rays_tx1.png").stat().st_size > 10_000
 
 
 def test_receivers_of_one_storey(house, tmp_path):

@@ -51,6 +51,19 @@ def test_a_first_path_that_is_much_weaker_is_missed(building):
     assert first_path_m(faint) > first_path_m(paths)
 
 
+@pytest.mark.parametrize("estimator", ["sage", "pca"])
+def test_a_range_in_outage_is_unknown(estimator):
+    """Behind a wall without a door, whatever the estimator takes noise for."""
+    link = RadioLink(make_building(two_rooms(0.0)), RadioLinkConfig(range_sigma_m=0.1, estimator=estimator))
+    link.place(TARGET)
+    counts = []
+    for seed in range(3):
+        counts.append(link.measure(HERE, np.random.default_rng(seed)).count[0])
+        assert len(link.paths) == 0 and math.isnan(link.range_m)
+    assert estimator == "sage" or any(counts)
+    assert math.isnan(first_path_m(link.paths))
+
+
 def test_without_ranging_nothing_changes(building):
     link, without = measured(building, None)
     assert math.isnan(link.range_m)

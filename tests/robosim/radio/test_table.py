@@ -126,6 +126,10 @@ def test_tables_are_stored_in_a_folder(rooms, tmp_path, monkeypatch):
         monkeypatch.setattr(RadioTable, "trace", None)  # not needed any more
     assert np.array_equal(measured[0].snr_db, measured[1].snr_db)
     assert len(list((tmp_path / "tables").iterdir())) == 1
+    monkeypatch.undo()
+    monkeypatch.setattr("robosim.radio.link._code_digest", lambda: "of a changed tracer")
+    RadioLink(rooms, config).tables.of(TX)
+    assert len(list((tmp_path / "tables").iterdir())) == 2
 
 
 def test_reading_a_table_is_near_measuring(rooms):
