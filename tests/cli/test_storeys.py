@@ -73,7 +73,7 @@ def test_data_set_has_links_between_all_storeys(house, tmp_path):
 
 def test_places_and_storeys_that_are_none_are_rejected(house, capsys):
     for options, message in (
-        (["--tx", "1,1,2.6", "--rx", "1,2"], "expected one within a storey: 0 to 2.5, 2.8 to 5.3 m"),
+        (["--tx", "1,1,2.6", "--rx", "1,2"], "is 2.6 m, expected 0 to 2.5, 2.8 to 5.3 m, between"),
         (["--tx", "9,1", "--rx", "1,2"], "outside of the free space of house_storey_0"),
         (["--tx", "1,1", "--rx", "1,2", "--storey", "2"], "storey is 2, expected 0, the lowest, to 1"),
         (["--tx", "1,1", "--rx", "1,2", "--resolution", "0.1"], "--resolution is for single floor plans"),
