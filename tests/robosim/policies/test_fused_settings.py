@@ -11,6 +11,7 @@ from robosim.navigation import make_navigator
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import PolicyContext, make_policy
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.tasks import Task, make_task
 from tests.plans import two_rooms
@@ -43,7 +44,9 @@ def test_exact_odometry_gives_the_true_pose(mapper):
     )
     worst = {}
     for exact in (True, False):
-        simulator = SimulatorConfig(physics="kinematic", noise=NoiseModel(exact_odometry=exact))
+        simulator = SimulatorConfig(
+            physics="kinematic", robot=RobotConfig(noise=NoiseModel(exact_odometry=exact))
+        )
         config = EpisodeConfig(goal="fused", simulator=simulator, mapper=mapper, max_steps=40)
         log, _ = run_episode(building, places, task, config)
         worst[exact] = np.abs(np.array(log.estimates) - log.poses)[:, :2].max()
