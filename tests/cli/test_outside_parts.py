@@ -153,7 +153,7 @@ def test_a_result_gives_its_configuration_back(strangers_folder):
     with code_allowed():
         config = read_config(Path("a/result.json"))
     assert config.goal == "mine:Straight"
-    assert config.simulator.noise.level == 0.5
+    assert config.simulator.robot.noise.level == 0.5
     assert "--noise.level 0.5" in command_options(config)
     run("episode studio.txt --reader mine:read --config a/result.json --allow-code --no-video --out b")
     first, second = (json.loads((strangers_folder / name / "result.json").read_text()) for name in "ab")
@@ -165,7 +165,7 @@ def test_a_result_gives_its_configuration_back(strangers_folder):
         "--max-steps 1 --allow-code --out c"
     )
     with code_allowed():
-        assert read_config(Path("c/result.json")).simulator.noise.level == 0
+        assert read_config(Path("c/result.json")).simulator.robot.noise.level == 0
 
 
 class Counted:
