@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.extrusion import (
     FURNITURE,
@@ -279,23 +279,10 @@ def make_building(
     cells = free_cells(plan, config.tolerance_m)
     if plan.material is not None:
         cells = cut_at_materials(cells, plan)
-    islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
-    solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
-    if not config.tolerance_m:
-        more = pockets(closed_passages(plan), config.height_m)
-        faces = np.concatenate([solid.faces, more.faces + len(solid.vertices)])
-        corners = np.concatenate([solid.vertices, more.vertices])
-        solid = Solid(corners, faces, np.concatenate([solid.kind, more.kind]))
+    solid = _extruded(plan, cells, config)
+    materials, face_material = _materials(plan, solid, config)
     vertices = np.column_stack([to_map_exactly(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
     free = shapely.transform(cells, lambda points: to_map_exactly(plan, points))
-    wanted = [config.material(kind) for kind in KINDS[:PLACED]]
-    of_face = solid.kind.astype(np.int64)
-    if plan.material is not None:
-        wanted += [material_of(name, "materials of the plan") for name in plan.materials]
-        own = _own_materials(plan, solid)
-        of_face = np.where(own > 0, PLACED - 1 + own, of_face)
-    materials = tuple(dict.fromkeys(wanted[i] for i in np.unique(of_face)))
-    index = np.array([materials.index(one) if one in materials else 0 for one in wanted], np.uint8)
     made_from: dict[str, object] = {
         "plan": plan.name,
         "wall_line": plan.wall_line,
@@ -310,12 +297,41 @@ def make_building(
         mesh=plain_mesh(vertices, solid.faces, made_from),
         face_kind=solid.kind,
         materials=materials,
-        face_material=index[of_face],
+        face_material=face_material,
     )
-    placed_in_it = (*plan.furnishings, *furnishings)
-    for one in placed_in_it:
-        _check_place(building, one)
-    return with_furnishings(building, placed_in_it)
+    placed = (*plan.furnishings, *furnishings)
+    for furnishing in placed:
+        _check_place(building, furnishing)
+    return with_furnishings(building, placed)
+
+
+def _extruded(plan: FloorPlan, cells: shapely.MultiPolygon, config: BuildingConfig) -> Solid:
+    """Faces around free cells, and on both sides of walls in passages of no width, in cells and metres of height."""
+    islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
+    solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
+    if config.tolerance_m:
+        return solid
+    closed = pockets(closed_passages(plan), config.height_m)
+    return Solid(
+        np.concatenate([solid.vertices, closed.vertices]),
+        np.concatenate([solid.faces, closed.faces + len(solid.vertices)]),
+        np.concatenate([solid.kind, closed.kind]),
+    )
+
+
+def _materials(
+    plan: FloorPlan, solid: Solid, config: BuildingConfig
+) -> tuple[tuple[str | Material, ...], UInt8[np.ndarray, " n_faces"]]:
+    """Materials that faces have, and the index of each face among them."""
+    known = [config.material(kind) for kind in KINDS[:PLACED]]
+    of_face = solid.kind.astype(np.int64)
+    if plan.material is not None:
+        known += [material_of(name, "materials of the plan") for name in plan.materials]
+        coloured = _coloured_walls(plan, solid)
+        of_face = np.where(coloured > 0, PLACED - 1 + coloured, of_face)
+    used = tuple(dict.fromkeys(known[i] for i in np.unique(of_face)))
+    index = np.array([used.index(each) if each in used else 0 for each in known], np.uint8)
+    return used, index[of_face]
 
 
 def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> AnyBuilding:
@@ -328,10 +344,10 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
     materials = tuple(dict.fromkeys([*bare.materials, *made_of]))
     bodies = [furnishing.bodies for furnishing in furnishings]
     vertices = [np.asarray(bare.mesh.vertices), *(body.vertices for body in bodies)]
-    first = np.cumsum([len(some) for some in vertices[:-1]])
-    faces = [np.asarray(bare.mesh.faces), *(one.faces + at for one, at in zip(bodies, first, strict=True))]
+    first = np.cumsum([len(corners) for corners in vertices[:-1]])
+    faces = [np.asarray(bare.mesh.faces), *(body.faces + at for body, at in zip(bodies, first, strict=True))]
     counts = [len(body.faces) for body in bodies]
-    material = np.repeat(np.array([materials.index(one) for one in made_of], np.uint8), counts)
+    material = np.repeat(np.array([materials.index(each) for each in made_of], np.uint8), counts)
     logger.info("%d things of %d faces are placed in the building", len(furnishings), sum(counts))
     return replace(
         bare,
@@ -368,16 +384,16 @@ def _check_place(bare: Building, one: Furnishing) -> None:
         logger.warning("%s stands in walls by more than half of its outline.", at)
 
 
-def _own_materials(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"]:
+def _coloured_walls(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"]:
     """Number of the plan's material of each upright face, 0 for none."""
     corners = solid.vertices[solid.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, :2]
     upright = np.flatnonzero(np.isin(solid.kind, (WALL, FURNITURE)) & normal.any(axis=1))
-    found = np.zeros(len(corners), np.int64)
+    material = np.zeros(len(corners), np.int64)
     along = normal[upright][:, ::-1] * (1, -1)  # free space, which normals point into, is on the left of it
     middle = (corners[upright, :, :2].min(axis=1) + corners[upright, :, :2].max(axis=1)) / 2
-    found[upright] = materials_behind(plan, middle, along)
-    return found
+    material[upright] = materials_behind(plan, middle, along)
+    return material
 
 
 def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, " n_rings"]:
