@@ -106,13 +106,13 @@ def _check_metadata(path: Path, expected: dict[str, Any], most_steps: int) -> No
     possible: dict[str, Sequence[Any]] = {key: [value] for key, value in expected.items()}
     possible["total_episodes"] = range(max(count - 1, 0), count + 1)
     possible["total_steps"] = range(count * most_steps + 1)
-    found = read_json(path, _WHAT, _REMEDY, keys=tuple(possible))
+    stored = read_json(path, _WHAT, _REMEDY, keys=tuple(possible))
     for key, values in possible.items():
-        if type(found[key]) is not type(values[0]) or found[key] not in values:
-            value, *most = (
-                one_line(repr(one), 80) for one in (found[key], *dict.fromkeys((values[0], values[-1])))
+        if type(stored[key]) is not type(values[0]) or stored[key] not in values:
+            value, *bounds = (
+                one_line(repr(item), 80) for item in (stored[key], *dict.fromkeys((values[0], values[-1])))
             )
-            raise FileError(f"{path}: {key} is {value}, expected {' to '.join(most)}. {_REMEDY}")
+            raise FileError(f"{path}: {key} is {value}, expected {' to '.join(bounds)}. {_REMEDY}")
 
 
 def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number: int) -> Any:
@@ -132,7 +132,7 @@ def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number
         seen.append(observation)
         steps.append((action, float(reward), terminated, truncated))
     actions, rewards, ends, cuts = zip(*steps, strict=True)
-    columns = {key: np.stack([one[key] for one in seen]) for key in observation}
+    columns = {key: np.stack([observed[key] for observed in seen]) for key in observation}
     return EpisodeBuffer(
         id=number,
         seed=seed,

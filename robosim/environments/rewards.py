@@ -57,11 +57,11 @@ def weighted(
     info: dict[str, Any],
 ) -> dict[str, float]:
     """Each term of a step's reward times its weight; ValueError if one of the user is NaN, infinite or beyond 1e6."""
-    found = {}
+    weighted_terms = {}
     for term, weight in weights.items():
         if callable(weight):
-            found[term] = float(weight(observation, info))
-            check_number(f"reward term {term}", found[term], -1e6, 1e6)
+            weighted_terms[term] = float(weight(observation, info))
+            check_number(f"reward term {term}", weighted_terms[term], -1e6, 1e6)
         else:
-            found[term] = float(weight * terms[term])
-    return found
+            weighted_terms[term] = float(weight * terms[term])
+    return weighted_terms

@@ -74,9 +74,9 @@ def draw_text(plan: FloorPlan, pose: Float[np.ndarray, "3"], target: Float[np.nd
     step = max(1, -(-nx // _WIDTH))
     rows, columns = range(0, ny, 2 * step), range(0, nx, step)
     free = plan.free.astype(int)
-    some = np.maximum.reduceat(np.maximum.reduceat(free, rows, axis=0), columns, axis=1) > 0
+    any_free = np.maximum.reduceat(np.maximum.reduceat(free, rows, axis=0), columns, axis=1) > 0
     every = np.minimum.reduceat(np.minimum.reduceat(free, rows, axis=0), columns, axis=1) > 0
-    letters = np.where(every, ".", np.where(some, "#", " "))
+    letters = np.where(every, ".", np.where(any_free, "#", " "))
     arrow = _ARROWS[round((pose[2] - plan.origin[2]) / (np.pi / 2)) % 4]
     for place, letter in ((target, "X"), (pose[:2], arrow)):
         column, row = np.floor(plan.to_cells(np.asarray(place, float))).astype(int)
@@ -229,15 +229,15 @@ class Search:
             raise RuntimeError("The search has not begun. Call reset first.")
         return self._place
 
-    def _plan_number(self, rng: np.random.Generator, given: Any) -> int:
+    def _plan_number(self, rng: np.random.Generator, requested: Any) -> int:
         """Number of the plan in the source: the given one, or a random one."""
         count = len(self._source)
-        if given is None:
+        if requested is None:
             # Nothing is drawn from a single plan, so that its random numbers do not depend on this.
             return int(rng.integers(count)) if count > 1 else 0
-        if not 0 <= int(given) < count:
-            raise ValueError(f"Reset option plan is {given}, expected a number of 0 to {count - 1}.")
-        return int(given)
+        if not 0 <= int(requested) < count:
+            raise ValueError(f"Reset option plan is {requested}, expected a number of 0 to {count - 1}.")
+        return int(requested)
 
     def _enter(self, plan: FloorPlan) -> None:
         """Put the robot into the building of a plan."""
@@ -285,31 +285,31 @@ class Search:
         if radio is None or paths is None:
             return 0.0, 0.0
         snr = float(paths.snr_db[0, 0]) if paths.count[0] else NO_SNR_DB
-        worth = WORTH[LinkState(radio.state)] if self.config.rewards.get("link_state") else 0.0
-        return worth, snr
+        state_worth = WORTH[LinkState(radio.state)] if self.config.rewards.get("link_state") else 0.0
+        return state_worth, snr
 
     def _observation(self, pose: Float[np.ndarray, "3"]) -> dict[str, np.ndarray]:
         view, config = self.sensed, self.config
-        found: dict[str, np.ndarray] = {}
+        senses_by_key: dict[str, np.ndarray] = {}
         for sense in config.observe:
             if sense == "rgb":
-                found["rgb"] = view.rgb.copy()  # the array is reused
+                senses_by_key["rgb"] = view.rgb.copy()  # the array is reused
             elif sense == "depth":
                 scaled = senses.depth_picture if config.depth == "picture" else senses.depth_metres
-                found["depth"] = scaled(view.depth)
+                senses_by_key["depth"] = scaled(view.depth)
             elif sense == "lidar" and view.laser is not None:
-                found["lidar"] = senses.ranges(view.laser)
+                senses_by_key["lidar"] = senses.ranges(view.laser)
             elif sense == "odometry":
-                found["odometry"] = senses.odometry(view)
+                senses_by_key["odometry"] = senses.odometry(view)
             elif sense == "radio" and view.paths is not None and self._interpreter is not None:
-                found |= senses.paths(view.paths, self._interpreter.probability(view.paths))
+                senses_by_key |= senses.paths(view.paths, self._interpreter.probability(view.paths))
             elif sense == "map" and self._coverage is not None:
-                found["map"] = senses.map_ahead(
+                senses_by_key["map"] = senses.map_ahead(
                     self.place.plan, self._coverage.seen, pose, config.map_cells, config.map_cell_m
                 )
             elif sense == "pose":
-                found["pose"] = senses.pose_since(self.task.start, pose)
-        return found
+                senses_by_key["pose"] = senses.pose_since(self.task.start, pose)
+        return senses_by_key
 
     def _info(self, pose: Float[np.ndarray, "3"], collided: bool, arrived: bool) -> dict[str, Any]:
         return {

@@ -50,30 +50,30 @@ def observation_space(
 ) -> spaces.Space[Any]:
     """The space of the observations of a configuration; the lidar has number and reach of beams."""
     size = simulator.image.height, simulator.image.width
-    found: dict[str, spaces.Space[Any]] = {}
+    boxes: dict[str, spaces.Space[Any]] = {}
     for sense in config.observe:
         if sense == "rgb":
-            found["rgb"] = spaces.Box(0, 255, (*size, 3), np.uint8)
+            boxes["rgb"] = spaces.Box(0, 255, (*size, 3), np.uint8)
         elif sense == "depth" and config.depth == "picture":
-            found["depth"] = spaces.Box(0, 255, (*size, 1), np.uint8)
+            boxes["depth"] = spaces.Box(0, 255, (*size, 1), np.uint8)
         elif sense == "depth":
-            found["depth"] = spaces.Box(0.0, MAX_DEPTH_M, (*size, 1), np.float32)
+            boxes["depth"] = spaces.Box(0.0, MAX_DEPTH_M, (*size, 1), np.float32)
         elif sense == "lidar" and lidar is not None:
             scan = lidar.true_scan(np.zeros(3))
-            found["lidar"] = spaces.Box(0.0, scan.max_range_m, scan.range_m.shape, np.float32)
+            boxes["lidar"] = spaces.Box(0.0, scan.max_range_m, scan.range_m.shape, np.float32)
         elif sense == "odometry":
-            found["odometry"] = spaces.Box(-_ODOMETRY_BOUND, _ODOMETRY_BOUND, dtype=np.float32)
+            boxes["odometry"] = spaces.Box(-_ODOMETRY_BOUND, _ODOMETRY_BOUND, dtype=np.float32)
         elif sense == "radio":
-            found["path_direction"] = spaces.Box(-np.pi, np.pi, (PATHS,), np.float32)
-            found["path_delay"] = spaces.Box(-_DELAY_NS, _DELAY_NS, (PATHS,), np.float32)
-            found["path_snr"] = spaces.Box(*_SNR_DB, (PATHS,), np.float32)
-            found["path_found"] = spaces.MultiBinary(PATHS)
-            found["link_state"] = spaces.Box(0.0, 1.0, (4,), np.float32)
+            boxes["path_direction"] = spaces.Box(-np.pi, np.pi, (PATHS,), np.float32)
+            boxes["path_delay"] = spaces.Box(-_DELAY_NS, _DELAY_NS, (PATHS,), np.float32)
+            boxes["path_snr"] = spaces.Box(*_SNR_DB, (PATHS,), np.float32)
+            boxes["path_found"] = spaces.MultiBinary(PATHS)
+            boxes["link_state"] = spaces.Box(0.0, 1.0, (4,), np.float32)
         elif sense == "map":
-            found["map"] = spaces.Box(0, 255, (config.map_cells, config.map_cells, 1), np.uint8)
+            boxes["map"] = spaces.Box(0, 255, (config.map_cells, config.map_cells, 1), np.uint8)
         elif sense == "pose":
-            found["pose"] = spaces.Box(-_POSE_BOUND, _POSE_BOUND, dtype=np.float32)
-    return spaces.Dict(found)
+            boxes["pose"] = spaces.Box(-_POSE_BOUND, _POSE_BOUND, dtype=np.float32)
+    return spaces.Dict(boxes)
 
 
 def depth_picture(depth: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 1"]:
@@ -100,14 +100,16 @@ def odometry(view: Observation) -> Float[np.ndarray, "3"]:
 def paths(estimates: PathEstimates, probability: Float[np.ndarray, "4"]) -> dict[str, np.ndarray]:
     """Estimated paths of one link, and the probabilities of its state, as observations."""
     n = min(int(estimates.count[0]), PATHS)
-    found = {key: np.zeros(PATHS, np.float32) for key in ("path_direction", "path_delay", "path_snr")}
+    observation = {key: np.zeros(PATHS, np.float32) for key in ("path_direction", "path_delay", "path_snr")}
     pi = np.float32(np.pi)
-    found["path_direction"][:n] = np.clip(estimates.aoa_rad[0, :n].astype(np.float32), -pi, pi)
-    found["path_delay"][:n] = np.clip(1e9 * np.nan_to_num(estimates.delay_s[0, :n]), -_DELAY_NS, _DELAY_NS)
-    found["path_snr"][:n] = np.clip(estimates.snr_db[0, :n], *_SNR_DB)
-    found["path_found"] = (np.arange(PATHS) < n).astype(np.int8)
-    found["link_state"] = np.clip(probability, 0, 1).astype(np.float32)
-    return found
+    observation["path_direction"][:n] = np.clip(estimates.aoa_rad[0, :n].astype(np.float32), -pi, pi)
+    observation["path_delay"][:n] = np.clip(
+        1e9 * np.nan_to_num(estimates.delay_s[0, :n]), -_DELAY_NS, _DELAY_NS
+    )
+    observation["path_snr"][:n] = np.clip(estimates.snr_db[0, :n], *_SNR_DB)
+    observation["path_found"] = (np.arange(PATHS) < n).astype(np.int8)
+    observation["link_state"] = np.clip(probability, 0, 1).astype(np.float32)
+    return observation
 
 
 def pose_since(start: Float[np.ndarray, "3"], pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:

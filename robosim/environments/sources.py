@@ -131,10 +131,10 @@ def source_of(plan: object) -> Source:
         raise ValueError(
             f"plan is {plan!r}, expected a floor plan, a file, a folder, a suite, or several plans."
         )
-    found: list[FloorPlan | Path] = []
-    for one in several:
-        found += [one] if isinstance(one, FloorPlan) else find_plans([one])
-    return _Plans(found)
+    plans: list[FloorPlan | Path] = []
+    for entry in several:
+        plans += [entry] if isinstance(entry, FloorPlan) else find_plans([entry])
+    return _Plans(plans)
 
 
 @lru_cache(_CACHED)
@@ -214,7 +214,7 @@ def shared_place(plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) 
             return place
     place = Place(plan, config, uses_radio=uses_radio)
     _recent.append(place)
-    for old in [one for one in _recent if one.uses_radio][:-_WITH_RADIO] or _recent[:-_BUILDINGS]:
+    for old in [place for place in _recent if place.uses_radio][:-_WITH_RADIO] or _recent[:-_BUILDINGS]:
         _recent.remove(old)
     return place
 

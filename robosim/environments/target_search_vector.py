@@ -160,7 +160,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
 
     def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""
-        return {key: np.stack([one[key] for one in seen]) for key in seen[0]}
+        return {key: np.stack([observation[key] for observation in seen]) for key in seen[0]}
 
 
 def sb3_vec_env(

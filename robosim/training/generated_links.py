@@ -86,10 +86,10 @@ def generate_home(seed: int) -> HomeLinks:
     tokens, states = [], []
     for _ in range(TRANSMITTERS):
         tx = places[rng.integers(len(places))]
-        some = np.sort(rng.permutation(len(grid.position))[:RECEIVERS])
+        chosen = np.sort(rng.permutation(len(grid.position))[:RECEIVERS])
         # Published rows count from 1 at the top.
-        cell = np.array([grid.shape[0], 1]) + grid.cell[some] * (-1, 1)
-        paths = published_paths(tx, grid.position[some], cell, tracer)
+        cell = np.array([grid.shape[0], 1]) + grid.cell[chosen] * (-1, 1)
+        paths = published_paths(tx, grid.position[chosen], cell, tracer)
         state = link_states(paths)[0]
         aoa, aod, snr, peak = _receiver().receive(Rays.from_paths(paths), rng)
         has_paths = state != LinkState.OUTAGE

@@ -43,9 +43,11 @@ class Routes(NamedTuple):
     building: Int[np.ndarray, " routes"]
 
     def within(self, buildings: Sequence[int]) -> "Routes":
-        """The routes through some buildings."""
-        some = np.flatnonzero(np.isin(self.building, buildings))
-        return Routes([self.rows[i] for i in some], [self.steps_m[i] for i in some], self.building[some])
+        """Return the routes through buildings."""
+        selected = np.flatnonzero(np.isin(self.building, buildings))
+        return Routes(
+            [self.rows[i] for i in selected], [self.steps_m[i] for i in selected], self.building[selected]
+        )
 
 
 def routes_of(links: Links, *, to_transmitter: bool = False) -> Routes:
@@ -54,12 +56,12 @@ def routes_of(links: Links, *, to_transmitter: bool = False) -> Routes:
     rows: list[np.ndarray] = []
     building: list[int] = []
     for number in np.unique(links.transmitter):
-        own = np.flatnonzero(links.transmitter == number)
-        position = links.position[own].astype(float)
-        goal = links.tx_position[own[0]].astype(float) if to_transmitter else None
-        found = make_routes(position, _grid_step_m(position), ROUTES, rng, goal=goal)
-        rows += [own[route] for route in found]
-        building += [int(links.building[own[0]])] * len(found)
+        members = np.flatnonzero(links.transmitter == number)
+        position = links.position[members].astype(float)
+        goal = links.tx_position[members[0]].astype(float) if to_transmitter else None
+        routes = make_routes(position, _grid_step_m(position), ROUTES, rng, goal=goal)
+        rows += [members[route] for route in routes]
+        building += [int(links.building[members[0]])] * len(routes)
     steps_m = [step_lengths(links.position.astype(float), row) for row in rows]
     return Routes(rows, steps_m, np.array(building))
 
@@ -92,9 +94,9 @@ def add_route_network(
         )
 
     rows, fused = [], []
-    for part in parts:
-        network = train([building for other in parts if other is not part for building in other])
-        held_out = routes.within(part)
+    for fold in parts:
+        network = train([building for other in parts if other is not fold for building in other])
+        held_out = routes.within(fold)
         row = np.concatenate(held_out.rows)
         batch = _batch(held_out, links, probability, inputs)
         rows.append(row)
@@ -106,7 +108,7 @@ def add_route_network(
         "fused": _scores(np.concatenate(fused), links, row),
     }
     if result["fused"]["accuracy"] > result["alone"]["accuracy"]:
-        classifier.route = dict(weights_of(train([building for part in parts for building in part])))
+        classifier.route = dict(weights_of(train([building for fold in parts for building in fold])))
     return result
 
 

@@ -125,12 +125,12 @@ def train_link_state(
         final = classifiers["all"]
         # Probabilities of each held-out link by the fold without its building; NaN for other links.
         held_out = np.full((len(links.state), 4), np.nan)
-        for i, part in enumerate(parts):
-            rows = links.within(part)
+        for i, fold in enumerate(parts):
+            rows = links.within(fold)
             held_out[rows] = classifiers[f"fold{i}"].predict_tokens(links.tokens[rows])
         validation = _validate(held_out, parts, links, out, console)
         validation |= _calibrate(final, held_out, parts, links, training.recipe.seed, console)
-        one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
+        link = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
         card: dict[str, Any] = {
             "command": command,
             **trained_on,
@@ -138,7 +138,7 @@ def train_link_state(
             "members": training.members,
             "parameters": final.parameters,
             "validation": validation,
-            "single_call_ms": median_call_ms(lambda: final.predict_tokens(one), 200),
+            "single_call_ms": median_call_ms(lambda: final.predict_tokens(link), 200),
             # The duration of a continued run is unknown.
             "seconds": round(time.perf_counter() - start, 1) if is_new else None,
             "versions": {name: package_version(name) for name in ("robosim", "torch", "numpy")},
@@ -158,7 +158,7 @@ def _parts(training: LinkStateTraining, links: Links) -> list[tuple[int, ...]]:
         raise ValueError(
             "folds is 0 and there are no test buildings: nothing would be scored. Give one of them."
         )
-    if any(len(part) == len(links.names) for part in parts):
+    if any(len(fold) == len(links.names) for fold in parts):
         raise ValueError(
             f"{training.data} has {len(links.names)} building; holding it out leaves none to train on."
         )
@@ -172,14 +172,14 @@ def _jobs(training: LinkStateTraining, parts: list[tuple[int, ...]], out: Path) 
             Job(
                 name=f"{name}-{i}",
                 data=training.data,
-                held_out=part,
+                held_out=fold,
                 homes=training.homes,
                 recipe=replace(training.recipe, seed=training.recipe.seed + i),
                 out=out,
             )
             for i in range(training.members)
         ]
-        for name, part in [*((f"fold{i}", part) for i, part in enumerate(parts)), ("all", ())]
+        for name, fold in [*((f"fold{i}", fold) for i, fold in enumerate(parts)), ("all", ())]
     }
 
 
@@ -218,14 +218,14 @@ def _calibrate(
 def _test(final: LinkStateClassifier, test: Path, out: Path, console: Console) -> dict[str, Any]:
     """Scores in test buildings, link by link and along routes."""
     links = read_links(test)
-    found = _score(final.predict_tokens(links.tokens), links, out / "test.png")
+    score = _score(final.predict_tokens(links.tokens), links, out / "test.png")
     routes = score_routes(final, links)
-    found["ways"] = routes  # stored name
+    score["ways"] = routes  # stored name
     for name, route in routes.items():
         rates = [f"{how} {route[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in route]
         console.print(f"routes {name} in test buildings, {route['places']} places: {', '.join(rates)}")
-    _print(found, f"test buildings: {', '.join(links.names)}", console)
-    return found
+    _print(score, f"test buildings: {', '.join(links.names)}", console)
+    return score
 
 
 def run_jobs(
@@ -242,8 +242,8 @@ def run_jobs(
         Workers(min(workers, len(jobs)), cluster, what="networks", resumable=True) as pool,
         unit_progress(console, "networks", len(jobs)) as advance,
     ):
-        for number, found in pool.run(run_job, [(job,) for job in jobs]):
-            trained[jobs[number].name] = found
+        for number, trained_job in pool.run(run_job, [(job,) for job in jobs]):
+            trained[jobs[number].name] = trained_job
             advance(jobs[number].name)
     return trained
 
@@ -280,7 +280,7 @@ def deal(buildings: int, of: int) -> list[tuple[int, ...]]:
     if not 1 <= of <= buildings:
         raise ValueError(f"{of} folds, expected 1 to {buildings}, the number of buildings.")
     order = np.random.default_rng(0).permutation(buildings)
-    return [tuple(sorted(int(i) for i in part)) for part in np.array_split(order, of)]
+    return [tuple(sorted(int(i) for i in fold)) for fold in np.array_split(order, of)]
 
 
 def _validate(
@@ -292,8 +292,8 @@ def _validate(
 ) -> dict[str, Any]:
     """Scores of each fold."""
     result: dict[str, Any] = {}
-    for i, part in enumerate(parts):
-        rows = links.within(part)
+    for i, fold in enumerate(parts):
+        rows = links.within(fold)
         held = links[rows]
         judged = calibrated_across(held_out[rows], held.state, reached(held.tokens), held.building)
         result[f"fold{i}"] = _score(judged, held, out / f"fold{i}.png")

@@ -49,7 +49,7 @@ def train_mapper(
     """
     start = time.perf_counter()
     homes = split_homes(data)
-    settings = {"recipe": asdict(recipe), "homes": [path.name for part in homes for path in part]}
+    settings = {"recipe": asdict(recipe), "homes": [path.name for group in homes for path in group]}
     with (
         run_folder(out, "train mapper", settings),
         torch_threads(threads),
@@ -142,7 +142,7 @@ def _read_homes(
 ) -> tuple[T, T]:
     """Data of the homes for training and of the held-out ones."""
     task = progress.add_task("reading", total=sum(map(len, homes)))
-    training, held_out = (read(part, lambda: progress.advance(task)) for part in homes)
+    training, held_out = (read(group, lambda: progress.advance(task)) for group in homes)
     return training, held_out
 
 

@@ -152,7 +152,7 @@ class Training:
         robots.close()
         share = float(ends[0] / max(1, ends.sum()))
         row = {"epoch": epoch + 1.0, "difficulty": self.difficulty, "guided": guided, "arrived": share}
-        row |= {name: float(np.mean([one[name] for one in means])) for name in means[0]}
+        row |= {name: float(np.mean([segment_means[name] for segment_means in means])) for name in means[0]}
         if guided < 0.5:
             change = _STEP if share >= _HARDER else -_STEP if share <= _EASIER else 0.0
             self.difficulty = float(min(max(round(self.difficulty + change, 3), 0.0), 1.0))
@@ -203,7 +203,7 @@ class Training:
         )
         row = {f"held_out_{name}": value for name, value in scores.items()}
         before = [
-            (one["held_out_arrived"], one["held_out_spl"]) for one in self.curve if "held_out_spl" in one
+            (row["held_out_arrived"], row["held_out_spl"]) for row in self.curve if "held_out_spl" in row
         ]
         if (scores["arrived"], scores["spl"]) >= max(before, default=(0.0, 0.0)):
             self.best = {name: value.detach().clone() for name, value in self.weights.items()}

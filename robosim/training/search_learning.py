@@ -58,14 +58,14 @@ def advantages(
 ) -> tuple[Float[np.ndarray, "steps robots"], Float[np.ndarray, "steps robots"]]:
     """Advantage and discounted reward of each step."""
     reward = segment.reward
-    found, after = np.zeros_like(reward), np.zeros(reward.shape[1])
+    advantage, after = np.zeros_like(reward), np.zeros(reward.shape[1])
     for t in reversed(range(len(reward))):
         continues = ~(segment.arrived[t] | segment.late[t])
         error = reward[t] + config.discount * segment.value[t + 1] * ~segment.arrived[t] - segment.value[t]
         # The step before a pause is the last of its search.
         after = np.where(segment.counts[t], error + config.discount * config.trace * continues * after, 0.0)
-        found[t] = after
-    return found, found + segment.value[:-1]
+        advantage[t] = after
+    return advantage, advantage + segment.value[:-1]
 
 
 def forward(
@@ -155,4 +155,4 @@ def _loss(
         loss = loss - surrogate(ratio, gain, config.clip)
     agreed = (log_odds.argmax(dim=-1) == advised).float().mean()
     means = {"advice": imitation, "value": error, "entropy": entropy, "agreed": agreed}
-    return loss, {name: float(one.detach()) for name, one in means.items()}
+    return loss, {name: float(mean.detach()) for name, mean in means.items()}

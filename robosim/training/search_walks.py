@@ -184,8 +184,8 @@ def walk(
             "advised": robots.guide_actions(),
         }  # fmt: skip
         scores, row["value"], memory = network(row["inputs"], memory)
-        own = draw_actions(scores, rng)
-        row["taken"] = np.where(rng.random(robots.count) < guided, row["advised"], own)
+        drawn = draw_actions(scores, rng)
+        row["taken"] = np.where(rng.random(robots.count) < guided, row["advised"], drawn)
         probability = action_probabilities(scores)[np.arange(robots.count), row["taken"]]
         row["log_odds"] = np.log(probability)
         row["reward"], row["arrived"], row["late"] = robots.step(row["taken"])
