@@ -135,7 +135,7 @@ def facing_free(rings: Rings) -> list[Float[np.ndarray, "_ 2"]]:
         for ring in rings
     ]
     areas = [shapely.Polygon(ring) if len(ring) > 3 else None for ring in closed]
-    found = []
+    wound = []
     for i, (ring, area) in enumerate(zip(closed, areas, strict=True)):
         if area is None or area.area == 0:
             continue
@@ -146,8 +146,8 @@ def facing_free(rings: Rings) -> list[Float[np.ndarray, "_ 2"]]:
             if k != i
         )
         is_outer = n_around % 2 == 0
-        found.append(ring if shapely.LinearRing(ring).is_ccw == is_outer else ring[::-1])
-    return found
+        wound.append(ring if shapely.LinearRing(ring).is_ccw == is_outer else ring[::-1])
+    return wound
 
 
 def wall_sides(rings: Rings) -> Float[np.ndarray, "n 2 2"]:
@@ -184,9 +184,9 @@ def floor_mesh(rings: Rings) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, 
     inner = [shapely.Polygon(ring) for ring in rings if not shapely.LinearRing(ring).is_ccw]
     free = shapely.difference(shapely.union_all(outer), shapely.union_all(inner))
     corners: list[np.ndarray] = []
-    for part in shapely.get_parts(free):
-        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
-        corners += [shapely.get_coordinates(shapely.orient_polygons(one))[:3] for one in triangles]
+    for component in shapely.get_parts(free):
+        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(component))
+        corners += [shapely.get_coordinates(shapely.orient_polygons(triangle))[:3] for triangle in triangles]
     if not corners:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     points = np.concatenate(corners)
@@ -204,9 +204,9 @@ def view_of_all(
     buildings: Sequence[BuildingScene], aspect: float, covered: float = 0.0, right_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position of the eye, and the point it looks at, to see buildings and some metres to their right from above."""
-    low = np.min([one.low + one.offset for one in buildings], axis=0)
-    high = np.max([one.high + one.offset for one in buildings], axis=0)
-    height_m = max(one.height_m for one in buildings)
+    low = np.min([building.low + building.offset for building in buildings], axis=0)
+    high = np.max([building.high + building.offset for building in buildings], axis=0)
+    height_m = max(building.height_m for building in buildings)
     return view_from_above(low, high + np.array([right_m, 0.0]), aspect, height_m, covered)
 
 
@@ -232,8 +232,8 @@ def view_from_above(
     ])  # fmt: skip
     across = np.array([right, down])
     least = np.min(across - slopes[:, :1] * depth, axis=1)
-    most = np.max(across - slopes[:, 1:] * depth, axis=1)
-    far = np.min((least - most) / (slopes[:, 1] - slopes[:, 0]))  # the nearest from which all is in view
-    place = (least + slopes[:, 0] * far + most + slopes[:, 1] * far) / 2
+    rightmost = np.max(across - slopes[:, 1:] * depth, axis=1)
+    far = np.min((least - rightmost) / (slopes[:, 1] - slopes[:, 0]))  # the nearest from which all is in view
+    place = (least + slopes[:, 0] * far + rightmost + slopes[:, 1] * far) / 2
     eye = axes.T @ np.array([*place, far])
     return eye, eye - ahead * eye[2] / ahead[2]

@@ -68,7 +68,9 @@ def export_page(recordings: Sequence[Recording]) -> str:
         page = _record(server, recordings)
     finally:
         close_server(server)
-    title = escape(" | ".join(f"{one.title}: {one.ended or 'running'}" for one in recordings))
+    title = escape(
+        " | ".join(f"{recording.title}: {recording.ended or 'running'}" for recording in recordings)
+    )
     legend = f'<details open style="{_STYLE}"><summary><b>{title}</b></summary>{search_legend()}</details>'
     page = page.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
     end = page.rindex("</body>")

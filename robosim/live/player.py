@@ -263,7 +263,7 @@ class Player:
         pictures = [camera_picture(step) for step in steps if step is not None and step.sensed.rgb.size]
         if not pictures:
             self._camera.content = ""
-        elif len({one.shape for one in pictures}) == 1:
+        elif len({camera_image.shape for camera_image in pictures}) == 1:
             self._camera.content = picture(np.vstack(pictures), "camera, and depth (dark: far, black: none)")
         self._numbers.content = "".join(
             step_facts(recording, step, stroke if len(recordings) > 1 else "")

@@ -133,10 +133,10 @@ class RadioPanel:
         self._frame = scene.add_frame(ROOT, show_axes=False)
         self.buildings = [
             BuildingScene(
-                scene, f"{ROOT}/{number}", building_rings(one.building), one.building.height_m,
-                floor_m=one.floor_m, has_scale=number == 0, floor_opacity=_OPACITY if number else None,
+                scene, f"{ROOT}/{number}", building_rings(storey.building), storey.building.height_m,
+                floor_m=storey.floor_m, has_scale=number == 0, floor_opacity=_OPACITY if number else None,
             )
-            for number, one in enumerate(model.storeys)
+            for number, storey in enumerate(model.storeys)
         ]  # fmt: skip
         top, tx = len(model.storeys) - 1, model.first_place()
         self.storey: dict[Terminal, int] = {"transmitter": 0, "robot": top}
@@ -176,7 +176,7 @@ class RadioPanel:
                 self._add_upload(gui)
             heading = gui.add_slider("robot's heading [° from +x]", -180, 180, 5, 0)
             heading.on_update(lambda event: self._turn(math.radians(heading.value)))
-        highest = max(one.height_m for one in self.buildings)
+        highest = max(building.height_m for building in self.buildings)
         cut = gui.add_slider("walls up to [m]", 0.0, highest, 0.1, highest)
 
         @colours.on_update
@@ -195,7 +195,7 @@ class RadioPanel:
         self._links.put(perf_counter())
 
     def _add_storeys(self, gui: "viser.GuiApi") -> None:
-        names = [f"{number}, from {one.floor_m:g} m" for number, one in enumerate(self.model.storeys)]
+        names = [f"{number}, from {storey.floor_m:g} m" for number, storey in enumerate(self.model.storeys)]
 
         def add(terminal: Terminal) -> None:
             first = names[self.storey[terminal]]

@@ -149,10 +149,10 @@ def read_evaluation(folder: Path) -> list[EvaluatedEpisode]:
     # Tasks that another policy completed come before those that none did.
     return sorted(
         episodes,
-        key=lambda one: (
-            one.row["arrived"],
-            1.0 if math.isnan(one.relative_steps) else -one.relative_steps,
-            one.path,
+        key=lambda episode: (
+            episode.row["arrived"],
+            1.0 if math.isnan(episode.relative_steps) else -episode.relative_steps,
+            episode.path,
         ),
     )
 

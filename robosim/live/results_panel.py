@@ -53,7 +53,7 @@ class ResultsPanel:
         self.player.close()
 
     def _add_list(self, gui: "viser.GuiApi", episodes: list[EvaluatedEpisode]) -> None:
-        self._episodes = {_label(one): one for one in episodes}
+        self._episodes = {_label(episode): episode for episode in episodes}
         names = tuple(self._episodes)
         gui.add_html(_table(episodes))
         first = gui.add_dropdown(EPISODE, names, initial_value=names[0])
@@ -80,14 +80,14 @@ def _label(episode: EvaluatedEpisode) -> str:
 
 def _table(episodes: list[EvaluatedEpisode]) -> str:
     rows = []
-    for one in episodes[:_ROWS]:
-        row, relative = one.row, one.relative_steps
+    for episode in episodes[:_ROWS]:
+        row, relative = episode.row, episode.relative_steps
         slower = "–" if np.isnan(relative) else "never" if np.isinf(relative) else f"{relative:.2f}"
         cells = [
             row["plan"], row["task"], row["policy"], "yes" if row["arrived"] else "no", row["steps"], slower,
             f"{row['path_length_m']:.1f}", f"{row['shortest_m']:.1f}",
         ]  # fmt: skip
-        opening = f'<tr {LIST}="{EPISODE}" {OPTION}="{escape(_label(one))}">'
+        opening = f'<tr {LIST}="{EPISODE}" {OPTION}="{escape(_label(episode))}">'
         rows.append([opening, *(escape(str(cell)) for cell in cells)])
     heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "path [m]", "min. [m]")
     style = "max-height:14em;overflow-y:auto"

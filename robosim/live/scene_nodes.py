@@ -152,7 +152,7 @@ def angle_colours(angle_rad: Float[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"
 
 def state_colours(state: UInt8[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
     """Colours of link states or categories."""
-    return np.array([STATE_COLOURS[one] for one in LinkCategory], np.uint8)[state]
+    return np.array([STATE_COLOURS[category] for category in LinkCategory], np.uint8)[state]
 
 
 def kind_colours(kinds: list[str]) -> UInt8[np.ndarray, "n 3"]:

@@ -146,7 +146,7 @@ class SearchPanel:
         if end is not None and place is not None:
             # Of buildings side by side, the nearest one was clicked.
             buildings = self.player.buildings or [self._radio.building]
-            nearest = min(buildings, key=lambda one: float(np.hypot(*(one.middle - place))))
+            nearest = min(buildings, key=lambda building: float(np.hypot(*(building.middle - place))))
             self.set_place(end, place - nearest.offset)
 
     def _fill(self, gui: "viser.GuiApi") -> None:
@@ -205,8 +205,8 @@ class SearchPanel:
             if name == NONE:
                 continue
             is_manual = name == BY_HAND
-            own = replace(config, goal=self._config.goal if is_manual else name)
-            job = SearchJob(plan=plan, config=own, start=start, target=target)
+            search_config = replace(config, goal=self._config.goal if is_manual else name)
+            job = SearchJob(plan=plan, config=search_config, start=start, target=target)
             jobs.append((_MANUAL_TITLE, job, MANUAL) if is_manual else (str(name), job, RUN))
         return jobs
 
@@ -230,11 +230,11 @@ class SearchPanel:
             return
         if search.error:
             self.player.say(f"{search.title}: {search.error}", bad=True)
-        recordings = [one.recording for one in self.searches if one.recording is not None]
+        recordings = [search.recording for search in self.searches if search.recording is not None]
         if not self._is_loaded and len(recordings) == len(self.searches):
             self._is_loaded = True
             self.player.load(recordings, playing=True, following=True)
-            is_manual = any(one.title == _MANUAL_TITLE for one in self.searches)
+            is_manual = any(search.title == _MANUAL_TITLE for search in self.searches)
             self.player.say("Drive with the arrow keys, or with I, J, K and L." if is_manual else "")
             self._on_view()
         self.player.update()

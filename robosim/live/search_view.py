@@ -149,16 +149,16 @@ class SearchView:
         cell, origin = frame.resolution_m, np.array(frame.origin_xy)
         first = np.floor((self.building.low - MARGIN_M - origin) / cell + 1e-6).astype(int)
         count = np.ceil((self.building.size + 2 * MARGIN_M) / cell).astype(int)
-        part = np.zeros((count[1], count[0], 4), np.uint8)
+        texture = np.zeros((count[1], count[0], 4), np.uint8)
         rows, columns = rgba.shape[:2]
         left, right = max(first[0], 0), min(first[0] + count[0], columns)
         low, high = max(first[1], 0), min(first[1] + count[1], rows)
         if right > left and high > low:
             to = slice(low - first[1], high - first[1]), slice(left - first[0], right - first[0])
-            part[to] = rgba[low:high, left:right]
+            texture[to] = rgba[low:high, left:right]
         x, y = origin + first * cell
         shape = int(count[1]), int(count[0])
-        return GridFrame(origin_xy=(float(x), float(y)), resolution_m=cell, shape=shape), part
+        return GridFrame(origin_xy=(float(x), float(y)), resolution_m=cell, shape=shape), texture
 
     def _show_motion(self, step: Step) -> None:
         """Trajectories so far, planned path and goal."""

@@ -250,8 +250,8 @@ def is_own_name(requested: str | None, host: str) -> bool:
         ipaddress.ip_address(name.partition("%")[0])
         return True
     except ValueError:
-        own = {"localhost", host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
-        return bool(name) and (name in own or name.endswith(".localhost"))
+        known_hosts = {"localhost", host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
+        return bool(name) and (name in known_hosts or name.endswith(".localhost"))
 
 
 @contextmanager

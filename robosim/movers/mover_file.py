@@ -129,6 +129,8 @@ def _mover(entry: dict[str, Any], folder: Path) -> Mover:
     for kind, read in (("crowd", read_crowd), ("trajectory", read_trajectory)):
         if isinstance(entry.get(kind), str):
             size = {key: value for key, value in entry.items() if key != kind}
-            found: Recorded = read(folder / entry[kind])
-            return found.resized(from_dict(Body, {**vars(found.bodies[0]), **size})) if size else found
+            recorded: Recorded = read(folder / entry[kind])
+            return (
+                recorded.resized(from_dict(Body, {**vars(recorded.bodies[0]), **size})) if size else recorded
+            )
     raise ValueError(f"it has the keys {', '.join(map(str, entry))[:80]}, expected door, crowd or trajectory")

@@ -83,8 +83,8 @@ class Movers:
         self._forget(robot)
         self._group.reset(Surroundings(self._building, self._robot, self._robot_radius_m), rng)
         self._colours = [
-            person_colours(own) if body.look == "person" else None
-            for body, own in zip(self.bodies, rng.spawn(len(self.bodies)), strict=True)
+            person_colours(child) if body.look == "person" else None
+            for body, child in zip(self.bodies, rng.spawn(len(self.bodies)), strict=True)
         ]
         self.poses = self._group.poses(0.0, self._robot)
 

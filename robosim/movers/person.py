@@ -49,14 +49,14 @@ def person_triangles(height_m: float, phase: float, speed_mps: float) -> Float[n
         phase: Phase of the gait [rad]; 2 pi are two steps.
         speed_mps: Speed, by which limbs swing.
     """
-    part = round(phase / (2 * math.pi) * _PHASES) % _PHASES
-    return height_m * _person(part, min(round(4 * speed_mps / _USUAL_MPS), 4))
+    step = round(phase / (2 * math.pi) * _PHASES) % _PHASES
+    return height_m * _person(step, min(round(4 * speed_mps / _USUAL_MPS), 4))
 
 
 @lru_cache(4 * _PHASES + 1)
-def _person(part: int, quarters: int) -> Float[np.ndarray, "n 3 3"]:
+def _person(step: int, quarters: int) -> Float[np.ndarray, "n 3 3"]:
     """Triangles of a person of height 1 in one of the phases, at a speed in quarters of the usual one."""
-    share, phase = quarters / 4, 2 * math.pi * part / _PHASES
+    share, phase = quarters / 4, 2 * math.pi * step / _PHASES
     limbs = []
     for side, at in ((1, phase), (-1, phase + math.pi)):
         hip = np.array([0.0, side * _HIP_Y, _HIP])
@@ -89,7 +89,7 @@ def _person(part: int, quarters: int) -> Float[np.ndarray, "n 3 3"]:
 def person_colours(rng: np.random.Generator) -> UInt8[np.ndarray, "n 3"]:
     """A colour for each of the triangles of a person."""
     shirt, trousers, hair, skin = (
-        some[rng.integers(len(some))] for some in (_SHIRTS, _TROUSERS, _HAIR, _SKIN)
+        palette[rng.integers(len(palette))] for palette in (_SHIRTS, _TROUSERS, _HAIR, _SKIN)
     )
     shoe = trousers // 2
     parts = 2 * [trousers, trousers, shoe, shirt, skin] + [trousers, shirt, skin, skin, hair]

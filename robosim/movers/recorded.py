@@ -77,7 +77,9 @@ def read_crowd(path: Path) -> Recorded:
     remedy = "Give columns time [s], id, x [m], y [m] and, if known, heading [rad]"
     with reading(path, "a recorded crowd", remedy) as file:
         table = csv.read_csv(file) if path.suffix == ".csv" else parquet_table(file)
-        found = {name: numbers(table, name, pa.float64(), -FARTHEST, FARTHEST) for name in ("time", "x", "y")}
+        columns = {
+            name: numbers(table, name, pa.float64(), -FARTHEST, FARTHEST) for name in ("time", "x", "y")
+        }
         names = values(table, "id", pa.string())
         heading = numbers(table, "heading", pa.float64()) if "heading" in table.column_names else None
         bodies, body = np.unique(names, return_inverse=True)
@@ -85,13 +87,16 @@ def read_crowd(path: Path) -> Recorded:
             raise ValueError(f"it has {len(bodies)} different ids, expected 1 to {_MOST}")
         tracks = []
         for k, name in enumerate(bodies):
-            own = np.flatnonzero(body == k)
-            own = own[np.argsort(found["time"][own], kind="stable")]
-            times, xy = found["time"][own], np.column_stack([found["x"][own], found["y"][own]])
+            samples = np.flatnonzero(body == k)
+            samples = samples[np.argsort(columns["time"][samples], kind="stable")]
+            times, xy = (
+                columns["time"][samples],
+                np.column_stack([columns["x"][samples], columns["y"][samples]]),
+            )
             if (np.diff(times) <= 0).any():
                 again = times[1:][np.diff(times) <= 0][0]
                 raise ValueError(f"id {name} has two rows at time {again:g}")
-            yaw = _facing(xy) if heading is None else np.unwrap(heading[own])
+            yaw = _facing(xy) if heading is None else np.unwrap(heading[samples])
             tracks.append(Track(times, np.column_stack([xy, yaw])))
     return Recorded(tracks, Body())
 

@@ -185,17 +185,17 @@ class _Routes:
     ) -> Float[np.ndarray, "n 2"]:
         """Places for people to begin at."""
         cells = np.argwhere(self._cells)
-        found: list[np.ndarray] = []
+        places: list[np.ndarray] = []
         for xy in self._to_map(cells[rng.permutation(len(cells))[: 50 * count + 1000]]):
-            if len(found) == count:
+            if len(places) == count:
                 break
             if math.hypot(*(xy - robot)) > _FROM_ROBOT_M and all(
-                math.hypot(*(xy - one)) > _APART_M for one in found
+                math.hypot(*(xy - place)) > _APART_M for place in places
             ):
-                found.append(xy)
-        if len(found) < count:
-            raise ValueError(f"people is {count}, expected at most {len(found)}: there is no room for more.")
-        return np.array(found).reshape(-1, 2)
+                places.append(xy)
+        if len(places) < count:
+            raise ValueError(f"people is {count}, expected at most {len(places)}: there is no room for more.")
+        return np.array(places).reshape(-1, 2)
 
     def _to_map(self, cells: np.ndarray) -> Float[np.ndarray, "n 2"]:
         """Centres of cells (row, column) in `map` [m]."""
@@ -256,19 +256,19 @@ def _walk(
             ax += weight * fx
             ay += weight * fy
         vx, vy = velocity[k, 0] + ax * _STEP_S, velocity[k, 1] + ay * _STEP_S
-        most = _FASTEST * max(speed[k], _ASIDE_MPS)
+        fastest = _FASTEST * max(speed[k], _ASIDE_MPS)
         pace = math.hypot(vx, vy)
-        if pace > most:
-            vx, vy = vx * most / pace, vy * most / pace
-        found = False
+        if pace > fastest:
+            vx, vy = vx * fastest / pace, vy * fastest / pace
+        is_free = False
         for angle in _ASIDE:
             along, across = math.cos(angle), math.sin(angle)
             share = max(along, _SHUFFLE) * _STEP_S
             dx, dy = (vx * along - vy * across) * share, (vx * across + vy * along) * share
             if _is_free(xy, k, x + dx, y + dy, grid, robot, radius):
-                found = True
+                is_free = True
                 break
-        if not found:
+        if not is_free:
             dx = dy = 0.0
         xy[k, 0], xy[k, 1] = x + dx, y + dy
         velocity[k, 0], velocity[k, 1] = dx / _STEP_S, dy / _STEP_S

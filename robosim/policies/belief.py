@@ -138,14 +138,14 @@ class TargetBelief:
             self._probability.flags.writeable = False
         return self._probability
 
-    def locate(self, found: Transmitter) -> None:
+    def locate(self, transmitter: Transmitter) -> None:
         """Set the position of the target by the mapper's pose graph, instead of an earlier one.
 
         The graph combines directions from many poses with the errors of the poses.
         """
         c, self._probability = self.config, None
-        covariance = _GRAPH_VARIANCES * found.covariance + c.cell_m**2 / 12 * np.eye(2)
-        offset = self.centres - found.xy
+        covariance = _GRAPH_VARIANCES * transmitter.covariance + c.cell_m**2 / 12 * np.eye(2)
+        offset = self.centres - transmitter.xy
         square = np.einsum("yxi,ij,yxj->yx", offset, np.linalg.inv(covariance), offset, optimize=True)
         density = normalise(np.exp(-0.5 * square))
         flat = np.float32(c.doubt / density.size)
@@ -170,8 +170,8 @@ class TargetBelief:
             routes = survey.routes(place)
             straight_m = distance[routes.rows, routes.columns]
             odds = _RECEIVED[0] - _RECEIVED[1] * straight_m - _RECEIVED[2] * (routes.length_m - straight_m)
-            part = self._silent[routes.rows, routes.columns]
-            np.minimum(part, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=part)
+            silent = self._silent[routes.rows, routes.columns]
+            np.minimum(silent, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=silent)
         self._weigh(measurement, survey, around)
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)
@@ -261,9 +261,9 @@ class TargetBelief:
         n = 2 * round(radius_m / self.config.cell_m) + 1
         around = cv2.boxFilter(p, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT)
         iy, ix = np.unravel_index(int(np.argmax(around)), around.shape)
-        part = np.s_[max(iy - n // 2, 0) : iy + n // 2 + 1, max(ix - n // 2, 0) : ix + n // 2 + 1]
-        mass = p[part]
-        return (self.centres[part] * mass[..., None]).sum(axis=(0, 1)) / mass.sum(), float(around[iy, ix])
+        window = np.s_[max(iy - n // 2, 0) : iy + n // 2 + 1, max(ix - n // 2, 0) : ix + n // 2 + 1]
+        mass = p[window]
+        return (self.centres[window] * mass[..., None]).sum(axis=(0, 1)) / mass.sum(), float(around[iy, ix])
 
 
 def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "n 2"]:

@@ -152,9 +152,9 @@ class Fused:
         if self._goal is None or reached or self._age >= self.config.every * estimate.size_factor:
             if (
                 self.config.uses_graph
-                and (found := estimated.locate_transmitters().get("target")) is not None
+                and (transmitter := estimated.locate_transmitters().get("target")) is not None
             ):
-                belief.locate(found)
+                belief.locate(transmitter)
             self._prefix = "the last goal is reached; " if reached else self._prefix
             self._goal, self._age = self._choose(estimate, belief), 0
             self._prefix = ""
@@ -202,19 +202,19 @@ class Fused:
         survey, p, pose = belief.survey(estimate), belief.probability(), estimate.pose
         routes = survey.routes(pose[:2])
         rated = []
-        for one in find_prospects(
-            frontiers, routes, p, belief.frame, pose, head_start=c.head_start, most=c.candidates
+        for prospect in find_prospects(
+            frontiers, routes, p, belief.frame, pose, head_start=c.head_start, count=c.candidates
         ):
-            if (np.hypot(*(given_up - one.goal_xy).T) < 0.25).any():
+            if (np.hypot(*(given_up - prospect.goal_xy).T) < 0.25).any():
                 continue
             possibly = in_sight(
-                survey.known, one.near_xy, belief.frame, self.config.view_m, through_unknown=True
+                survey.known, prospect.near_xy, belief.frame, self.config.view_m, through_unknown=True
             )
             share = float(p[possibly].sum())
-            value = one.width * (share / (one.decisions + c.head_start) + one.behind)
-            if self._goal is not None and math.hypot(*(one.goal_xy - self._goal)) < 0.5:
+            value = prospect.width * (share / (prospect.decisions + c.head_start) + prospect.behind)
+            if self._goal is not None and math.hypot(*(prospect.goal_xy - self._goal)) < 0.5:
                 value *= self.config.keep
-            rated.append(_Rated(value, one.goal_xy, share, one.decisions))
+            rated.append(_Rated(value, prospect.goal_xy, share, prospect.decisions))
         return rated
 
     def _give_up(self) -> None:

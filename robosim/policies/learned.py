@@ -147,9 +147,9 @@ class Learned:
         for row, group in zip(occluded[1:], SENSES.values(), strict=True):
             row[group] = 0.0
         scores = self._network(occluded, np.tile(memory, (len(occluded), 1))).scores
-        given, *without = action_probabilities(scores)[:, self._action]
-        name, least = min(zip(SENSES, without, strict=True), key=lambda one: one[1])
-        return f"{_WORDS[self._action]} by {name}: probability {given:.0%}, without them {least:.0%}"
+        with_all, *without = action_probabilities(scores)[:, self._action]
+        name, least = min(zip(SENSES, without, strict=True), key=lambda pair: pair[1])
+        return f"{_WORDS[self._action]} by {name}: probability {with_all:.0%}, without them {least:.0%}"
 
     def _is_stuck(self, estimate: MapEstimate) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""

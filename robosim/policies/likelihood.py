@@ -167,11 +167,11 @@ class Likelihood:
         ratio = np.ones(self._frame.shape, np.float32)
         if routes is None:
             return ratio
-        part = _direction_ratio(routes.out, float(self._m.aoa_rad[0]), _ARRIVAL[state])
+        agreement = _direction_ratio(routes.out, float(self._m.aoa_rad[0]), _ARRIVAL[state])
         if self._departures:
-            part *= _direction_ratio(routes.back, float(self._m.aod_rad[0]), _DEPARTURE[state])
+            agreement *= _direction_ratio(routes.back, float(self._m.aod_rad[0]), _DEPARTURE[state])
         ratio[:] = _NO_ROUTE
-        ratio[routes.rows, routes.columns] = np.maximum(part, _NO_ROUTE)
+        ratio[routes.rows, routes.columns] = np.maximum(agreement, _NO_ROUTE)
         return ratio
 
 

@@ -54,15 +54,15 @@ def find_prospects(
     pose: Float[np.ndarray, "3"],
     *,
     head_start: float,
-    most: int,
+    count: int,
 ) -> list[Prospect]:
     """Places to go to from the robot's pose, with the belief (of a grid) behind them.
 
     `head_start` is added to the decisions of each route; only the nearest `most` frontiers are used.
     """
     here = pose[:2]
-    beyond = [one for one in frontiers if math.hypot(*(one.near_xy - here)) > AT_ROBOT_M]
-    far = sorted(beyond, key=lambda one: one.cost_m)[:most]
+    beyond = [frontier for frontier in frontiers if math.hypot(*(frontier.near_xy - here)) > AT_ROBOT_M]
+    far = sorted(beyond, key=lambda frontier: frontier.cost_m)[:count]
     unexplored = routes.entry >= 0
     # As np.unique with its inverse, but without sorting all cells.
     number = np.zeros(routes.entry.size, np.int64)
@@ -77,18 +77,18 @@ def find_prospects(
     mass = probability[routes.rows, routes.columns][unexplored]
     decisions = routes.length_m[unexplored] / FORWARD_M + head_start
     at_robot = (np.hypot(*(places - here).T) < AT_ROBOT_M)[inverse]
-    found = []
+    prospects = []
     if len(beyond) < len(frontiers) and at_robot.any():
         out = routes.out[unexplored][at_robot].astype(float)
-        found.append(_best_direction(mass[at_robot], decisions[at_robot], out, pose))
+        prospects.append(_best_direction(mass[at_robot], decisions[at_robot], out, pose))
     if far:
-        turns = np.array([_turns(one.near_xy, pose) for one in far])
+        turns = np.array([_turns(frontier.near_xy, pose) for frontier in far])
         behind = _behind(far, turns, places, inverse, np.where(at_robot, 0, mass), decisions)
-        for one, turn, share in zip(far, turns, behind, strict=True):
-            width = min(1.0, one.length_m / _WIDE_M)
-            n_decisions = one.cost_m / FORWARD_M + float(turn)
-            found.append(Prospect(one.goal_xy, one.near_xy, n_decisions, float(share), width))
-    return found
+        for frontier, turn, share in zip(far, turns, behind, strict=True):
+            width = min(1.0, frontier.length_m / _WIDE_M)
+            n_decisions = frontier.cost_m / FORWARD_M + float(turn)
+            prospects.append(Prospect(frontier.goal_xy, frontier.near_xy, n_decisions, float(share), width))
+    return prospects
 
 
 def _best_direction(

@@ -60,9 +60,9 @@ class PowerBelief(TargetBelief):
         candidates = self.centres[_CELLS // 2 :: _CELLS, _CELLS // 2 :: _CELLS][likely]
         known = survey.known
         cells = known.frame.to_cells(readings.xy), known.frame.to_cells(candidates)
-        found = log_evidence(readings, candidates, count_walls(known.kind == OBSTACLE, *cells), self._law)
-        coarse = np.where(likely, np.float32(0), np.float32(found.min()))
-        coarse[likely] = found
+        evidence = log_evidence(readings, candidates, count_walls(known.kind == OBSTACLE, *cells), self._law)
+        coarse = np.where(likely, np.float32(0), np.float32(evidence.min()))
+        coarse[likely] = evidence
         ny, nx = self.frame.shape
         size = prior.shape[1] * _CELLS, prior.shape[0] * _CELLS
         # Cells at the edge may have no candidate.

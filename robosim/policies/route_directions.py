@@ -77,49 +77,49 @@ def route_directions(
     frame = estimate.frame
     low = np.array(frame.origin_xy) - beyond_m
     high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + beyond_m
-    rows, columns, part = onto.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
-    blocked = filled_share(estimate, part) >= _FILLED
+    rows, columns, frame = onto.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+    blocked = filled_share(estimate, frame) >= _FILLED
     # A robot beyond the largest grid of a belief counts as at its edge.
-    iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(part.index(place), part.shape, strict=True))
+    iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(frame.index(place), frame.shape, strict=True))
     # The robot's own cells are free, whatever the map contains.
     blocked[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
-    time = march(np.where(blocked, 0.0, 1.0), (iy, ix), part.resolution_m)
-    out, back = (np.zeros((*part.shape, 2), np.float32) for _ in range(2))
-    unexplored = cell_shares(estimate.explored, estimate, part) < _SEEN
+    time = march(np.where(blocked, 0.0, 1.0), (iy, ix), frame.resolution_m)
+    out, back = (np.zeros((*frame.shape, 2), np.float32) for _ in range(2))
+    unexplored = cell_shares(estimate.explored, estimate, frame) < _SEEN
     entry = np.where(unexplored, np.int32(0), np.int32(-1))
     reached = np.flatnonzero(np.isfinite(time))
     reached = reached[np.argsort(time.ravel()[reached], kind="stable")]
-    _propagate(time, reached, iy, ix, part.resolution_m, out, back, entry)
+    _propagate(time, reached, iy, ix, frame.resolution_m, out, back, entry)
     _fill_neighbours(time, reached, out, back)
     entry[~np.isfinite(time)] = -1
     return RouteDirections(rows, columns, out, back, time.astype(np.float32), entry)
 
 
-def filled_share(estimate: MapEstimate, part: GridFrame) -> Float32[np.ndarray, "ny nx"]:
+def filled_share(estimate: MapEstimate, frame: GridFrame) -> Float32[np.ndarray, "ny nx"]:
     """Share of each cell of a coarser grid that known or confidently anticipated obstacles fill."""
     obstacle: Bool[np.ndarray, "ny nx"] = estimate.obstacle
     if estimate.anticipated_probability is not None:
         obstacle = obstacle | (~estimate.known_free & (estimate.anticipated_probability > _SURE))
-    return cell_shares(obstacle, estimate, part)
+    return cell_shares(obstacle, estimate, frame)
 
 
 def cell_shares(
-    mask: Bool[np.ndarray, "my mx"], estimate: MapEstimate, part: GridFrame
+    mask: Bool[np.ndarray, "my mx"], estimate: MapEstimate, frame: GridFrame
 ) -> Float32[np.ndarray, "ny nx"]:
     """Share of each cell of a coarser grid in which a mask of the map's cells is true."""
     ny, nx = estimate.frame.shape
     # Both grids have the same axes.
     along = np.arange(max(ny, nx)) + 0.5
-    of_row, of_column = part.index(estimate.frame.to_points(np.column_stack([along, along])))
-    rows, columns = _inside(of_row[:ny], part.shape[0]), _inside(of_column[:nx], part.shape[1])
-    shares = np.zeros(part.shape, np.float32)
+    of_row, of_column = frame.index(estimate.frame.to_points(np.column_stack([along, along])))
+    rows, columns = _inside(of_row[:ny], frame.shape[0]), _inside(of_column[:nx], frame.shape[1])
+    shares = np.zeros(frame.shape, np.float32)
     if rows.stop > rows.start and columns.stop > columns.start:
         (row, below), (column, left) = _groups(of_row[rows]), _groups(of_column[columns])
         inside = np.ascontiguousarray(mask[rows, columns]).view(np.uint8)
         # Counts of all cells below and to the left: their differences are those of the cells between.
         corners = cv2.integral(inside, sdepth=cv2.CV_32S)[below[:, None], left]
         strips = corners[1:] - corners[:-1]
-        share = (estimate.frame.resolution_m / part.resolution_m) ** 2
+        share = (estimate.frame.resolution_m / frame.resolution_m) ** 2
         shares[row[:, None], column] = share * (strips[:, 1:] - strips[:, :-1])
     return shares
 

@@ -104,7 +104,7 @@ class SearchSenses:
             to_robot(self._pose, np.zeros((1, 2)))[0] / _PLACE_M,
             [self._steps / _STEPS],
         )
-        return np.concatenate([np.asarray(part, np.float32) for part in parts])
+        return np.concatenate([np.asarray(values, np.float32) for values in parts])
 
     def _move(self, odometry: Float[np.ndarray, "3"]) -> None:
         """Add up odometry in the frame of the start, and record the place."""
@@ -182,9 +182,9 @@ class SearchNetwork:
     ) -> Output:
         """One step from the inputs of `SearchSenses` and the memory of the last step, `empty_memory` at first."""
         batch = inputs.shape[:-1]
-        found = self._run(inputs=inputs.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
+        output = self._run(inputs=inputs.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
         scores, value, after = np.split(
-            found.reshape(*batch, -1), [len(PUBLISHED), len(PUBLISHED) + 1], axis=-1
+            output.reshape(*batch, -1), [len(PUBLISHED), len(PUBLISHED) + 1], axis=-1
         )
         return Output(scores, value[..., 0], after)
 
@@ -195,9 +195,9 @@ def _model(weights: Weights) -> bytes:
 
     def layer(values: str, name: str, gate: int | None = None, kind: str = "") -> str:
         """Weights times values, plus a bias; of all units, or of one of three gates."""
-        part = slice(None) if gate is None else slice(gate * HIDDEN, (gate + 1) * HIDDEN)
-        weight = graph.weight(weights[f"{name}.{kind}weight"][:, part])
-        bias = graph.weight(weights[f"{name}.{kind}bias"][part])
+        units = slice(None) if gate is None else slice(gate * HIDDEN, (gate + 1) * HIDDEN)
+        weight = graph.weight(weights[f"{name}.{kind}weight"][:, units])
+        bias = graph.weight(weights[f"{name}.{kind}bias"][units])
         return graph.node("Add", graph.node("MatMul", values, weight), bias)
 
     encoded = graph.node("Relu", layer("inputs", "encoder"))

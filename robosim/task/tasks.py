@@ -93,11 +93,11 @@ def make_task(
     """
     reach.check_room()
     _check_places(reach, start, target)
-    given = target if target is not None else start[:2] if start is not None else None
-    if given is not None and start is not None and target is not None:
+    fixed = target if target is not None else start[:2] if start is not None else None
+    if fixed is not None and start is not None and target is not None:
         return Task(start, target, _shortest_m(reach, start, target))
     places = reach.indoors if start is not None else reach.roomy
-    anchor, other, distance = _draw_pair(reach, rng, given, (min_path_m, max_path_m), places)
+    anchor, other, distance = _draw_pair(reach, rng, fixed, (min_path_m, max_path_m), places)
     if distance < min_path_m:
         _log.warning(
             "%s: no two places %.1f m of path apart were found; the task is %.1f m long.",
@@ -116,7 +116,7 @@ def make_task(
 def _draw_pair(
     reach: Reach,
     rng: np.random.Generator,
-    given: np.ndarray | None,
+    fixed: np.ndarray | None,
     path_m: tuple[float, float],
     places: Bool[np.ndarray, "ny nx"],
 ) -> tuple[np.ndarray, np.ndarray, float]:
@@ -125,8 +125,8 @@ def _draw_pair(
     clear = reach.indoors & ~reach.overhung
     clear = clear if clear.any() else reach.indoors
     best: tuple[float, np.ndarray, np.ndarray] | None = None
-    for _ in range(1 if given is not None else _TRIES):
-        anchor = given if given is not None else _centre(reach, _draw_cell(clear, rng))
+    for _ in range(1 if fixed is not None else _TRIES):
+        anchor = fixed if fixed is not None else _centre(reach, _draw_cell(clear, rng))
         travel = reach.travel_m(anchor)
         if np.isfinite(travel[clear]).any():
             travel[~clear] = np.inf

@@ -297,7 +297,7 @@ def _validate(
         held = links[rows]
         judged = calibrated_across(held_out[rows], held.state, reached(held.tokens), held.building)
         result[f"fold{i}"] = _score(judged, held, out / f"fold{i}.png")
-        _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in part)}", console)
+        _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in fold)}", console)
     if result:
         result["mean_accuracy"] = float(np.mean([fold["accuracy"] for fold in result.values()]))
         console.print(

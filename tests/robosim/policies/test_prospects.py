@@ -42,7 +42,7 @@ def frontier(x: float, y: float) -> Frontier:
 def found(frontiers: list[Frontier], p: np.ndarray, half_m: float, yaw: float = 0.0) -> list[Prospect]:
     map_ = seen_room(half_m)
     routes = route_directions(map_, np.zeros(2), ONTO)
-    return find_prospects(frontiers, routes, p, ONTO, np.array([0.0, 0.0, yaw]), head_start=10.0, most=12)
+    return find_prospects(frontiers, routes, p, ONTO, np.array([0.0, 0.0, yaw]), head_start=10.0, count=12)
 
 
 def test_belief_counts_for_the_frontier_on_its_route():
