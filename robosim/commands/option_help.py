@@ -94,7 +94,7 @@ def option_name(field: str, kind: Any) -> str:
 def _hidden(options: Iterable[tuple[str, Any]]) -> Iterator[str]:
     """A line for each group of options that a brief help leaves out, and for each single one."""
     for name, kind in options:
-        base, marks = _split(kind)
+        base, marks = _group(kind)
         option = option_name(name, kind)
         if Suppress in marks:
             continue
@@ -110,12 +110,32 @@ def _hidden(options: Iterable[tuple[str, Any]]) -> Iterator[str]:
         names = ", ".join(option_name(*field) for field in of_fields if Suppress not in _split(field[1])[1])
         about = (base.__doc__ or "").splitlines()[0]
         yield f"{names if _is_flat(marks) else f'{option}.*'} ({counted(_count(base), 'option')}): {about}"
+        for name_inside, kind_inside in of_fields:
+            if _is_apart(kind_inside):
+                inside = (name_inside, kind_inside)
+                is_group = is_dataclass(_group(kind_inside)[0])
+                yield from _hidden([inside]) if is_group else [option_name(*inside)]
 
 
 def _count(config: Any) -> int:
-    """Options of a group and of the groups in it."""
-    kinds = (_split(kind) for kind in get_type_hints(config, include_extras=True).values())
-    return sum(_count(base) if is_dataclass(base) else 1 for base, marks in kinds if Suppress not in marks)
+    """Options of a group and of the groups in it, without those that are named apart."""
+    types = [kind for kind in get_type_hints(config, include_extras=True).values() if not _is_apart(kind)]
+    return sum(
+        _count(base) if is_dataclass(base) else 1
+        for base, marks in map(_group, types)
+        if Suppress not in marks
+    )
+
+
+def _is_apart(kind: Any) -> bool:
+    """Whether an option in a group is named without the names of the groups around it."""
+    return any(isinstance(mark, _ARG) and mark.prefix_name is False for mark in _split(kind)[1])
+
+
+def _group(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+    """A type without its annotations and without None, if it is a group then, and its annotations."""
+    base, marks = _split(kind)
+    return next((each for each in get_args(base) if is_dataclass(each)), base), marks
 
 
 def _split(kind: Any) -> tuple[Any, tuple[Any, ...]]:
