@@ -39,7 +39,7 @@ def place(request, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("place", "name", "height_m", "has_grid", "beside"),
+    ("place", "name", "height_m", "has_grid", "nearest"),
     [
         ("plan", "two rooms", 1.5, True, (0.01, 1.0, 1.5)),
         ("storey", "house_storey_1", 4.3, True, (0.01, 1.0, 4.3)),
@@ -47,7 +47,7 @@ def place(request, tmp_path):
     ],
     indirect=["place"],
 )
-def test_radio_site_is_what_its_place_is(place, name, height_m, has_grid, beside):
+def test_radio_site_is_what_its_place_is(place, name, height_m, has_grid, nearest):
     """Paths are those of a tracer of the surfaces; places outside snap to free space where there are walls."""
     site, surfaces = radio_site(place[0], CONFIG), place[1]
     assert (site.name, site.height_m) == (name, pytest.approx(height_m))
@@ -59,7 +59,7 @@ def test_radio_site_is_what_its_place_is(place, name, height_m, has_grid, beside
     assert len(paths) > 1 and np.array_equal(paths.gain, expected.gain)
     assert site.nearest_free(tx[0]) == pytest.approx(tx[0])
     assert site.nearest_free(tx[0, :2]) == pytest.approx(tx[0, :2])
-    assert site.nearest_free(np.array([-1.0, 1.0, beside[2]])) == pytest.approx(beside)
+    assert site.nearest_free(np.array([-1.0, 1.0, nearest[2]])) == pytest.approx(nearest)
     if has_grid:
         level = receiver_grid(site.building, 0.5, 1.5).position
         assert np.array_equal(site.grid(0.5).position, level + np.array([0, 0, site.floor_m]))
