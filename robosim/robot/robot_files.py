@@ -9,7 +9,7 @@ from robosim.robot.robots import RobotConfig
 from robosim.support.files import write_json
 from robosim.support.from_dict import from_dict
 from robosim.support.reading import reading
-from robosim.support.text_in import parse_json, parse_yaml
+from robosim.support.text_in import check_object, parse_json, parse_yaml
 
 
 def read_robot(path: Path) -> RobotConfig:
@@ -28,8 +28,7 @@ def read_robot(path: Path) -> RobotConfig:
 
 def _replace_sensors(values: Any) -> None:
     """Replace `sensors`, as files of version 0.3 have them."""
-    sensors = values.pop("sensors", None) if isinstance(values, dict) else None
-    if sensors is not None:
+    if (sensors := check_object(values).pop("sensors", None)) is not None:
         place, mount = sensors.get("camera_m"), sensors.get("lidar_m", (0.0, 0.2))
         values["camera"] = place and {
             "ahead_m": place[0],

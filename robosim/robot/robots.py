@@ -65,7 +65,7 @@ class RobotConfig(Robot):
                 option = "image" if name == "camera" else name
                 raise ValueError(
                     f"{name}.height_m is {mount.height_m:g}, but mast_m, the robot's height, is {self.mast_m:g} m. Set "
-                    f"--{option}.height-m lower, or --robot.mast-m higher."
+                    f"{name}.height_m (--{option}.height-m) lower, or mast_m (--robot.mast-m) higher."
                 )
         if self.lidar == "none" and self.laser != LidarConfig():
             raise ValueError("laser is set, but lidar is 'none'. Name the lidar, such as --lidar rplidar-a1.")

@@ -61,7 +61,7 @@ def run(plan: FloorPlan, settings: Settings, seed: int) -> Results:
     navigator = make_navigator(config, mapper=settings.mapper)
     wanderer = Wanderer(navigator.explorer, np.random.default_rng([seed, 2]))
     watch, results, turns = Stopwatch(), Results(), settings.steps // PARTS
-    agent = Agent(navigator, wanderer, turning_m=config.robot.hull.turning_m, watch=watch)
+    agent = Agent(navigator, wanderer, config.robot, watch=watch)
     with (
         tracked(range(PARTS), "parts", console) as parts,
         closing(World(building, {ROBOT: config}, watch)) as world,

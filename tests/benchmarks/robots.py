@@ -13,8 +13,10 @@ from tyro.conf import OmitArgPrefixes
 
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
+from robosim.camera.model import CameraConfig
 from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
+from robosim.lidar import LidarConfig
 from robosim.parts import ROBOT
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import open_floor
@@ -108,9 +110,11 @@ def _pass_door(
     """Results of tasks through a door."""
     robot: RobotConfig = ROBOT.make(name)
     if lidar == "none":
-        robot = replace(robot, sensors=None, mast_m=RobotConfig.mast_m)
-    elif robot.sensors is not None:
-        robot = replace(robot, sensors=replace(robot.sensors, lidar=lidar))
+        robot = replace(
+            robot, camera=CameraConfig(), lidar="none", laser=LidarConfig(), mast_m=RobotConfig.mast_m
+        )
+    elif robot.lidar != "none":
+        robot = replace(robot, lidar=lidar)
     building = make_building(_rooms(2 * robot.hull.radius_m + wider_m, wall_m))
     places = reach(building, *robot.hull_m)
     made = []

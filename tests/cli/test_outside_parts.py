@@ -94,6 +94,7 @@ wheel_radius_m: 0.036
 track_m: 0.23
 rotor_inertia_kgm2: 0.001
 mast_m: 0.4
+camera: {height_m: 0.4}
 max_speed_mps: 0.3
 max_accel_mps2: 1.0
 """

@@ -150,7 +150,7 @@ def test_a_lidar_sees_what_is_at_its_height(building, height_m, what):
 
 def robot(height_m: float, radius_m: float = 0.1) -> RobotConfig:
     """A robot of a height."""
-    made = RobotConfig(radius_m=radius_m, mast_m=height_m - 0.15 * radius_m)
+    made = RobotConfig(radius_m=radius_m, mast_m=height_m - 0.15 * radius_m, camera=None)
     assert made.height_m == pytest.approx(height_m, abs=1e-12)
     return made
 

@@ -28,11 +28,11 @@ def test_a_urdf_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> Non
     corners = np.array(robot.outline_m)
     np.testing.assert_allclose(corners.min(axis=0), [-0.1, -0.16], atol=1e-6)
     np.testing.assert_allclose(corners.max(axis=0), [0.3, 0.16], atol=1e-6)
-    assert robot.hull.radius_m == pytest.approx(0.16) and robot.mast_m == pytest.approx(0.16)
-    assert robot.sensors is not None and robot.sensors.camera_m is not None
-    assert robot.sensors.lidar_m == pytest.approx((0.2, 0.25)) and robot.sensors.camera_m == pytest.approx(
-        (0.28, 0.15)
-    )
+    # The lidar is above the box.
+    assert robot.hull.radius_m == pytest.approx(0.16) and robot.mast_m == pytest.approx(0.25)
+    assert (robot.laser.ahead_m, robot.laser.height_m) == pytest.approx((0.2, 0.25))
+    assert robot.camera is not None
+    assert (robot.camera.ahead_m, robot.camera.height_m) == pytest.approx((0.28, 0.15))
     assert (
         "does not state speeds" in caplog.text and "field of view" in caplog.text and "--lidar" in caplog.text
     )
@@ -56,8 +56,8 @@ def test_mujoco_drives_the_model_itself(tmp_path: Path, name: str, text: str) ->
 def test_a_disk_in_mjcf_stays_a_disk(tmp_path: Path) -> None:
     robot = read_robot(_write(tmp_path, "disk.xml", MJCF))
     assert robot.outline_m == () and robot.hull.radius_m == pytest.approx(0.2, rel=0.01)
-    assert robot.sensors is not None and robot.sensors.camera_m == pytest.approx((0.1, 0.35))
-    assert robot.sensors.hfov_deg == 75.0 and robot.sensors.lidar == "none"
+    assert robot.camera is not None and robot.camera.hfov_deg == 75.0 and robot.lidar == "none"
+    assert (robot.camera.ahead_m, robot.camera.height_m) == pytest.approx((0.1, 0.35))
 
 
 def test_four_wheels_turn_on_an_axle_between(tmp_path: Path) -> None:

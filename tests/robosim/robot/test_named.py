@@ -10,7 +10,8 @@ import pytest
 import tyro
 
 from robosim.camera.model import CameraConfig
-from robosim.commands.episode_config import Settings, command_options, read_config, with_start_values
+from robosim.commands.episode_config import command_options, read_config, start_values
+from robosim.environments.target_search import TargetSearch
 from robosim.episode_config import EpisodeConfig
 from robosim.lidar import LidarConfig
 from robosim.parts import ROBOT
@@ -22,6 +23,8 @@ from robosim.robot.odometry import NoiseModel
 from robosim.robot.robot_files import read_robot
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
+from robosim.support.files import write_json
+from robosim.support.parts import to_dict
 from slam.poses import between
 
 START = np.array([2.0, 2.0, 0.3])
@@ -77,18 +80,22 @@ def test_top_speeds_are_those_of_the_maker(robot: RobotConfig) -> None:
 
 
 @pytest.mark.parametrize("name", ["turtlebot4", "turtlebot3_burger"])
-def test_a_robot_is_the_same_wherever_it_is_named(name: str) -> None:
-    """In the simulator, on the command line, in an episode of an evaluation, and in an environment."""
+def test_a_robot_is_the_same_wherever_it_is_named(tmp_path: Path, name: str) -> None:
+    """In the simulator, on the command line, in the settings of an evaluation, and in an environment."""
     robot: RobotConfig = ROBOT.make(name)
-    commands: list[SimulatorConfig] = []
-
-    def command(settings: Settings) -> None:
-        commands.append(settings.simulator)
-
-    tyro.cli(with_start_values(command, ["--robot", name]), args=[])
-    configs = [SimulatorConfig(robot=robot), commands[0], EpisodeConfig().of_robot(robot).simulator]
+    settings = tyro.cli(EpisodeConfig, default=start_values({}, ["--robot", name])["settings"], args=[])
+    episode = EpisodeConfig().of_robot(robot)
+    write_json(tmp_path / "settings.json", {"settings": {"episode": to_dict(episode)}})
+    environment = TargetSearch("flat", config=SimulatorConfig(robot=robot), observe=("lidar",))
+    configs = [
+        SimulatorConfig(robot=robot),
+        settings.simulator,
+        episode.simulator,
+        read_config(tmp_path / "settings.json").simulator,
+        environment.current.simulator_config,
+    ]
     sensors = [(config.robot, config.renderer, config.image) for config in configs]
-    assert sensors == 3 * [(robot, "pyrender" if robot.camera else "none", robot.camera or CameraConfig())]
+    assert sensors == 5 * [(robot, "pyrender" if robot.camera else "none", robot.camera or CameraConfig())]
 
 
 @pytest.mark.parametrize(
@@ -112,7 +119,7 @@ def test_a_robot_rejects_what_contradicts_it(fields: dict[str, Any], message: st
 )
 def test_options_of_missing_sensors_are_rejected(words: str) -> None:
     with pytest.raises(ValueError, match="the robot has no"):
-        with_start_values(lambda settings: None, words.split())
+        start_values({}, words.split())
 
 
 def test_files_of_version_0_3_keep_their_sensors(tmp_path: Path) -> None:
@@ -121,7 +128,8 @@ def test_files_of_version_0_3_keep_their_sensors(tmp_path: Path) -> None:
     robot = read_robot(path)
     assert robot.camera == CameraConfig(ahead_m=0.1, height_m=0.2, hfov_deg=60.0) and robot.lidar == "lds-01"
     simulator = {"image": {"width": 64}, "lidar": "none", "laser": {"level": 0.5}, "noise": {"level": 0.0}}
-    (tmp_path / "result.json").write_text(json.dumps({"config": {"simulator": simulator}}))
+    config = {"simulator": simulator, "fused": {"cost": {"radius_m": 0.1}}}
+    (tmp_path / "result.json").write_text(json.dumps({"config": config}))
     robot = read_config(tmp_path / "result.json").simulator.robot
     assert robot == RobotConfig(camera=CameraConfig(width=64), noise=NoiseModel(level=0.0))
 

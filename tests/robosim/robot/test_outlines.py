@@ -11,6 +11,7 @@ from robosim.building.reach import HEADINGS, reach
 from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.floorplan import FREE, OCCUPIED
+from robosim.robot.calibration import open_floor
 from robosim.robot.collision import check_pose, depth_in, hull_at
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import KinematicWorld
@@ -97,6 +98,26 @@ def test_the_dynamic_polygon_stops_at_walls(hall: Building, robot: RobotConfig) 
         assert depth_in(walls, robot.hull, motion.pose) < 4e-3 and motion.penetration_m < 8e-3
         stopped += motion.collided
     assert stopped > 20
+
+
+def test_commands_of_a_polygon_keep_the_limits_of_its_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The servos are sent no more than 0.4 m/s, and changes of 1 m/s^2; the body may overshoot."""
+    robot = replace(JACKAL, max_speed_mps=0.4, max_accel_mps2=1.0)
+    world, rims = World(open_floor(), robot=robot), [np.zeros(2)]
+    advance = world._advance
+
+    def record(steps: int) -> None:
+        rims.append(robot.wheel_radius_m * world.data.ctrl[:2])
+        periods.append(steps * world.config.timestep_s)
+        advance(steps)
+
+    periods: list[float] = []
+    world.reset(np.array([2.0, 2.0, 0.0]))
+    monkeypatch.setattr(world, "_advance", record)
+    for v_mps, w_radps in ((0.4, 0.0), (9.0, 9.0), (-0.4, 1.0), (0.2, -4.0)):
+        world.drive(v_mps, w_radps, 0.5)
+    change = np.abs(np.diff(rims, axis=0)).max(axis=1)
+    assert 0.39 < np.abs(rims).max() < 0.4 + 1e-9 and (change < 1.0 * np.array(periods) + 1e-9).all()
 
 
 @pytest.mark.parametrize("world", [KinematicWorld, World])

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from slam.actions import FORWARD_M, Action, Velocity
 from slam.control.avoidance import Avoidance, AvoidanceConfig
 from slam.grid import GridFrame, MapEstimate, MovingThing
+from slam.robot import Robot
 
 CONFIG = AvoidanceConfig()
-LEAST_M = CONFIG.radius_m + CONFIG.body_m + CONFIG.distance_m
+LEAST_M = Robot().hull.radius_m + CONFIG.body_m + CONFIG.distance_m
 
 
 def estimate(
@@ -88,7 +89,7 @@ def test_a_step_away_from_somebody_who_stands_is_always_allowed(bearing, distanc
 
 def test_a_robot_that_has_waited_passes_with_less_distance():
     """Four waits before a person 8 cm off its path, then it goes."""
-    aside = estimate((0.25, CONFIG.radius_m + CONFIG.body_m + 0.08, 0.0, 0.0))
+    aside = estimate((0.25, Robot().hull.radius_m + CONFIG.body_m + 0.08, 0.0, 0.0))
     avoidance = Avoidance(config=AvoidanceConfig(distance_m=0.2, waits=4))
     chosen = [avoidance.checked(aside, Action.FORWARD) for _ in range(6)]
     assert chosen.index(Action.FORWARD) == 4 and chosen[0] is Action.WAIT
