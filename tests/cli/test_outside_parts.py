@@ -133,7 +133,7 @@ def test_one_of_each_from_outside_is_evaluated_with_ours(strangers_folder, capsy
     stored = json.loads(Path("found/settings.json").read_text())["settings"]["episode"]
     assert stored["mapper"] == "mine:Mapper"
     assert stored["simulator"]["robot"]["radius_m"] == 0.17
-    assert stored["simulator"]["image"]["hfov_deg"] == 80.0
+    assert stored["simulator"]["robot"]["camera"]["hfov_deg"] == 80.0
 
     # The suite names the reader, and a result's configuration can be given back.
     assert "reader: mine:read" in Path("found/suite.yaml").read_text()
