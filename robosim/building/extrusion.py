@@ -14,7 +14,7 @@ Left out: vertices in the middle of another ring's edge, which the outlines of p
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import shapely
@@ -88,6 +88,8 @@ class Faces:
     """Material of each face: index into `materials`."""
     furnishings: tuple[Furnishing, ...] = ()
     """Meshes placed in it, with heights above the lowest floor, in the order of their faces."""
+    floor_ceiling: ClassVar[bool] = False
+    """Radio reflects at floor and ceiling only if `TracerConfig.floor_ceiling` says so."""
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:

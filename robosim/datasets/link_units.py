@@ -82,7 +82,7 @@ def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) ->
         materials=scene.whole.materials,
         face_material=scene.whole.face_material.astype(np.int64),
         frequency_hz=scene.config.frequency_hz,
-        config=scene.config.tracer,
+        config=scene.tracer.config,
         n_tx=n_tx,
         n_rx=n_rx,
         n_rx_active=n_rx_active,

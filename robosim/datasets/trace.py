@@ -317,7 +317,7 @@ def _settings(
         "building_sha256": scene.digest,
         "version": package_version(),
         "frequency_hz": scene.config.frequency_hz,
-        **asdict(scene.config.tracer),
+        **asdict(scene.tracer.config),
         "tx_m": transmitters,
         "receivers": len(grid.position),
         "receivers_per_unit": UNIT_RX,

@@ -237,7 +237,7 @@ class RadioPanel:
             height = gui.add_slider("antennas at [m]", 0.1, top, 0.1, float(np.clip(c.height_m, 0.1, top)))
             names = tuple(dict.fromkeys((str(c.building.wall_material), *WALL_MATERIALS)))
             walls = gui.add_dropdown("walls", names, initial_value=str(c.building.wall_material))
-            floor = gui.add_checkbox("floor and ceiling reflect", t.floor_ceiling)
+            floor = gui.add_checkbox("floor and ceiling reflect", bool(t.floor_ceiling))
             controls += [height, walls, floor]
 
         def changed(event: Any) -> None:

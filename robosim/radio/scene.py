@@ -143,7 +143,7 @@ def radio_site(place: Place | Path, config: RadioConfig) -> RadioSite:
 
 
 class MeshScene(RadioSite):
-    """A Mitsuba scene: places are anywhere, and all of its surfaces reflect, level ones too.
+    """A Mitsuba scene: places are anywhere.
 
     Raises:
         FileError: If a file is damaged, or a shape or material is not understood.
@@ -157,8 +157,7 @@ class MeshScene(RadioSite):
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer of the scene."""
-        config = replace(self.config.tracer, floor_ceiling=True)
-        return Tracer(self._scene, frequency_hz=self.config.frequency_hz, config=config)
+        return Tracer(self._scene, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
 
 
 class RadioScene(RadioSite):

@@ -137,7 +137,7 @@ def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
         "diffuse_transmissions": 0,
         "diffuse_final_interaction_only": False,
         "diffuse_random_phases": False,
-        "terrain_reflection": config.floor_ceiling,
+        "terrain_reflection": bool(config.floor_ceiling),
         "terrain_diffraction": False,
         "terrain_scattering": False,
         "num_rays": 0,

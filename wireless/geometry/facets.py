@@ -163,6 +163,12 @@ def at_heights(
     return level & (off < snap_m)
 
 
+def is_floor_plan(surfaces: Surfaces, slabs: Bool[np.ndarray, " f"]) -> bool:
+    """Whether all facets but floor and ceiling (`slabs`) are upright walls, as far as rounding lets them be."""
+    upright = np.abs(surfaces.facet_normal[:, 2]) < np.sqrt(2 * LEVEL)
+    return bool(upright.any() and (upright | slabs).all())
+
+
 def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces:
     """The same without the edges of some facets, which are taken to go on beyond the walls."""
     inner = ~ground[surfaces.edge_facets].any(axis=1)

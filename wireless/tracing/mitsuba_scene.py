@@ -33,6 +33,8 @@ class MitsubaScene(NamedTuple):
     materials: tuple[str | Material, ...]
     face_material: Int[np.ndarray, " n_faces"]
     """Index into `materials`."""
+    floor_ceiling: bool = True
+    """All surfaces reflect, level ones too."""
 
 
 def is_mitsuba(path: Path) -> bool:

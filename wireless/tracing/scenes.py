@@ -17,7 +17,7 @@ from wireless.geometry.array_types import Point, Points
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.closed_surfaces import Sides
 from wireless.geometry.extruded import Extruded
-from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, without_rims
+from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, is_floor_plan, without_rims
 from wireless.geometry.layers import Layers, one_storey
 from wireless.geometry.plan import Locator, make_plan, regions
 from wireless.geometry.space import make_space
@@ -56,6 +56,7 @@ class PlanScene:
     ):
         plan = make_plan(extruded.walls, snap_m)
         self.extruded = extruded
+        self.floor_ceiling = floor_ceiling
         self.origin = np.append(plan.origin, 0.0)
         self.locate = Locator(plan, 2 * snap_m)
         faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
@@ -180,7 +181,7 @@ class SpaceScene:
         setting: Callable[[np.ndarray], Setting],
         *,
         snap_m: float,
-        floor_ceiling: bool,
+        floor_ceiling: bool | None,
         search: Literal["auto", "exhaustive", "rays"],
         rays: int,
         level_m: Float[np.ndarray, " k"] | None = None,
@@ -193,7 +194,8 @@ class SpaceScene:
             level_m = level_m - self.origin[2]
             ground, slabs = (at_heights(surfaces, z, snap_m) for z in (level_m[[0, -1]], level_m))
         surfaces = without_rims(surfaces, ground)
-        mirrors = ~slabs | floor_ceiling
+        self.floor_ceiling = not is_floor_plan(surfaces, slabs) if floor_ceiling is None else floor_ceiling
+        mirrors = ~slabs | self.floor_ceiling
         self.setting = setting(surfaces.facet_face)
         passes = self.setting.walls[:, 1].real > 0
         self.space = make_space(surfaces, mirrors, passes)

@@ -32,6 +32,7 @@ class StackScene:
     """
 
     engine = "storeys"
+    floor_ceiling = False
 
     def __init__(
         self,

@@ -14,7 +14,7 @@ Left out: more than one diffraction on a path; scattering by rough walls unless 
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import parent_process
 from pathlib import Path
@@ -82,6 +82,10 @@ class Scene(Protocol):
     def face_material(self) -> Integer[np.ndarray, " n_faces"]:
         """What each face is made of: index into `materials`."""
 
+    @property
+    def floor_ceiling(self) -> bool:
+        """Whether floor and ceiling reflect where `TracerConfig.floor_ceiling` is None."""
+
 
 @dataclass(frozen=True, kw_only=True)
 @checked
@@ -99,8 +103,10 @@ class TracerConfig:
     diffraction_law: Literal["nearer_face", "bisector"] = "nearer_face"
     """Angle at which the faces of an edge reflect: that of source or observer, whichever is nearer to the face, or half
     the angle between both. The former agrees with full-wave solutions, the latter with one commercial ray tracer."""
-    floor_ceiling: bool = False
-    """Whether floor and ceiling reflect; these reflections count like those of walls."""
+    floor_ceiling: bool | None = None
+    """Whether floor and ceiling, such as the ground, reflect; these reflections count like those of walls. None as the
+    scene says: buildings of floor plans and storeys say no, scene files yes; meshes reflect at both, unless they are
+    extruded floor plans or storeys."""
     max_transmissions: Annotated[int | None, Range(0, MOST_IN_A_ROW, "walls")] = None
     """Most walls that a path passes; half-spaces let nothing through. None for 2 below 10 GHz, and for no wall from
     there on."""
@@ -210,6 +216,7 @@ class Tracer:
     ):
         self.config = config or TracerConfig()
         self.frequency_hz = float(frequency_hz)
+        slabs_reflect: bool | None = None
         if isinstance(scene, trimesh.Trimesh):
             mesh = scene
         else:
@@ -218,6 +225,7 @@ class Tracer:
                     "materials or face_material is given, but the scene has its own: leave them out, or trace its mesh."
                 )
             mesh, materials, face_material = scene.mesh, scene.materials, scene.face_material
+            slabs_reflect = scene.floor_ceiling
         materials = ("drywall",) if materials is None else materials
         check_mesh(mesh, self.config.snap_m)
         of_face = _checked_faces(face_material, len(mesh.faces), len(materials))
@@ -225,7 +233,8 @@ class Tracer:
         self._face_wall = self._walls(materials)[of_face]
         self._face_half = self._halves(mesh)
         # A face that is a wall by itself is another wall than one of a pair.
-        self.scene, self._in_space = self._scenes(mesh, 2 * of_face + self._face_half)
+        self.scene, self._in_space = self._scenes(mesh, 2 * of_face + self._face_half, slabs_reflect)
+        self.config = replace(self.config, floor_ceiling=self.scene.floor_ceiling)
         self._scattering: Scattering | None = None
         if self.config.scattering is not None:
             self._scattering = self._rough(self.scene, materials)
@@ -251,21 +260,14 @@ class Tracer:
             path: The scene (.xml).
             materials: Materials by their names in the scene, instead of its own.
             frequency_hz: Carrier frequency.
-            config: What is traced; by default horizontal surfaces, such as the ground, reflect too.
+            config: Which paths to look for; None for the defaults.
 
         Raises:
             FileError: If a file is damaged, or a shape or material is not understood.
         """
         from wireless.tracing.mitsuba_scene import read_mitsuba
 
-        scene = read_mitsuba(Path(path), materials)
-        return cls(
-            scene.mesh,
-            materials=scene.materials,
-            face_material=scene.face_material,
-            frequency_hz=frequency_hz,
-            config=config or TracerConfig(floor_ceiling=True),
-        )
+        return cls(read_mitsuba(Path(path), materials), frequency_hz=frequency_hz, config=config)
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
@@ -279,9 +281,12 @@ class Tracer:
         return walls
 
     def _scenes(
-        self, mesh: trimesh.Trimesh, of_face: Int[np.ndarray, " n_faces"]
+        self, mesh: trimesh.Trimesh, of_face: Int[np.ndarray, " n_faces"], slabs_reflect: bool | None
     ) -> tuple[PlanScene | StackScene | SpaceScene, Callable[[], SpaceScene]]:
-        """What the mesh is traced as, and how points are traced that lie outside of a plan or of storeys."""
+        """What the mesh is traced as, and how points are traced that lie outside of a plan or of storeys.
+
+        `slabs_reflect` is what the scene says of `TracerConfig.floor_ceiling`, None for a mesh.
+        """
         c = self.config
         plan = find_extruded(mesh, of_face, c.snap_m) if c.scene in ("auto", "plan") else None
         if plan is None and c.scene == "plan":
@@ -295,7 +300,11 @@ class Tracer:
                 "The mesh is no storeys over each other: its walls are not all upright between the heights of two "
                 "floors and ceilings or more. Trace it with scene='space'."
             )
-        common: dict[str, Any] = {"snap_m": c.snap_m, "floor_ceiling": c.floor_ceiling}
+        if c.floor_ceiling is not None:
+            slabs_reflect = c.floor_ceiling
+        elif slabs_reflect is None and not (plan is None and stack is None):
+            slabs_reflect = False
+        common: dict[str, Any] = {"snap_m": c.snap_m, "floor_ceiling": slabs_reflect}
         parts = mesh, of_face, self._face_wall, self._setting
         level_m = None if stack is None else stack.level_m
         in_space = cache(lambda: SpaceScene(*parts, **common, search=c.search, rays=c.rays, level_m=level_m))

@@ -1,5 +1,7 @@
 """Mitsuba scenes: those that a building is exported to, transforms and shapes by hand, damaged ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,17 @@ def test_an_exported_building_has_the_same_paths(tmp_path):
     for name in ("delay_s", "power"):
         a, b = (np.sort(getattr(paths, name)) for paths in (found, expected))
         assert a == pytest.approx(b, rel=1e-4)
+
+
+def test_tracer_of_a_scene_reflects_at_the_ground_with_a_configuration_too(tmp_path):
+    path = scene_of(tmp_path, "rectangle", '<transform name="to_world"><scale value="10"/></transform>')
+    ends = np.array([[0.0, 0, 2]]), np.array([[3.0, 0, 2]])
+    config = TracerConfig(max_reflections=3)
+    tracer = Tracer.from_mitsuba(path, config=config)
+    assert len(tracer.trace(*ends)) == len(Tracer(read_mitsuba(path), config=config).trace(*ends)) == 2
+    assert tracer.config.floor_ceiling is True
+    silent = Tracer.from_mitsuba(path, config=replace(config, floor_ceiling=False))
+    assert len(silent.trace(*ends)) == 1
 
 
 def test_materials_are_slabs_with_defaults_of_the_scene(tmp_path):

@@ -1,5 +1,7 @@
 """Tracing in space: the same as floor plans where both hold, however the scene is rotated."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import shapely
@@ -345,6 +347,26 @@ def traced(request, extruded, walls):
         return Tracer(mesh, config=config).trace(tx, rx)
 
     return trace
+
+
+def test_floor_and_ceiling_of_meshes_reflect_unless_they_are_floor_plans():
+    """By geometry alone, whatever engine traces it; a building is a floor plan also with furniture in it."""
+    room, table = trimesh.creation.box((4, 4, 2.5)), trimesh.creation.box((1, 1, 0.5))
+    turned = room.copy()
+    turned.apply_transform(trimesh.transformations.rotation_matrix(0.3, (0, 0, 1)))
+    turned.vertices = turned.vertices.astype(np.float32)
+    furnished = trimesh.util.concatenate([room, table])
+    building = SimpleNamespace(
+        mesh=furnished, materials=("concrete",), face_material=np.zeros(24, int), floor_ceiling=False
+    )
+    for scene, engine, expected in (
+        (room, "auto", False),
+        (room, "space", False),
+        (turned, "space", False),
+        (furnished, "auto", True),
+        (building, "auto", False),
+    ):
+        assert Tracer(scene, config=TracerConfig(scene=engine)).config.floor_ceiling is expected
 
 
 @pytest.mark.parametrize("floor_ceiling", [False, True])
