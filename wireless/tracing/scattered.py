@@ -168,7 +168,8 @@ class Scattering:
         """A table with scattered paths among the others, whose reflections are weaker."""
         of_wall = np.ones(len(self.setting.walls))
         of_wall[: len(self.share)] = 1 - self.share**2
-        lost = np.where(table.kind == REFLECTION, of_wall[table.primitive], 1.0).prod(axis=1)
+        reflects = table.kind == REFLECTION
+        lost = np.where(reflects, of_wall[np.where(reflects, table.primitive, 0)], 1.0).prod(axis=1)
         table = table._replace(power=table.power * lost, gain=table.gain * np.sqrt(lost)[:, None, None])
         numbers = range(first, first + len(table.found))
         new = [self._paths(tx, rx[i], np.flatnonzero(seen[i]), table.kind.shape[1]) for i in numbers]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.constants import speed_of_light
 
 from tests.wireless.em.plane_waves import reflection
@@ -26,6 +27,19 @@ def scattered(mesh, tx=TX, rx=RX, **more):
     """Scattered paths of links, walls of concrete that are half-spaces."""
     paths = Tracer(mesh, materials=("concrete",), config=config(**more)).trace(tx, rx)
     return paths.select(paths.interaction[:, 0] == Interaction.SCATTERING)
+
+
+def test_diffracted_paths_stay_as_strong_where_walls_scatter(extruded):
+    """Also where the mesh has more edges than facets: only reflections lose what is scattered."""
+    mesh = trimesh.creation.icosphere(subdivisions=0)
+    options = {"diffraction": True, "scene": "space", "floor_ceiling": False, "diffraction_reflections": 0}
+    around = np.random.default_rng(0).normal(size=(60, 3))
+    ends = np.array([[-3.0, 0.3, 0.1]]), 1.5 * around / np.linalg.norm(around, axis=1, keepdims=True)
+    rough, smooth = (
+        Tracer(mesh, config=config(scattering=share, **options)).trace(*ends) for share in (0.4, None)
+    )
+    reflected = rough.select(rough.interaction[:, 0] != Interaction.SCATTERING)
+    assert len(smooth) and np.array_equal(reflected.power, smooth.power)
 
 
 @pytest.mark.parametrize("scene", ["plan", "space"])
