@@ -33,7 +33,7 @@ NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--ven
 .PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
 
 demo: install
-	$(BIN)/robosim warm-up
+	$(BIN)/robosim warm-up --episode
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
 	@echo "Replay it in a browser: $(BIN)/robosim live $(OUT)"
 

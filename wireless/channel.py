@@ -9,7 +9,7 @@ which holds the phase of the carrier e^(-j 2 pi f_c tau_p)) and F the fields of 
     tap l at bandwidth W     sum_p h_p e^(j 2 pi nu_p t) sinc(l - W tau_p(t)),   sinc(x) = sin(pi x) / (pi x)
 
 Taps are the samples at rate W of a channel between ideal low-pass filters of W, as Sionna RT defines them
-(`Paths.taps`, `cir_to_time_channel`); without Doppler shifts, the frequency response is that of its
+(its `taps` of paths, `cir_to_time_channel`); without Doppler shifts, the frequency response is that of its
 `cir_to_ofdm_channel`.
 Spreads are those of TR 38.901, annex A: paths weighted by their powers, summed over all pairs of ports.
 Left out: arrays so large that waves at them are not plane, or that the bandwidth changes their phases.

@@ -123,8 +123,9 @@ class Loop:
         with _lock(self._folder):
             if not _is_intact(self._folder):
                 _notify(
-                    "Compiling inner loops, which takes up to a minute once. "
-                    "`robosim warm-up` compiles all loops of an episode in advance."
+                    "Compiling inner loops, first those of %s, which takes up to a minute once. "
+                    "`robosim warm-up` compiles all in advance.",
+                    self.py_func.__module__,
                 )
             misses = _count_misses(self._dispatcher)
             try:

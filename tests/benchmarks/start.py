@@ -46,7 +46,7 @@ def main(*, turns: int = 5, options: OmitArgPrefixes[Options] = DEFAULT) -> Resu
                 middle, spread = quartiles(seconds)
                 results.add("starts", row, name, middle, "s", digits=1, spread=spread if count > 1 else None)
 
-        add("warm-up, nothing compiled", ("-m", "robosim", "warm-up"), 1)
+        add("warm-up, nothing compiled", ("-m", "robosim", "warm-up", "--episode"), 1)
         add("later start, one decision, all files written", (*EPISODE, str(Path(folder) / "out")), turns)
         add("import robosim", ("-c", "import robosim"), turns)
         add("robosim --help", ("-m", "robosim", "--help"), turns)

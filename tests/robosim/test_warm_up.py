@@ -1,9 +1,27 @@
-"""After the warm-up an episode compiles nothing."""
+"""After the warm-up an episode compiles nothing, and the whole warm-up reaches every loop."""
 
+import gc
+import importlib
+import logging
 import os
 import subprocess
 import sys
 from pathlib import Path
+from types import CodeType
+
+import robosim
+from robosim.support.compiled import Loop
+from robosim.warm_up import call_loops
+
+#: Loops that the warm-up leaves out, as only these call them: environments, collection of frames, training of
+#: explorers, and calibration of materials.
+LEFT_OUT = {
+    "robosim.building.reach._over_near_cells",
+    "robosim.datasets.true_patch._fill",
+    "robosim.datasets.true_patch._kind",
+    "robosim.training.grid_walk._mark",
+    "wireless.tracing.reweighed.reweigh",
+}
 
 #: A short episode.
 CODE = """
@@ -30,13 +48,50 @@ def run(command: list[str], folder: Path) -> subprocess.CompletedProcess:
 
 def test_an_episode_compiles_nothing_after_the_warm_up(tmp_path):
     """Without it, the episode says that it compiles. Both have the same results (see the tests of episodes)."""
-    done = run(["-m", "robosim", "warm-up"], tmp_path)
+    done = run(["-m", "robosim", "warm-up", "--episode"], tmp_path)
     assert done.returncode == 0 and "Compiled" in done.stdout, done.stderr
     files = set(tmp_path.rglob("*.nbc"))
     assert len(files) > 100
     assert "robosim warm-up" not in run(["-c", CODE], tmp_path).stderr
     assert set(tmp_path.rglob("*.nbc")) == files
-    assert "All loops were compiled before" in run(["-m", "robosim", "warm-up"], tmp_path).stdout
+    assert "All loops were compiled before" in run(["-m", "robosim", "warm-up", "--episode"], tmp_path).stdout
+
+
+def all_loops() -> set[Loop]:
+    """Every compiled function of the three packages."""
+    top, loops = Path(robosim.__file__).parent.parent, set()
+    for package in ("robosim", "slam", "wireless"):
+        for file in (top / package).rglob("*.py"):
+            if "\n@compiled\n" in file.read_text():
+                module = importlib.import_module(".".join(file.relative_to(top).with_suffix("").parts))
+                loops |= {value for value in vars(module).values() if isinstance(value, Loop)}
+    return loops
+
+
+def names_in(code: CodeType) -> set[str]:
+    """Global names that a function uses, in its comprehensions too."""
+    inner = (names_in(constant) for constant in code.co_consts if isinstance(constant, CodeType))
+    return set(code.co_names).union(*inner)
+
+
+def test_warm_up_reaches_every_loop(monkeypatch):
+    """Loops that are called, and those that these call in turn, which are compiled with them."""
+    reached, call = set(), Loop.__call__
+    monkeypatch.setattr(Loop, "__call__", lambda loop, *args: reached.add(loop) or call(loop, *args))
+    try:
+        call_loops()
+    finally:
+        logging.disable(logging.NOTSET)
+        gc.enable()
+    pending = list(reached)
+    while pending:
+        function = pending.pop().py_func
+        values = map(function.__globals__.get, names_in(function.__code__))
+        callees = {value for value in values if isinstance(value, Loop)} - reached
+        reached |= callees
+        pending += callees
+    missing = {f"{loop.__module__}.{loop.__name__}" for loop in all_loops() - reached}
+    assert missing == LEFT_OUT
 
 
 def test_without_a_cache_folder_it_is_an_error(tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ Points are inserted one by one into a Delaunay triangulation (Lawson's flips); t
 edge yet is made one by flipping the edges that cross it (Sloan). Coordinates are integers of unlimited
 size, so that every decision is exact: points on lattices, on lines and on circles need no tolerance.
 
-Left out: anything but straight walls that touch at common points (`wireless.walls` cuts them so).
+Left out: anything but straight walls that touch at common points (`wireless.geometry.plan` cuts them so).
 Reference: S. W. Sloan, A fast algorithm for generating constrained Delaunay triangulations, Computers &
 Structures 47 (1993).
 """
