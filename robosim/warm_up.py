@@ -26,7 +26,7 @@ from robosim.support.processes import Processes
 
 if TYPE_CHECKING:
     from robosim.building.building import Building
-    from robosim.episode import EpisodeConfig
+    from robosim.episode_config import EpisodeConfig
 
 #: Interval between reports of progress [s].
 _REPORT_S = 0.5
