@@ -121,7 +121,7 @@ def read_config(path: Path) -> EpisodeConfig:
 
 
 def _move_to_robot(values: dict[str, Any]) -> None:
-    """Move sensors and noise to the robot, and drop its radius elsewhere, as files of version 0.3 have them."""
+    """Move sensors and noise to the robot, and drop its radius from other groups, as files of version 0.3 have them."""
     simulator = check_object(values.get("simulator", {}))
     for name, field in {
         "image": "camera",

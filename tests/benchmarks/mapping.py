@@ -257,12 +257,12 @@ class _Observer:
         self._radio = config.radio
         self._tracks: dict[str, Track | MapperTrack] = {
             "raw odometry": Track(Odometry(), task.start),
-            "odometry without its constant errors": Track(Odometry(less=config.noise), task.start),
+            "odometry without its constant errors": Track(Odometry(less=config.robot.noise), task.start),
             "network": MapperTrack(make_navigator(config, mapper="learned-pose").mapper, task.start),
         }
         if OpenCVOdometry.available():
             self._tracks["RGB-D odometry of OpenCV"] = Track(
-                OpenCVOdometry(config.image, config.noise), task.start
+                OpenCVOdometry(config.image, config.robot.noise), task.start
             )
         whole = learned.classical.config
         for name, changed in LEFT_OUT.items():

@@ -199,7 +199,7 @@ def test_a_robot_without_a_camera_explores(tmp_path):
     )
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["coverage"] > 0.6
-    assert result["config"]["simulator"]["lidar"] == "rplidar-a1"
+    assert result["config"]["simulator"]["robot"]["lidar"] == "rplidar-a1"
     poses, estimates = (np.loadtxt(tmp_path / name)[:, 1:3] for name in ("trajectory.tum", "estimate.tum"))
     assert np.hypot(*(poses - estimates).T).max() < 0.1
 

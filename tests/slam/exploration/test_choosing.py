@@ -9,6 +9,7 @@ from robosim.navigation import gain_explorer, learned_explorer
 from slam.exploration.choosing import FEATURES, HIDDEN, Chooser, evaluate, initial_weights, load_chooser
 from slam.exploration.explorer import ExplorerConfig
 from slam.learning.ppo import PpoConfig, Walk, advantages, improve
+from slam.robot import Robot
 
 
 def weights_at_random(seed=0):
@@ -59,9 +60,9 @@ def test_numpy_and_torch_agree():
 
 def test_the_shipped_choice_has_the_settings_of_its_training():
     """Features depend on them; defaults for other ratings differ."""
-    config = learned_explorer(ExplorerConfig()).config
+    config = learned_explorer(Robot()).config
     assert (config.depth_m, config.max_gain_m2, config.keep, config.every) == (1.5, 5.0, 4.0, 8)
-    assert gain_explorer(ExplorerConfig()).config == ExplorerConfig(rating="gain")
+    assert gain_explorer(Robot()).config == ExplorerConfig(rating="gain")
 
 
 @pytest.mark.parametrize("content", [{}, {"own.weight": np.zeros((2, HIDDEN), np.float32)}])
