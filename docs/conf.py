@@ -120,4 +120,4 @@ sphinx_gallery_conf = {
 
 linkcheck_timeout = 20
 linkcheck_anchors = False
-suppress_warnings = ["config.cache"]
+suppress_warnings = ["config.cache", "ref.python"]

@@ -90,7 +90,7 @@ class RadioOptions:
                     for name in vars(self).keys()
                     & TracerConfig.__dataclass_fields__.keys() - {"floor_ceiling"}
                 },
-                floor_ceiling=self.floor_ceiling or None,  # not asked for: as the scene says
+                floor_ceiling=self.floor_ceiling or None,  # False: as the scene says
             ),
             building=BuildingConfig(
                 tolerance_m=self.tolerance, wall_material=self.material, furniture_material=self.material

@@ -41,7 +41,7 @@ from slam.mapping.neural import NeuralMapper
 from slam.mapping.occupancy import OccupancyGrid
 from slam.mapping.relocalization import RelocalizationConfig
 from slam.networks.scores import PatchScores
-from slam.odometry import OdometryConfig
+from slam.robot import Robot
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.projection import scan_from_depth
 from tests.benchmarks.harness import DEFAULT, Options, run_units
@@ -61,13 +61,15 @@ EVERY = 4
 #: Decision at which pose errors are reported.
 REPORTED_AT = 500
 MATCHED = "scan matching"
-#: The classical mapper with a part left out: changes of its configuration.
-LEFT_OUT: Mapping[str, Callable[[MapperConfig], MapperConfig]] = {
-    "without calibration": lambda config: replace(config, odometry=OdometryConfig()),
-    "without relocaliser": lambda config: replace(
-        config, relocalization=RelocalizationConfig(contradiction=1.0)
+#: The classical mapper with a part left out.
+LEFT_OUT: Mapping[str, Callable[[Robot, MapperConfig], ClassicalMapper]] = {
+    "without calibration": lambda robot, config: ClassicalMapper(replace(robot, odometry=None), config),
+    "without relocaliser": lambda robot, config: ClassicalMapper(
+        robot, replace(config, relocalization=RelocalizationConfig(contradiction=1.0))
     ),
-    "without loops": lambda config: replace(config, tracking=replace(config.tracking, loops=False)),
+    "without loops": lambda robot, config: ClassicalMapper(
+        robot, replace(config, tracking=replace(config.tracking, loops=False))
+    ),
 }
 
 
@@ -209,9 +211,9 @@ class _ExploreWithRadio(Explore):
         super().__init__(context.explorer)
 
 
-def _without_radio(config: MapperConfig) -> ClassicalMapper:
+def _without_radio(robot: Robot, config: MapperConfig) -> ClassicalMapper:
     """The classical mapper, which does not use the radio."""
-    return ClassicalMapper(replace(config, tracking=replace(config.tracking, radio=False)))
+    return ClassicalMapper(robot, replace(config, tracking=replace(config.tracking, radio=False)))
 
 
 def measure(floor: Floor, settings: Settings, seed: int) -> dict[str, Any]:
@@ -264,12 +266,14 @@ class _Observer:
             self._tracks["RGB-D odometry of OpenCV"] = Track(
                 OpenCVOdometry(config.image, config.robot.noise), task.start
             )
-        whole = learned.classical.config
+        robot, whole = learned.classical.robot, learned.classical.config
         for name, changed in LEFT_OUT.items():
-            self._tracks[name] = MapperTrack(ClassicalMapper(changed(whole)), task.start)
+            self._tracks[name] = MapperTrack(changed(robot, whole), task.start)
         for count in sorted({1, settings.transmitters}) if settings.transmitters else ():
             name = f"with radio of {count}"
-            self._tracks[name] = MapperTrack(ClassicalMapper(whole), task.start, settings.sources[:count])
+            self._tracks[name] = MapperTrack(
+                ClassicalMapper(robot, whole), task.start, settings.sources[:count]
+            )
 
     def look(self, log: EpisodeLog, step: Step) -> None:
         """Take in one step."""
