@@ -28,7 +28,7 @@ from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.mjcf import export_mjcf
 from robosim.robot.robots import RobotConfig
 from robosim.task.tasks import make_task
-from slam.sensing.projection import Band, CameraModel, scan_from_depth
+from slam.sensing.projection import Band, scan_from_depth
 from tests.plans import room
 from tests.slam import beams
 from wireless.paths import Interaction
@@ -270,8 +270,7 @@ def test_a_low_robot_maps_what_stops_it_and_nothing_else(building):
     T = camera_pose(np.array([0.8, 1.1, 0.3]), config)
     with make_camera([shaded_mesh(building)], config) as camera:
         depth = camera.render_depth(T)
-    model = CameraModel(hfov_deg=config.hfov_deg, height_m=config.height_m)
-    low, high = (scan_from_depth(depth, model, Band(high_m=top)) for top in (0.4, 1.35))
+    low, high = (scan_from_depth(depth, config, Band(high_m=top)) for top in (0.4, 1.35))
     outline = np.array([[0, 0], [WIDTH, 0], [WIDTH, DEPTH], [0, DEPTH]])
     bearing = np.arctan(low.left.astype(float))
     exact = beams.ranges(
