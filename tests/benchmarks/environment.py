@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
+import robosim.environments  # noqa: F401  (registers the environments)
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.plans.floorplan import FloorPlan

@@ -318,11 +318,11 @@ def predicted_ahead(
         depth: The frame [m].
     """
     classical = learned.classical.estimate()
-    config = learned.classical.config
+    config, camera = learned.classical.config, learned.classical.camera
     frame = OccupancyGrid(AHEAD, config.occupancy)
-    scan = scan_from_depth(depth, config.camera, config.band)
-    lowest = float(config.camera.slopes(depth.shape)[1][-1])
-    frame.integrate(scan, np.zeros(3), config.camera.height_m, lowest)
+    scan = scan_from_depth(depth, camera, config.band)
+    lowest = float(camera.slopes(depth.shape)[1][-1])
+    frame.integrate(scan, np.zeros(3), camera.height_m, lowest)
     mixed = belief_ahead(classical)
     return {
         "frame alone": frame.probability,

@@ -4,7 +4,6 @@ import gymnasium
 import numpy as np
 import pytest
 
-import robosim  # noqa: F401  (registers the environment)
 from robosim.environments.baseline import Baseline
 from tests.plans import two_rooms
 
