@@ -1,4 +1,4 @@
-"""Diffraction at the edge of a lossy wedge by the uniform theory of diffraction (UTD).
+"""Diffraction coefficient D of the edge of a lossy wedge by the uniform theory of diffraction (UTD).
 
 A wedge leaves open an angle n pi; angles phi' of the source and phi of the observer are counted from its
 0-face through open space. With b- = phi - phi' and b+ = phi + phi' the field behind the edge is made of terms
@@ -6,7 +6,7 @@ A wedge leaves open an angle n pi; angles phi' of the source and phi of the obse
     D = -e^(-j pi/4) / (2 n sqrt(2 pi k) sin b0) [T(pi+b-) + T(pi-b-) + R_n T(pi+b+) + R_0 T(pi-b+)],
 where F is the transition function and L the distance parameter. Each u is the angle to one shadow boundary,
 positive on its lit side; there cot diverges while F vanishes, and the product jumps by what geometrical
-optics loses. R_0 and R_n are the reflection ratios of the two faces (Luebbers), so that the sum is
+optics loses. R_0 and R_n are the reflection coefficients of the two faces (Luebbers), so that the sum is
 continuous across reflection boundaries too. They are taken at the smaller of the two angles to the face,
 which on the boundaries is the angle of incidence and makes the whole reciprocal, as Luebbers' own choice is
 not.

@@ -1,4 +1,4 @@
-"""Plane waves at a flat wall: what a half-space reflects, what a slab reflects and transmits.
+"""Fresnel reflection coefficients and transmission coefficients of half-spaces and layered slabs.
 
 The field splits into TE (normal to the plane of incidence) and TM (in that plane). A wall of relative
 permittivity eps, met from vacuum at an angle i from its normal, reflects
@@ -7,7 +7,7 @@ A slab of thickness d adds up the waves that go to and fro inside, each time wit
     r = r' (1 - e^(-2jq)) / (1 - r'^2 e^(-2jq)),   t = (1 - r'^2) e^(-jq) / (1 - r'^2 e^(-2jq)),
 with r' of the half-space. Two such layers, a cavity wall, do the same with the air of width a between them,
     R = r (1 + t^2 g^2 / (1 - r^2 g^2)),   T = t^2 g / (1 - r^2 g^2),   g = e^(-jk a cos i).
-Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both ratios
+Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both reflection coefficients
 go to -1 at grazing incidence; at normal incidence they are opposite, since TM then counts the reflected field
 along the direction that is mirrored.
 
@@ -27,11 +27,11 @@ from robosim.support.compiled import compiled
 def fresnel(
     cos_i: float, wall: Complex[np.ndarray, " l"], wavenumber: float
 ) -> tuple[complex, complex, complex, complex]:
-    """Ratios r_te, r_tm, t_te, t_tm of a wall for one ray: fields behind it over those before it.
+    """Reflection coefficients r_te, r_tm and transmission coefficients t_te, t_tm of a wall for one ray.
 
     A wall is the relative permittivity and thickness [m] of each of its layers in turn, zeros beyond the last
-    (`wireless.em.materials.wall_row`). One layer of thickness 0 stands for a half-space. Transmission ratios are over
-    the field that would be there without the wall.
+    (`wireless.em.materials.wall_row`). One layer of thickness 0 stands for a half-space. Transmission coefficients are
+    over the field that would be there without the wall.
     """
     eps, thickness_m = wall[0], wall[1].real
     p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j)

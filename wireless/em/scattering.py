@@ -1,8 +1,8 @@
 """Diffuse scattering by rough walls: how much of what a wall would reflect leaves it in other directions, and which.
 
-Of the power that a smooth wall would reflect, |r|^2 of what falls on it, a share S^2 is scattered and the rest,
-1 - S^2, is reflected; what the wall transmits or absorbs does not change, so that energy is conserved. The
-directive model puts a single lobe around the reflected direction, of power per solid angle
+Of the power that a smooth wall would reflect, |r|^2 of what falls on it, a share S^2 is scattered (S is the scattering
+coefficient) and the rest, 1 - S^2, is reflected; what the wall transmits or absorbs does not change, so that energy is
+conserved. The directive model puts a single lobe around the reflected direction, of power per solid angle
     p = f / F,   f = ((1 + cos psi) / 2)^alpha,   F = integral of f over the half-space before the wall,
 psi the angle from the reflected direction; alpha = 0 is the same power everywhere. Lambert's law is f = cos(theta_s)
 and F = pi.

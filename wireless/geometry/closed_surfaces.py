@@ -57,7 +57,7 @@ class Sides:
         return not on.any() and bool((sums == sums[0]).all())
 
     def parity(self, points: Points) -> UInt64[np.ndarray, " n"]:
-        """Of how many closed surfaces each point is inside, modulo two."""
+        """Number of closed surfaces that each point is inside of, modulo two."""
         every, one = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
         return _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._step)[0]
 

@@ -1,8 +1,8 @@
-"""Images of a point over chains of facets in space, and the windows that they look through.
+"""Image method: images of a point over chains of facets in space, and the windows that they look through.
 
-The point is mirrored at each patch that it sees; each image looks through its patch, at the patches of the
-next order, and so on. A window is what its cone leaves of the patch (`wireless.geometry.cones`), so that windows
-shrink with each reflection and most chains end soon, whatever the size of the building.
+Specular reflections come from the point mirrored at each patch that it sees; each image looks through its patch, at the
+patches of the next order, and so on. A window is what its cone leaves of the patch (`wireless.geometry.cones`), so that
+windows shrink with each reflection and most chains end soon, whatever the size of the building.
 """
 
 from typing import NamedTuple

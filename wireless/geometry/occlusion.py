@@ -1,4 +1,4 @@
-"""Whether two points see each other past triangles, in double precision: a box tree walked per segment.
+"""Occlusion of the line of sight between two points by triangles, in double precision: a box tree per segment.
 
 A triangle hides what lies strictly on both sides of its plane, if the segment between meets it or passes within
 the tree's `near_m` of it. So segments may start, end and turn on triangles, or run in their planes, whatever the

@@ -56,7 +56,7 @@ class Visibility(NamedTuple):
     """Of a corner the least and most height gained on each metre of the plan for which it is seen; of a rim, from where
     to where along it is seen [m]."""
     last_visit: Int[np.ndarray, " t"]
-    """Of each triangle, the last visit by a view; -1 for none."""
+    """Last visit of each triangle by a view; -1 for none."""
     visit: Int[np.ndarray, "v 3"]
     """View of each visit, the visit of the same triangle before it (-1 for none), and 1 if all of the triangle is in
     the view's sector."""

@@ -46,7 +46,7 @@ class Kind:
     logits: Callable[[Weights, Float32[np.ndarray, "n 5 5"], Sequence[str]], Float32[np.ndarray, "n 4"]]
     """From weights, tokens and the columns that are used of them."""
     shapes: Callable[..., Shapes]
-    """Of the weights, from the columns and the options that a network was made with."""
+    """Shapes of the weights, from the columns and the options that a network was made with."""
 
 
 def relation_logits(

@@ -90,7 +90,7 @@ class Located:
     explained: Bool[np.ndarray, " n"]
     """Paths that agree."""
     straight: Bool[np.ndarray, " n"]
-    """Those of them that are in line of sight."""
+    """Paths of them that are in line of sight."""
     covariance: Float[np.ndarray, "4 4"]
     """Of x, y [m], heading [rad] and offset [m], as far as the paths that agree determine them; infinite otherwise."""
     cost: float

@@ -166,7 +166,7 @@ class Clocks:
     """Phase factor of each transmit array's oscillator."""
 
     def __getitem__(self, links: slice | Int[np.ndarray, " n"]) -> "Clocks":
-        """Those of some of the links."""
+        """Select some of the links."""
         return Clocks(**{f.name: getattr(self, f.name)[links] for f in fields(self)})
 
 

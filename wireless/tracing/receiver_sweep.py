@@ -110,7 +110,7 @@ def _through_pane(
     found: Int[np.ndarray, " n"],
     n: int,
 ) -> int:
-    """Those of n edges whose rays meet the patch next to the receiver, or that have none; their number."""
+    """Keep the edges, of n, whose rays meet the patch next to the receiver, or that have none; their number."""
     # Places along the edges and distances from them are in `work`, from the first edge on (`_past_edges`).
     plane, low, high, n_left = panes.plane, panes.low, panes.high, 0
     for j in range(n):

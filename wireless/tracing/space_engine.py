@@ -1,4 +1,4 @@
-"""The strongest paths of links among any triangles: images over facets, bent at edges, each leg looked at.
+"""The strongest paths of links among any triangles: image method over facets, edges, occlusion of each leg.
 
 Chains of images of the transmitter are walked depth first (`wireless.geometry.images`). For each receiver in the cone
 of an image the path is followed back from the receiver; it counts if each point lies in its facet and its legs meet no

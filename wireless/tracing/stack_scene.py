@@ -65,7 +65,7 @@ class StackScene:
         logger.info("%d storeys of %d walls", len(stack.walls) // 2 + 1, len(self.layers.plan.wall_along))
 
     def _locator(self, layer: int) -> tuple[Locator, Int[np.ndarray, " t"]] | None:
-        """Who finds triangles in a layer, and the numbers of these triangles."""
+        """Locator of the triangles of a layer, and the numbers of these triangles."""
         plan, own = self.layers.plan, np.flatnonzero(self.layers.tri_layer == layer)
         if not len(own):
             return None

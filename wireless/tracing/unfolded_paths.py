@@ -27,7 +27,7 @@ class Link(NamedTuple):
     """Images of the transmitter, see `wireless.geometry.visibility.Visibility`."""
     chain: Int[np.ndarray, "b 5"]
     far_image: Float[np.ndarray, "d 2"]
-    """Those of the receiver."""
+    """Images of the receiver."""
     far_chain: Int[np.ndarray, "d 5"]
 
 

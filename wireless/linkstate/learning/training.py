@@ -68,7 +68,7 @@ class Recipe:
     dropout: Annotated[float, Range(0, 0.999)] = 0.1
     """Share of units dropped in the head (ours)."""
     seed: Annotated[int, Range(0, 2**63 - 1)] = 0
-    """Of the first weights, the order of the links, and dropout."""
+    """Seed of the first weights, the order of the links, and dropout."""
 
     def __post_init__(self) -> None:
         if unknown := [name for name in self.inputs if name not in COLUMNS]:
