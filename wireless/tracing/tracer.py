@@ -225,7 +225,8 @@ class Tracer:
                     "materials or face_material is given, but the scene has its own: leave them out, or trace its mesh."
                 )
             mesh, materials, face_material = scene.mesh, scene.materials, scene.face_material
-            slabs_reflect = scene.floor_ceiling
+            # Scenes of users may lack it: then the geometry decides, as for a mesh.
+            slabs_reflect = getattr(scene, "floor_ceiling", None)
         materials = ("drywall",) if materials is None else materials
         check_mesh(mesh, self.config.snap_m)
         of_face = _checked_faces(face_material, len(mesh.faces), len(materials))
