@@ -174,8 +174,6 @@ def _lattice(
     arm_m: float,
 ) -> list[Float[np.ndarray, "3"]]:
     """The poses of a lattice at which points lie nearest to surfaces, no two of them neighbours."""
-    frame, near = levels.nearness()
-    some = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
     step_rad = _STEP_M / arm_m
     count = min(math.ceil(half[2] / step_rad), math.ceil(math.pi / step_rad))
     turns = np.arange(-count, count + 1) * step_rad
@@ -184,20 +182,45 @@ def _lattice(
         np.arange(-n, n + 1) * _STEP_M for n in np.minimum(np.ceil(half[:2] / _STEP_M), most).astype(int)
     )
     shift = np.stack(np.meshgrid(dx, dy), axis=-1).reshape(-1, 2)
+    return nearest_poses(levels, points, predicted, shift, turns, arm_m)
+
+
+def nearest_poses(
+    levels: SurfaceLevels,
+    points: Float[np.ndarray, "n 2"],
+    centre: Float[np.ndarray, "3"],
+    shift: Float[np.ndarray, "k 2"],
+    turns: Float[np.ndarray, " t"],
+    arm_m: float = ARM_M,
+    count: int = _REFINED,
+) -> list[Float[np.ndarray, "3"]]:
+    """Poses at which points of a scan lie nearest to surfaces, the best first and no two of them neighbours.
+
+    Args:
+        levels: The surfaces.
+        points: Points in the robot's frame [m].
+        centre: Pose that shifts and turns count from: x [m], y [m], yaw [rad].
+        shift: Shifts that are tried (x, y) [m].
+        turns: Turns that are tried with each of them [rad].
+        arm_m: Distance at which a turn counts as much as a shift [m].
+        count: Most poses returned.
+    """
+    frame, near = levels.nearness()
+    tried = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
     cells = shift / frame.resolution_m
     # The field with a rim of nothing: what lies outside counts nothing.
     field = np.pad(near, 1)
-    placed = [to_map(np.array([*predicted[:2], predicted[2] + turn]), some) for turn in turns]
+    placed = [to_map(np.array([*centre[:2], centre[2] + turn]), tried) for turn in turns]
     corners = frame.to_cells(np.array(placed)) + 1
     scores = np.zeros((len(turns), len(shift)), np.float32)
     _score(field, corners, cells, scores)
     best: list[np.ndarray] = []
-    likely = np.argpartition(-scores, min(50 * _REFINED, scores.size - 1), axis=None)[: 50 * _REFINED]
+    likely = np.argpartition(-scores, min(50 * count, scores.size - 1), axis=None)[: 50 * count]
     rest = np.column_stack(
         np.unravel_index(likely[np.argsort(-scores.flat[likely], kind="stable")], scores.shape)
     )
-    poses = np.column_stack([predicted[:2] + shift[rest[:, 1]], wrap(predicted[2] + turns[rest[:, 0]])])
-    while len(poses) and len(best) < _REFINED:
+    poses = np.column_stack([centre[:2] + shift[rest[:, 1]], wrap(centre[2] + turns[rest[:, 0]])])
+    while len(poses) and len(best) < count:
         best.append(poses[0])
         away = poses - poses[0]
         apart = np.hypot(np.hypot(away[:, 0], away[:, 1]), arm_m * wrap(away[:, 2])) > 1.5 * _STEP_M
