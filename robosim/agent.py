@@ -155,7 +155,7 @@ def make_agent(config: EpisodeConfig, task: Task | None = None, watch: Stopwatch
         ValueError: If there is no such part, or its weights cannot be read.
     """
     simulator, robot = config.simulator, calibrated_robot(config.simulator)
-    navigator = make_navigator(simulator, config.explorer, config.mapper, config.controller)
+    navigator = make_navigator(simulator, config.explorer, config.mapper, config.controller, config.known_map)
     fused, belief = config.fused, config.fused.belief
     # A carrier that differs from the default is deliberate; else that of the radio is used.
     if belief.frequency_hz == BeliefConfig.frequency_hz:

@@ -10,7 +10,7 @@ from robosim.parts import ClassifierPart, ControllerPart, ExplorerPart, GoalPart
 from robosim.policies.fused import FusedConfig
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
-from robosim.support.checks import SEED, STEPS, checked
+from robosim.support.checks import ADVANCED, SEED, STEPS, checked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +26,8 @@ class EpisodeConfig:
     """Controller: planned, a search over turns and runs; velocity commands speeds and turn rates."""
     mapper: MapperPart = "neural"
     """Mapper: classical, neural, learned-pose, or a .safetensors file of a trained network."""
+    known_map: Annotated[str | None, ADVANCED] = None
+    """Floor plan that the robot knows, by name or file: it is located there, by the classical mapper."""
     seed: Annotated[int, SEED, tyro.conf.Suppress] = 0
     """Seed of everything random in the episode."""
     max_steps: Annotated[int, STEPS] = 1000

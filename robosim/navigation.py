@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robosim.parts import CONTROLLER, EXPLORER, MAPPER
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import open_floor, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
@@ -21,10 +23,14 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import Part
+from robosim.support.reading import FileError
 from slam.control.controller import LocalPolicy
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
+from slam.grid import GridFrame
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
+from slam.mapping.known_map import KnownMap
+from slam.mapping.known_map_mapper import KnownMapMapper
 from slam.mapping.moving import MovingConfig
 from slam.odometry import OdometryConfig, calibrated
 from slam.planning.planner import Planner
@@ -49,8 +55,12 @@ def make_navigator(
     explorer: Part = "gain",
     mapper: Part = "classical",
     controller: Part = "planned",
+    known_map: str | None = None,
 ) -> Navigator:
-    """The navigator of the simulated robot, of classical parts where no others are named."""
+    """Make the navigator of the simulated robot, of classical parts where no others are named.
+
+    `known_map` is a floor plan that the robot knows; its mapper is then `slam.mapping.known_map_mapper`.
+    """
     robot = calibrated_robot(config)
     mapping = MapperConfig(
         # What hangs higher than the mast and the camera on it does not stop the robot.
@@ -58,11 +68,31 @@ def make_navigator(
         moving=MovingConfig(tracks=config.movers.any and config.movers.tracking),
     )
     return Navigator(
-        MAPPER.make(mapper, robot, mapping, field="mapper"),
+        MAPPER.make(mapper, robot, mapping, field="mapper")
+        if known_map is None
+        else KnownMapMapper(known_map_of(read_plan(known_map)), robot, mapping),
         Planner(robot),
         CONTROLLER.make(controller, robot, field="controller"),
         EXPLORER.make(explorer, robot, field="explorer"),
     )
+
+
+def known_map_of(plan: FloorPlan) -> KnownMap:
+    """Return a floor plan as a map on which robots are located.
+
+    Raises:
+        FileError: If its axes are turned against those of `map`, or it has no free or no occupied cell.
+    """
+    if plan.origin[2]:
+        raise FileError(
+            f"{plan.name}: the origin of the map is turned by {plan.origin[2]:g} rad, expected 0. Turn the "
+            "image instead."
+        )
+    frame = GridFrame(origin_xy=plan.origin[:2], resolution_m=plan.resolution_m, shape=plan.occupancy.shape)
+    try:
+        return KnownMap(plan.occupancy == OCCUPIED, plan.occupancy == FREE, frame)
+    except ValueError as error:
+        raise FileError(f"{plan.name}: {error}") from error
 
 
 def calibrated_robot(config: SimulatorConfig) -> RobotConfig:

@@ -238,11 +238,7 @@ class ClassicalMapper:
             )
             beams = _ahead(beams, laser.ahead_m)
             points, drawn, view = points.with_more(beams), drawn.with_more(beams), view_of_laser(laser)
-        match = (
-            self._matcher.match(scan, self.occupancy, predicted, prior)
-            if self._matcher is not None
-            else self.tracker.match(points, view)
-        )
+        match = self._match(scan, points, view, predicted, prior)
         match, doubted = self.relocalizer.judge(
             match,
             drawn,
@@ -303,6 +299,19 @@ class ClassicalMapper:
     def transmitters(self) -> dict[str, Transmitter]:
         """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
+
+    def _match(
+        self,
+        scan: Scan,
+        points: ScanPoints,
+        view: View,
+        predicted: Float[np.ndarray, "3"],
+        prior: Float[np.ndarray, "3 3"],
+    ) -> Match:
+        """Fit a scan near the predicted pose."""
+        if self._matcher is not None:
+            return self._matcher.match(scan, self.occupancy, predicted, prior)
+        return self.tracker.match(points, view)
 
     def _measured(
         self, action: Command | None, odometry: Float[np.ndarray, "3"] | None

@@ -5,13 +5,15 @@ its neighbours, whose normal points to the free side. Walls of one cell that are
 and serve to search for the robot only.
 """
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
 from slam.grid import GridFrame
-from slam.matching.levels import SurfaceLevels
-from slam.matching.scan_matching import ScanPoints
+from slam.matching.levels import SurfaceLevels, difference, matches, most_paired
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import to_map
 
 #: Neighbours within so many cells make the line of a wall.
@@ -20,8 +22,10 @@ _NEIGHBOURS = 3
 _STRAIGHT = 0.15
 #: Smallest slope of free cells across a wall that is free on one side.
 _ONE_SIDED = 0.1
-#: A point of a scan agrees with the map this near to an occupied cell, and contradicts it this far inside free ones [m].
+#: A point of a scan this near to an occupied cell agrees with the map, and contradicts it this far inside free ones [m].
 _AGREES_M, _CONTRADICTS_M = 0.15, 0.3
+#: Weight of the squared deviation from a prediction, in variances, against shares of a scan.
+_OF_PRIOR = 0.03
 #: Beams are followed in steps of this [m], so many of a scan; they graze walls at less than this angle [rad].
 _STEP_M, _JUDGED, _GRAZING_RAD = 0.05, 90, 0.03
 
@@ -123,6 +127,40 @@ class KnownMap:
             through &= (occupied & before).any(axis=1)
         contradicts |= through
         return float(((gap_m < _AGREES_M) & ~through).mean()), float(contradicts.mean())
+
+    def fit(
+        self,
+        scan: ScanPoints,
+        predicted: Float[np.ndarray, "3"],
+        covariance: Float[np.ndarray, "3 3"],
+        config: MatchConfig,
+    ) -> tuple[Match, float, float]:
+        """Return the match near a prediction that agrees best with the map, and its `agreement`.
+
+        Args:
+            scan: Points and normals in the robot's frame.
+            predicted: x [m], y [m], yaw [rad].
+            covariance: Of the prediction, axes of `map` [m^2, m rad, rad^2].
+            config: Settings of scan matching.
+        """
+        # Cells place their surfaces no better than that, however exact the sensor is.
+        sigma_m = np.hypot(config.sigma_m, 0.0 if scan.sigma_m is None else scan.sigma_m)
+        scan = replace(scan, sigma_m=np.broadcast_to(sigma_m, len(scan.points)))
+        ends = scan.every()
+
+        def rating(match: Match) -> float:
+            agreement, contradiction = self.agreement(match.pose, ends)
+            away = difference(match.pose, predicted, 1.0)
+            return agreement - contradiction - _OF_PRIOR * float(away @ np.linalg.solve(covariance, away))
+
+        fits = matches(self.levels, scan, predicted, covariance, config, most_paired)
+        best = fits[0] if len(fits) == 1 else max(fits, key=rating)
+        return best, *self.agreement(best.pose, ends)
+
+    def cells_at(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return whether points (x, y) [m] lie in occupied cells, and in free ones; neither outside."""
+        _, free, occupied = self._cells(points)
+        return occupied, free
 
     def _cells(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distance from occupied cells [m], and whether points lie in free and in occupied cells; unknown outside."""

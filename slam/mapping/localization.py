@@ -21,16 +21,14 @@ from robosim.support.checks import Range, checked
 from slam.graph.pose_graph import chained
 from slam.graph.submaps import OF_SCAN, covariance_of
 from slam.mapping.known_map import KnownMap
-from slam.matching.levels import ARM_M, difference, matches, most_paired, nearest_poses
-from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_from
+from slam.matching.levels import ARM_M, difference, nearest_poses
+from slam.matching.scan_matching import MatchConfig, ScanPoints, match_from
 from slam.poses import compose, rotation
 
 #: Step of places and headings that are tried, the latter at the end of an arm [m].
 _STEP_M = 0.25
 #: Poses within this are the same [m], with turns at the end of the arm.
 _SAME_M = 0.3
-#: Weight of the squared deviation from a prediction, in variances, against shares of a scan.
-_OF_PRIOR = 0.03
 #: Covariance of a pose that was found on the lattice [m^2, rad^2].
 _FOUND = np.diag([0.2, 0.2, 0.1]) ** 2
 
@@ -154,7 +152,7 @@ class Localizer:
         turn = rotation(candidate.poses[-1][2])
         pose = compose(candidate.poses[-1], displacement)
         prior = chained(np.zeros(3), candidate.covariance, turn @ displacement, turn @ covariance @ turn.T)
-        match, agreement, contradiction = self._fit(scan, pose, prior)
+        match, agreement, contradiction = self.known.fit(scan, pose, prior, self.config.match)
         if match.information.any():
             matched = covariance_of(match.information, scan, OF_SCAN * self.config.match.sigma_m)
             gain = np.linalg.solve(prior + matched, prior).T
@@ -165,21 +163,6 @@ class Localizer:
         memory = self.config.memory
         candidate.agreement = memory * candidate.agreement + (1 - memory) * agreement
         candidate.contradiction = memory * candidate.contradiction + (1 - memory) * contradiction
-
-    def _fit(
-        self, scan: ScanPoints, predicted: Float[np.ndarray, "3"], prior: Float[np.ndarray, "3 3"]
-    ) -> tuple[Match, float, float]:
-        """The match near a prediction that agrees best with the map, and how much it agrees and contradicts."""
-        ends = scan.every()
-
-        def rated(match: Match) -> float:
-            agreement, contradiction = self.known.agreement(match.pose, ends)
-            away = difference(match.pose, predicted, 1.0)
-            return agreement - contradiction - _OF_PRIOR * float(away @ np.linalg.solve(prior, away))
-
-        fits = matches(self.known.levels, scan, predicted, prior, self.config.match, most_paired)
-        best = fits[0] if len(fits) == 1 else max(fits, key=rated)
-        return best, *self.known.agreement(best.pose, ends)
 
     def _search(self, scan: ScanPoints) -> list[_Candidate]:
         """Candidates on the whole map."""
@@ -197,7 +180,7 @@ class Localizer:
             coarse = match_from(
                 self.known.levels.coarse, scan, start, _FOUND, self.config.match, start[None]
             )[0]
-            match, agreement, contradiction = self._fit(scan, coarse.pose, _FOUND)
+            match, agreement, contradiction = self.known.fit(scan, coarse.pose, _FOUND, self.config.match)
             # As after earlier scans that say nothing: a pose that was followed for long needs no less to be dropped.
             candidates.append(
                 _Candidate(
@@ -213,9 +196,7 @@ class Localizer:
         """Leave out candidates that are near a better one, or explain the scans far worse than the best."""
         distinct: list[_Candidate] = []
         for candidate in self._candidates:
-            apart_m = [
-                math.hypot(*difference(candidate.poses[-1], other.poses[-1])) for other in distinct
-            ]
+            apart_m = [math.hypot(*difference(candidate.poses[-1], other.poses[-1])) for other in distinct]
             is_good = not distinct or candidate.rating > distinct[0].rating - 2 * self.config.margin
             if is_good and min(apart_m, default=math.inf) > _SAME_M:
                 distinct.append(candidate)
