@@ -22,7 +22,7 @@ _NEIGHBOURS = 3
 _STRAIGHT = 0.15
 #: Smallest slope of free cells across a wall that is free on one side.
 _ONE_SIDED = 0.1
-#: A point of a scan this near to an occupied cell agrees with the map, and contradicts it this far inside free ones [m].
+#: A point of a scan agrees with the map this near to an occupied cell, and contradicts it this far off, if free [m].
 _AGREES_M, _CONTRADICTS_M = 0.15, 0.3
 #: Weight of the squared deviation from a prediction, in variances, against shares of a scan.
 _OF_PRIOR = 0.03

@@ -77,7 +77,7 @@ def test_known_map_agreement_tells_true_from_wrong_poses():
 @pytest.mark.parametrize(("occupied", "free"), [(False, True), (True, False)])
 def test_known_map_without_walls_or_floor_is_rejected(occupied, free):
     frame = GridFrame(origin_xy=(0, 0), shape=(4, 4))
-    with pytest.raises(ValueError, match="known map has no (occupied|free) cell"):
+    with pytest.raises(ValueError, match=r"known map has no (occupied|free) cell"):
         KnownMap(np.full((4, 4), occupied), np.full((4, 4), free), frame)
 
 
