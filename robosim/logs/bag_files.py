@@ -26,6 +26,8 @@ _METADATA = "metadata.yaml"
 MOST_BYTES, MOST_RATIO = 1 << 28, 100
 #: Largest header of a record of ROS 1 [bytes], and bytes that are unpacked at once.
 _MOST_HEADER, _PIECE = 1 << 20, 1 << 16
+#: Rows in turn that cannot be read before a database counts as read.
+_MOST_FAILURES = 1000
 _UNPACK = "Unpack it first, such as by rosbag decompress or ros2 bag convert."
 _DAMAGED = (struct.error, KeyError, IndexError, ValueError, EOFError, OSError, RuntimeError, sqlite3.Error)
 
@@ -70,7 +72,7 @@ class BagFiles:
 
     def _start(self) -> None:
         self._channels: dict[Any, Channel] = {}
-        self._declared, self._end, self._n_read = 0, 0, 0
+        self._declared, self._end, self._n_read, self._is_whole = 0, 0, 0, False
         self._n_stated: int | None = None
         self._n_estimated = 0.0
         self._damage: list[str] = []
@@ -79,7 +81,7 @@ class BagFiles:
         """Yield channel, time of recording [ns] and content of each message, in the order of the files."""
         self._start()
         for file in self._files:
-            self._channels, self._end = {}, 0
+            self._channels, self._end, self._is_whole = {}, 0, False
             with reading(file, "a ROS bag", most_bytes=1 << 50) as stream:
                 yield from self._of_file(file, stream)
 
@@ -103,11 +105,14 @@ class BagFiles:
         return f"{'; '.join(self._damage[:3]) or 'messages are missing'}: {self._n_read} messages are read, {how}"
 
     def _of_file(self, path: Path, file: _Stream) -> Iterator[Record]:
-        head, size, n_before = file.read(16), file.seek(0, io.SEEK_END), self._n_read
+        head, size, n_before = file.read(18), file.seek(0, io.SEEK_END), self._n_read
         file.seek(0)
-        if head.startswith(_ZSTD):
+        n_over = size % _page_bytes(head) if head.startswith(_SQLITE) else 0
+        if head.startswith(_ZSTD) or n_over:
+            # SQLite reads the rest of a page that was cut off as zeros.
+            most, kind = (size - n_over, "none") if n_over else (max(MOST_BYTES, MOST_RATIO * size), "zstd")
             with tempfile.NamedTemporaryFile(suffix=path.with_suffix("").suffix) as whole:
-                for piece in _unpacked(file, "zstd", max(MOST_BYTES, MOST_RATIO * size)):
+                for piece in _unpacked(file, kind, most):
                     whole.write(piece)
                 whole.flush()
                 with open(whole.name, "rb") as unpacked:
@@ -131,6 +136,8 @@ class BagFiles:
             raise
         except _DAMAGED as error:
             at = file.tell()
+            if self._is_whole:  # only the index is damaged
+                return
             self._damage.append(f"{path.name} is cut off or damaged at byte {at} ({reason_of(error)})")
             self._n_estimated += (self._n_read - n_before) * max(self._end / max(at, 1) - 1, 0.0)
 
@@ -163,7 +170,9 @@ class BagFiles:
 
     def _ros1(self, file: _Stream, size: int) -> Iterator[Record]:
         """Records of ROS 1; those of chunks in turn, whose size is 0."""
+        index_at = 0
         while head := file.read(4):
+            self._is_whole |= 0 < index_at < file.tell()
             fields = _fields(_exactly(file, min(*struct.unpack("<I", head), _MOST_HEADER)))
             (length,) = struct.unpack("<I", _exactly(file, 4))
             operation = fields[b"op"][0]
@@ -197,8 +206,9 @@ class BagFiles:
                 counts = [count for _, count in struct.iter_unpack("<II", data)]
                 self._n_stated = (self._n_stated or 0) + sum(counts)
             elif operation == 3:
-                (self._end,) = struct.unpack("<Q", fields[b"index_pos"])
-                if not self._end:
+                (index_at,) = struct.unpack("<Q", fields[b"index_pos"])
+                self._end = index_at
+                if not index_at:
                     self._damage.append("it has no index, as of a recording that was not closed")
 
     def _mcap(self, file: _Stream, size: int) -> Iterator[Record]:
@@ -222,6 +232,7 @@ class BagFiles:
                 file.seek(start + length)
                 continue
             if operation not in (3, 4, 5, 11):
+                self._is_whole |= operation == 15  # the end of the data
                 if size and file.tell() + length > size:
                     raise EOFError("its end is missing")
                 file.seek(length, io.SEEK_CUR)
@@ -251,7 +262,7 @@ class BagFiles:
 
     def _sqlite(self, path: Path, size: int) -> Iterator[Record]:
         """Messages of a database of ROS 2, in the order of its rows."""
-        journal = Path(f"{path}-wal")
+        is_damaged, journal = False, Path(f"{path}-wal")
         if journal.is_file() and journal.stat().st_size:
             self._damage.append(f"messages in {journal.name} are not read: open and close it by sqlite3 once")
         base = sqlite3.connect(f"file:{quote(str(path))}?mode=ro&immutable=1", uri=True)
@@ -260,8 +271,8 @@ class BagFiles:
             base.text_factory = lambda text: text.decode("utf-8", "replace")
             base.execute("PRAGMA writable_schema = ON")  # a file that was cut off is opened with it only
             with path.open("rb") as file:
-                page, n_pages = struct.unpack(">16xH10xI", file.read(32))
-            self._end = n_pages * (page if page > 1 else 1 << 16)
+                head = file.read(32)
+            self._end = _page_bytes(head) * struct.unpack(">28xI", head)[0]
             tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
             if not {"topics", "messages"} <= tables:
                 raise FileError(
@@ -278,18 +289,33 @@ class BagFiles:
             ):
                 form, text = kinds.get(name, ("", ""))
                 self._channels[number] = Channel(topic, name, text, encoding, form.endswith("idl"))
-            n_before = self._n_read
-            for number, time_ns, data in base.execute("SELECT topic_id, timestamp, data FROM messages"):
-                if number in self._channels and isinstance(data, bytes):
-                    self._n_read += 1
-                    if data.startswith(_ZSTD):
-                        data = b"".join(_unpacked(io.BytesIO(data), "zstd", MOST_BYTES))
-                    yield self._channels[number], time_ns, data
+            n_before, row, failures = self._n_read, -1, 0
+            query = "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? ORDER BY rowid"
+            while failures < _MOST_FAILURES:
+                try:
+                    for row, number, time_ns, data in base.execute(query, (row,)):
+                        failures = 0
+                        if number in self._channels and isinstance(data, bytes):
+                            self._n_read += 1
+                            if data.startswith(_ZSTD):
+                                data = b"".join(_unpacked(io.BytesIO(data), "zstd", MOST_BYTES))
+                            yield self._channels[number], time_ns, data
+                    break
+                except sqlite3.DatabaseError:
+                    row, failures, is_damaged = row + 1, failures + 1, True
+            if is_damaged:
+                raise sqlite3.DatabaseError("pages are missing")
         except sqlite3.Error as error:
-            self._damage.append(f"{path.name} is cut off or damaged ({reason_of(error)})")
+            self._damage.append(f"its database is cut off or damaged ({reason_of(error)})")
             self._n_estimated += (self._n_read - n_before) * max(self._end / size - 1, 0.0)
         finally:
             base.close()
+
+
+def _page_bytes(head: bytes) -> int:
+    """Size of a page of a database [bytes]."""
+    (page,) = struct.unpack_from(">H", head, 16)
+    return page if page > 1 else 1 << 16
 
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
@@ -319,7 +345,9 @@ def _text(file: _Stream) -> str:
 def _unpacked(file: _Stream, kind: str, most: int) -> Iterator[bytes]:
     """Pieces of content, unpacked; ValueError if it is more than declared."""
     if kind == "none":
-        yield file.read(most)
+        while most > 0 and (piece := file.read(min(most, 1 << 24))):
+            most -= len(piece)
+            yield piece
         return
     if kind == "bz2":
         unpack: Any = bz2.BZ2Decompressor()

@@ -1,8 +1,8 @@
 """Scans made of messages of bags: of planar lasers, and of point clouds and depth images in a slice.
 
-Drivers say in many forms that a beam hit nothing: infinite, beyond `range_max`, exactly at it, or a little below. A
-room has few beams that end within a thousandth of the longest range of all; where more do, in several directions, and
-few end just before, that range means nothing.
+Drivers say in many forms that a beam hit nothing: infinite, beyond `range_max`, exactly at it, or a little below. Where
+many beams have a range a little below, in several directions, and few have one near it, that range means nothing. Of a
+wall, twice as many beams end within a hundredth around its distance as within a thousandth.
 """
 
 import math
@@ -27,9 +27,9 @@ _FIELDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8
 _HALF_SLICE_M, _DIRECTIONS = 0.1, 720
 #: Beams span no larger angle [rad].
 _MOST_TURN = 2.1 * math.pi
-#: The longest ranges, relative to the longest; those that are compared with them; and what they are of `range_max`.
-_SAME, _BEFORE, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
-#: A limit is shared by this part of the beams, in so many directions, and by so many times those just before.
+#: Ranges that are the same, those around them that are compared, and where they are sought; all relative to `range_max`.
+_SAME, _AROUND, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
+#: A limit is shared by this part of the beams, in so many directions, and by so many times those around.
 _LEAST_SHARE, _LEAST_DIRECTIONS, _MORE = 0.005, 3, 2.0
 
 Matrix = Float[np.ndarray, "4 4"]
@@ -113,12 +113,18 @@ def without_limits(scans: Sequence[Scan]) -> tuple[list[Scan], float, float | No
     with np.errstate(invalid="ignore"):
         at_limit = ranges >= limits * (1 - 1e-6)
         rest = np.where(at_limit, np.nan, ranges)
-        top_m, below_m = float(np.nanmax(rest, initial=0.0)), None
-        same = rest >= (1 - _SAME) * top_m
-        before = (rest >= (1 - _BEFORE) * top_m) & ~same
-    is_limit = same.sum() >= max(_LEAST_SHARE * len(ranges), _MORE * before.sum(), 1)
-    if is_limit and top_m > _NEAR_LIMIT * np.median(limits) and len(set(column[same])) >= _LEAST_DIRECTIONS:
-        at_limit, below_m = at_limit | same, (1 - _SAME) * top_m
+        limit_m, below_m = float(np.median(limits)) if len(limits) else math.inf, None
+        near = rest[rest >= _NEAR_LIMIT * limit_m] if math.isfinite(limit_m) else rest[:0]
+    if len(near):
+        level, counts = np.unique(np.floor(near / (_SAME * limit_m)), return_counts=True)
+        below_m = float(np.median(near[np.floor(near / (_SAME * limit_m)) == level[counts.argmax()]]))
+        same = np.abs(rest - below_m) <= _SAME * limit_m
+        around = np.count_nonzero(np.abs(rest - below_m) <= _AROUND * limit_m) - same.sum()
+        is_shared = same.sum() >= max(_LEAST_SHARE * len(ranges), _MORE * around)
+        if is_shared and len(set(column[same])) >= _LEAST_DIRECTIONS:
+            at_limit = at_limit | same
+        else:
+            below_m = None
     share = float(at_limit.mean()) if len(ranges) else 0.0
     ends = np.cumsum([len(scan.range_m) for scan in scans])[:-1]
     parts = np.split(np.where(at_limit, np.inf, ranges), ends)
