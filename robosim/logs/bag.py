@@ -124,6 +124,9 @@ class _Reading:
                 raise FileError(
                     f"has no frame {name!r}, expected one of {', '.join(frames.names()) or sensor}."
                 )
+        for name in {*frames.chain(sensor), *frames.chain(base)} & set(frames.other_parents):
+            others = ", ".join(sorted(frames.other_parents[name]))
+            self._note(f"{name} has several parents; {frames.chain(name)[1]} counts, and {others} does not")
         report |= {"scan_topic": scan_topic, "sensor_frame": sensor, "base_frame": base, "frame": frame}
         place = self._places(base, sensor, np.array([stamp_s(head)]), "the sensor counts as at the base")[0]
         if kind not in LASERS and sensor not in frames:
@@ -178,6 +181,8 @@ class _Reading:
         """Scans without the beams that hit nothing; FileError if none hits anything."""
         scans, share, below_m = without_limits(scans)
         ranges = np.concatenate([scan.range_m for scan in scans])
+        if max(len(scan.range_m) for scan in scans) < 2:
+            raise FileError(f"scans of {topic} have one beam or none, expected two at least.")
         n_without = np.count_nonzero(~np.isfinite(ranges))
         if n_without == len(ranges):
             raise FileError(
@@ -270,11 +275,8 @@ class _Reading:
         apart_s = self._clocks_apart(scan_topic, topic or "")
         n_outside = np.count_nonzero((times < track.times[0]) | (times > track.times[-1]))
         if n_outside == len(times) or apart_s:
-            why = (
-                f"they differ by {apart_s:.3g} s from the times of recording"
-                if apart_s
-                else "no time is common"
-            )
+            is_apart = n_outside == len(times)
+            why = "no time is common" if is_apart else f"{apart_s:.1f} s apart by the times of recording"
             self._note(
                 f"{topic} is stamped by another clock than {scan_topic} ({why}): {spans}. Odometry is not used, and "
                 "scans alone give the motion; record both by one clock"
@@ -317,7 +319,8 @@ class _Reading:
 def _base(frames: Frames, sensor: str, child: str) -> str:
     """The robot's frame: base_link, base_footprint, odometry's, or the last that static transforms lead to."""
     chain = frames.chain(sensor)
-    near = [*chain, *(name for name in frames.names() if frames.is_connected(name, sensor))]
+    connected = [name for name in frames.names() if frames.is_connected(name, sensor)]
+    near = [*chain, *connected, *([] if child else frames.names())]
     for name in ("base_link", "base_footprint"):
         for frame in near:
             if frame.rpartition("/")[2] == name:

@@ -83,7 +83,10 @@ class BagFiles:
         for file in self._files:
             self._channels, self._end, self._is_whole = {}, 0, False
             with reading(file, "a ROS bag", most_bytes=1 << 50) as stream:
-                yield from self._of_file(file, stream)
+                for channel, time_ns, data in self._of_file(file, stream):
+                    if data.startswith(_ZSTD):
+                        data = b"".join(_unpacked(io.BytesIO(data), "zstd", MOST_BYTES))
+                    yield channel, time_ns, data
 
     def lost(self) -> str:
         """What is lost of the messages that `records` has yielded, in words; empty if nothing is."""
@@ -293,12 +296,10 @@ class BagFiles:
             query = "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? ORDER BY rowid"
             while failures < _MOST_FAILURES:
                 try:
-                    for row, number, time_ns, data in base.execute(query, (row,)):
-                        failures = 0
+                    for at, number, time_ns, data in base.execute(query, (row,)):
+                        row, failures = at, 0
                         if number in self._channels and isinstance(data, bytes):
                             self._n_read += 1
-                            if data.startswith(_ZSTD):
-                                data = b"".join(_unpacked(io.BytesIO(data), "zstd", MOST_BYTES))
                             yield self._channels[number], time_ns, data
                     break
                 except sqlite3.DatabaseError:

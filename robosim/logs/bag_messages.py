@@ -66,7 +66,7 @@ class Bag:
         self.lost = self._files.lost()
         """What is lost of its messages, in words; empty if nothing is."""
         if not self.topics:
-            raise FileError(f"has no message that can be read{f' ({self.lost})' if self.lost else ''}.")
+            raise FileError(f"is a bag without messages ({self.lost or 'empty'}). Record or export it again.")
 
     def of_kinds(self, *kinds: str) -> list[str]:
         """Names of the topics of some kinds."""

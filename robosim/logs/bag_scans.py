@@ -27,7 +27,7 @@ _FIELDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8
 _HALF_SLICE_M, _DIRECTIONS = 0.1, 720
 #: Beams span no larger angle [rad].
 _MOST_TURN = 2.1 * math.pi
-#: Ranges that are the same, those around them that are compared, and where they are sought; all relative to `range_max`.
+#: Ranges that are the same, those around them that are compared, and where they are; relative to `range_max`.
 _SAME, _AROUND, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
 #: A limit is shared by this part of the beams, in so many directions, and by so many times those around.
 _LEAST_SHARE, _LEAST_DIRECTIONS, _MORE = 0.005, 3, 2.0
