@@ -3,7 +3,7 @@
 Scans are of the first of these kinds that has messages: LaserScan, MultiEchoLaserScan (first echoes), PointCloud2,
 PointCloud, and depth images with their CameraInfo; of the last three, points in a slice at a height above the base
 become a scan. Odometry is that of Odometry messages, or of the transforms between an odometry frame and the base (REP
-105). Poses are those of base_link, or of another frame that is asked for. Times are those of the headers, or of the
+105). Poses are those of base_link, or of a chosen frame. Times are those of the headers, or of the
 recording where headers have none. Readings that come late or twice are sorted and dropped, and reported.
 """
 
@@ -34,6 +34,7 @@ _REMEDY = "Record or export it again, such as by rosbags-convert."
 _OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 #: A sensor that moves by less on the base is fixed [m, rad].
 _FIXED_M, _FIXED_RAD = 0.02, math.radians(1)
+_AT_BASE = "the sensor counts as at the base"
 #: Clocks of two topics differ if their delays do by more, and vary by less [s].
 _CLOCK_S, _STEADY_S = 1.0, 0.3
 #: A larger part of the scans outside of odometry's time is reported.
@@ -88,14 +89,9 @@ class _Reading:
         self._delays: dict[str, list[float]] = {}
         report["assumed"] = []
         self._bag = Bag(path)
+        names = ("topic", "type", "read", "messages", "span_s")
         report["topics"] = [
-            {
-                "topic": name,
-                "type": one.type_name,
-                "read": bool(one.kind),
-                "messages": one.count,
-                "span_s": one.span_s,
-            }
+            dict(zip(names, (name, one.type_name, bool(one.kind), one.count, one.span_s), strict=True))
             for name, one in sorted(self._bag.topics.items())
         ]
         if self._bag.lost:
@@ -119,16 +115,16 @@ class _Reading:
         child = frame_name(bag.topics[odometry_topic].first.child_frame_id) if odometry_topic else ""
         base = _base(frames, sensor, child)
         frame = self._given.frame or base
-        for name in (base, frame):
-            if name not in frames and name not in (sensor, base):
-                raise FileError(
-                    f"has no frame {name!r}, expected one of {', '.join(frames.names()) or sensor}."
-                )
+        if frame != base and not frames.is_connected(base, frame):
+            known = [name for name in frames.names() if frames.is_connected(base, name)] or [base]
+            raise FileError(
+                f"no transform leads from {frame!r} to {base}, expected one of {', '.join(known)}."
+            )
         for name in {*frames.chain(sensor), *frames.chain(base)} & set(frames.other_parents):
             others = ", ".join(sorted(frames.other_parents[name]))
             self._note(f"{name} has several parents; {frames.chain(name)[1]} counts, and {others} does not")
         report |= {"scan_topic": scan_topic, "sensor_frame": sensor, "base_frame": base, "frame": frame}
-        place = self._places(base, sensor, np.array([stamp_s(head)]), "the sensor counts as at the base")[0]
+        place = self._places(base, sensor, np.array([stamp_s(head)]), _AT_BASE)[0]
         if kind not in LASERS and sensor not in frames:
             self._note(f"no transform has {sensor}: --slice-m counts from the sensor, which looks ahead")
             place = _OPTICAL if kind == IMAGE else place
@@ -145,11 +141,12 @@ class _Reading:
 
     def _note(self, text: str) -> None:
         """Report what is assumed or missing."""
-        self._report["assumed"].append(text)
-        logger.warning("%s: %s.", self._path, text)
+        if text not in self._report["assumed"]:
+            self._report["assumed"].append(text)
+            logger.warning("%s: %s.", self._path, text)
 
     def _timed(self, topic: str, time_s: float, message: Any) -> Any:
-        """A message, whose delay from its header's time to the recording is kept."""
+        """A message; its delay from the header's time to the recording is stored."""
         header = message.header if hasattr(message, "header") else message.transforms[0].header
         self._delays.setdefault(topic, []).append(time_s - stamp_s(header))
         return message
@@ -206,10 +203,7 @@ class _Reading:
         self, base: str, frame: str, sensor: str, times: Float[np.ndarray, " n"], is_laser: bool
     ) -> Float[np.ndarray, "3"]:
         """Pose of the beams in a frame; that of a slice has the axes of the base. FileError if it is none."""
-        frames = self._frames
-        if sensor not in frames or not frames.is_connected(base, sensor):
-            return np.zeros(3)
-        places = frames.places(base, sensor, times)
+        places = self._places(base, sensor, times, _AT_BASE)
         poses = planar(places)
         if is_laser and (tilt := np.arccos(np.clip(np.abs(places[:, 2, 2]), 0, 1)).max()) > MOST_TIPPED:
             raise FileError(
@@ -221,7 +215,7 @@ class _Reading:
         if frame == sensor and is_laser:
             return np.zeros(3)
         if frame != base:
-            origins = planar(frames.places(base, frame, times))
+            origins = planar(self._frames.places(base, frame, times))
             poses = np.array([between(a, b) for a, b in zip(origins, poses, strict=True)])
         away = np.abs(poses - poses[0])
         moved_m, turned = float(away[:, :2].max()), float(np.abs(wrap(away[:, 2])).max())

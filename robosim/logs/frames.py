@@ -17,7 +17,7 @@ from robosim.support.reading import FileError
 
 #: A transform that changes by less is static [m or component of a quaternion].
 _STATIC = 1e-6
-#: Quaternions are no longer or shorter than 1 by more; places no farther [m]; a robot is tipped by no more [rad].
+#: Lengths of quaternions differ from 1 by no more; places no farther [m]; a robot is tipped by no more [rad].
 _OFF_UNIT, _FARTHEST_M, MOST_TIPPED = 0.05, 1e8, math.radians(20)
 
 Places = Float[np.ndarray, "n 4 4"]

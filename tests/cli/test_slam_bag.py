@@ -60,7 +60,7 @@ def test_slam_inspect_reports_what_is_read(backwards, tmp_path, capsys, monkeypa
     monkeypatch.chdir(tmp_path)
     main(["slam", "--inspect", str(backwards)])
     text = capsys.readouterr().out
-    assert "base_link\n  laser (static)" in text
+    assert "base_link (root)\n  laser (static)" in text
     for words in (
         "/scan",
         "sensor_msgs/LaserScan",
@@ -87,4 +87,4 @@ def test_slam_inspect_reports_a_bag_that_cannot_be_mapped(tmp_path, capsys):
         main(["slam", "--inspect", str(path)])
     captured = capsys.readouterr()
     assert "has no topic of LaserScan" in " ".join(captured.err.split())
-    assert "base_link\n  laser (static)" in captured.out
+    assert "base_link (root)\n  laser (static)" in captured.out

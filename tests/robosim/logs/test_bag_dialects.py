@@ -144,8 +144,22 @@ def test_read_bag_gives_the_pose_of_the_base_or_of_a_frame(yaw, tmp_path):
     laser = [compose(pose, mount) for pose in POSES]
     assert np.allclose(sensor.odometry(), [between(laser[0], pose) for pose in laser], atol=1e-5)
     assert np.allclose(sensor.mount, 0)
-    with pytest.raises(FileError, match="has no frame 'lidar', expected one of base_link, laser"):
+    with pytest.raises(
+        FileError, match="no transform leads from 'lidar' to base_link, expected one of base_link, laser"
+    ):
         read_bag(path, BagTopics(frame="lidar"))
+
+
+def test_read_bag_mirrors_a_laser_that_hangs_upside_down_in_its_own_frame(tmp_path):
+    mount = np.array([0.2, 0.1, 0.0])
+    rows = [("/tf_static", 100.0, transform(0.0, "base_link", "laser", placed(mount, inverted=True)))]
+    for t, pose in zip(TIMES, POSES, strict=True):
+        rows.append(("/odom", t, odometry(t, pose)))
+        rows.append(("/scan", t, laser_scan(t, BEARING, hall_ranges(compose(pose, mount), -BEARING))))
+    log = read_bag(write_round(tmp_path / "run", rows), BagTopics(frame="laser"))
+    laser = [compose(pose, mount) for pose in POSES]
+    assert np.allclose(log.odometry(), [between(laser[0], pose) for pose in laser], atol=1e-5)
+    assert np.allclose(log.range_m[7], hall_ranges(laser[7], log.beams()[7]), atol=1e-5)
 
 
 def test_read_bag_gives_only_the_own_trajectory_of_a_sensor_that_turns_on_the_robot(tmp_path):
