@@ -253,6 +253,8 @@ class BagFiles:
             while failures < _MOST_FAILURES:
                 try:
                     for row_number, number, time_ns, data in base.execute(query, (last,)):
+                        if row_number <= last:
+                            raise sqlite3.DatabaseError("its rows go round in circles")
                         last, failures = row_number, 0
                         if number in self._channels and isinstance(data, bytes):
                             yield self._channels[number], time_ns, data
