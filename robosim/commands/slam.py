@@ -1,24 +1,22 @@
 """`robosim slam`."""
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Float
-from rich.console import Console
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.inspect_log import inspect_logs
+from robosim.commands.locate_logs import locate_logs
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import BagTopics, RobotLog
 from robosim.parts import LogReaderPart
 from robosim.plans.floorplan import FloorPlan
-from robosim.support.progress import tracked
 
 _DEFAULTS, _TOPICS = LogConfig(), BagTopics()
 
@@ -32,6 +30,7 @@ def slam(
     how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
     topics: Annotated[OmitArgPrefixes[BagTopics], arg(name="")] = _TOPICS,
     reader: LogReaderPart = "auto",
+    map: str | None = None,
     inspect: bool = False,
     out: Path | None = None,
 ) -> None:
@@ -40,6 +39,9 @@ def slam(
     Writes a folder for each log: trajectory.tum (from the graph), matching.tum (each scan matched to those before,
     without loop closure) and odometry.tum for evo; map.yaml and map.pgm, a plan for other commands; map.png,
     trajectories.png and result.json: errors against the reference, if the log has one, number of loops, seconds.
+
+    With --map the robot is located on a known map, from an unknown pose: trajectory.tum, covariance.csv, map.png and
+    result.json, in the frame of the map.
 
     Poses of bags are those of base_link or base_footprint, or of --frame. With --inspect, nothing is mapped or written:
     topics, frames, odometry, times and beams without return are printed, and what was assumed.
@@ -56,6 +58,7 @@ def slam(
         how: How the map is made.
         topics: What is read of bags.
         reader: Reader of the logs: auto takes the first that matches a file; module:Name is your own.
+        map: Floor plan in which the robot is located, such as map.yaml of an earlier run; no map is made then.
         inspect: Print what is read of the logs, without a map.
         out: Output folder; by default a new one under runs/.
     """
@@ -74,6 +77,9 @@ def slam(
     read = [read_log(path, scans, reference, beam_seconds, topics, reader) for path in logs]
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
+    if map is not None:
+        locate_logs(read, map, how, out)
+        return
     table = Table(
         "log", "", "ATE [m]", "RPE 1-5 m [m]", "[deg]", "along the path [m]", "[deg] ", "cells", "loops", "s"
     )
@@ -129,16 +135,6 @@ def _write_maps(
     write_ros(plans["graph"], folder / "map.yaml")
     draw_maps(folder / "map.png", plans, trajectories)
     draw_trajectories(folder / "trajectories.png", log, trajectories)
-
-
-def watched_log(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
-    """A progress bar for numbers."""
-
-    def watched(numbers: range, what: str) -> Iterator[int]:
-        with tracked(numbers, f"{title}, {what}", console) as shown:
-            yield from shown
-
-    return watched
 
 
 def _add(table: Table, log: str, name: str, row: dict[str, Any]) -> None:

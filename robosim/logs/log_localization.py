@@ -11,7 +11,7 @@ from robosim.logs.robot_log import RobotLog
 from slam.mapping.known_map import KnownMap
 from slam.mapping.localization import LocalizationConfig, Localizer
 from slam.matching.thin_scans import is_thin
-from slam.poses import between
+from slam.poses import between, compose, rotation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -19,7 +19,7 @@ class Localized:
     """Poses of a log on a known map."""
 
     poses: Float[np.ndarray, "n 3"]
-    """Pose of each scan in the map's frame: x [m], y [m], yaw [rad]."""
+    """Pose of the robot at each scan in the map's frame: x [m], y [m], yaw [rad]."""
     covariance: Float[np.ndarray, "n 3 3"]
     """Of each pose when it was estimated, axes of the map [m^2, m rad, rad^2]."""
     is_located: Bool[np.ndarray, " n"]
@@ -46,7 +46,8 @@ def locate_log(
     """
     match = replace(LocalizationConfig().match, max_range_m=config.range_m)
     localizer = Localizer(known, LocalizationConfig(match=match))
-    log = log.corrected()
+    mount = log.mount
+    log = log.seen_from(mount).corrected()
     bearings, thin = log.beams(), is_thin(log.beams()[0])
     step_s = np.diff(log.times, prepend=log.times[0])
     n = len(log.times)
@@ -57,7 +58,8 @@ def locate_log(
         displacement, spread = config.odometry.predicted(
             log.displacement[k] if log.known[k] else None, float(step_s[k]), last
         )
-        location = localizer.update(scan_points(bearings[k], log.range_m[k], config, thin), displacement, spread)
+        scan, _ = scan_points(bearings[k], log.range_m[k], config, thin)
+        location = localizer.update(scan, displacement, spread)
         poses[k], covariance[k], is_located[k] = location.pose, location.covariance, location.is_located
         if location.was_kidnapped:
             kidnapped.append(k)
@@ -66,4 +68,12 @@ def locate_log(
             first = k + 1 - len(earlier)
             poses[first : k + 1], is_located[first:k] = earlier, True
         last = between(poses[k - 1], poses[k]) if k else last
+    if mount.any():
+        back = between(mount, np.zeros(3))
+        turn = np.array([rotation(yaw) for yaw in poses[:, 2]])
+        away = turn @ np.append(back[:2], 0.0)
+        lever = np.tile(np.eye(3), (n, 1, 1))
+        lever[:, 0, 2], lever[:, 1, 2] = -away[:, 1], away[:, 0]
+        poses = np.array([compose(pose, back) for pose in poses])
+        covariance = lever @ covariance @ lever.transpose(0, 2, 1)
     return Localized(poses=poses, covariance=covariance, is_located=is_located, kidnapped=tuple(kidnapped))

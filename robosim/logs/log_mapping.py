@@ -186,7 +186,7 @@ def map_log(
     step_s = np.diff(log.times, prepend=log.times[0])
     last = np.zeros(3)
     for k in watched(range(len(log.range_m)), "scans"):
-        scan, view = _scan(bearings[k], log.range_m[k], config, thin)
+        scan, view = scan_points(bearings[k], log.range_m[k], config, thin)
         displacement, covariance = config.odometry.predicted(
             log.displacement[k] if log.known[k] else None, float(step_s[k]), last
         )
@@ -214,7 +214,7 @@ def _corrected(log: RobotLog, config: LogConfig, watched: Callable[[range, str],
     return log.corrected(track)
 
 
-def _scan(
+def scan_points(
     bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], config: LogConfig, thin: bool
 ) -> tuple[ScanPoints, View]:
     """Points of a scan, and how far it saw."""

@@ -74,3 +74,13 @@ def unit_progress(console: Console, what: str, total: int, done: int = 0) -> Ite
         console.print(f"{done + count} of {total} {what}, about {minutes:.0f} min left", highlight=False)
 
     yield advance
+
+
+def stages_tracked(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
+    """Return a progress display of stages: it iterates over numbers, given them and the stage's name."""
+
+    def watched(numbers: range, stage: str) -> Iterator[int]:
+        with tracked(numbers, f"{title}, {stage}", console) as shown:
+            yield from shown
+
+    return watched
