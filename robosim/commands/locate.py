@@ -47,12 +47,12 @@ def locate(
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.commands.slam import watched_log
     from robosim.logs.log_files import read_log
     from robosim.positioning.beacon_figure import draw_beacons
     from robosim.positioning.beacon_places import SHARES, locate_beacon
     from robosim.positioning.power_route import map_route, read_power_route
     from robosim.support.files import write_json
+    from robosim.support.progress import stages_tracked
 
     if plan is not None and map_from is not None:
         raise ValueError(
@@ -62,7 +62,7 @@ def locate(
     powers = read_power_route(route, needs_time=map_from is not None)
     if map_from is not None:
         log = read_log(map_from, scans)
-        floor_plan, powers = map_route(log, powers, watched_log(log.name, console))
+        floor_plan, powers = map_route(log, powers, stages_tracked(log.name, console))
     beyond = beyond or (3.0 if plan is None else 0.3)
     with results_folder(out, "locate") as folder:
         located = {

@@ -17,6 +17,7 @@ from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import BagTopics, RobotLog
 from robosim.parts import LogReaderPart
 from robosim.plans.floorplan import FloorPlan
+from robosim.support.progress import stages_tracked
 
 _DEFAULTS, _TOPICS = LogConfig(), BagTopics()
 
@@ -91,7 +92,7 @@ def slam(
             made = {}
             for name, loops in (("matching", False), ("graph", True)):
                 made[name] = map_log(
-                    log, how, loops=loops, watched=watched_log(f"{log.name}, {name}", console)
+                    log, how, loops=loops, watched=stages_tracked(f"{log.name}, {name}", console)
                 )
                 trajectories[name] = made[name].poses
             log = made["graph"].log
