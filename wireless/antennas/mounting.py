@@ -32,7 +32,7 @@ class MountedArray:
     slant_rad: float | Float[np.ndarray, " ports"] = 0.0
     """Polarisation of all or of each port: 0 for vertical, +-pi/4 for a slanted pair."""
     scaling: str = "directivity"
-    """`directivity`: elements have the directivity of their pattern; `given`: their amplitudes are gains, such as those
+    """`directivity`: elements have the directivity of their pattern, less the losses of `3gpp`; `given`: their amplitudes are gains, such as those
     of a pattern file; `coupled`: ports are scaled by their coupling (`wireless.antennas.arrays`), as in soundings."""
 
     def __post_init__(self) -> None:
@@ -83,7 +83,8 @@ class MountedArray:
         plain = self.array.plain_signature(direction)
         if self.scaling == "given":
             return plain
-        return plain / np.sqrt(mean_power(self.array.element))
+        efficiency = getattr(self.array.element, "efficiency", 1.0)
+        return plain * np.sqrt(efficiency / mean_power(self.array.element))
 
 
 def _tangents(
