@@ -44,7 +44,8 @@ _DIPOLE_DBI = 2.15
 _GAIN_DB, _ATTENUATION_DB = (-300.0, 100.0), (-100.0, 300.0)
 #: Angles of a cut or a grid are at most this far apart [degrees], and at most so many.
 _GAP_DEG, _MOST = 45.0, 3600
-#: Gaps of more than 5 degrees are at most so many times the usual one; values of an angle that is there twice are equal up to this [dB].
+#: Gaps of more than 5 degrees are at most so many times the usual one; an angle that is there twice has values
+#: that are equal up to this [dB].
 _GAP_STEPS, _SAME_DB = 5.0, 0.01
 #: Cuts agree ahead up to this [dB]; a pattern radiates at most so much more than it is given [dB].
 _AGREE_DB, _EXCESS_DB = 0.5, 0.5

@@ -227,7 +227,7 @@ def test_read_pattern_radiates_at_most_what_it_is_given(tmp_path, kind, excess_d
     else:
         path = write_grid(tmp_path / "a.csv", SectorElement(), add_db=9.83 + excess_db)
     if excess_db > 0.6:
-        with pytest.raises(FileError, match="radiates .* times the power"):
+        with pytest.raises(FileError, match=r"radiates .* times the power"):
             read_pattern(path)
     else:
         assert 10 * np.log10(mean_power(read_pattern(path), 150)) == pytest.approx(excess_db, abs=0.05)
