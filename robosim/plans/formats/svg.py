@@ -35,10 +35,9 @@ PAPER = 200
 MOST_SHAPES, MOST_LINES = 100_000, 1000
 _REMEDY = "Save it again as plain SVG."
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
-#: Attributes of numbers, and numbers that are none.
-_NUMBERS = set(
-    "x y r cx cy rx ry x1 y1 x2 y2 d points transform width height viewBox stroke-width style".split()
-)
+#: Attributes of numbers, and words that are NaN or infinite.
+_NUMBERS = {"x", "y", "r", "cx", "cy", "rx", "ry", "x1", "y1", "x2", "y2", "d", "points", "width", "height"}
+_NUMBERS |= {"transform", "viewBox", "stroke-width", "style"}
 _NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
