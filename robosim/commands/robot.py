@@ -19,60 +19,35 @@ def robot(robot: Positional[RobotPart]) -> None:
     Args:
         robot: A robot by name, or a file: URDF, MJCF, or fields of RobotConfig in YAML or JSON.
     """
-    from robosim.robot.model_file import model_of, robot_of, unstated
+    from robosim.robot.model_file import model_of, robot_of
     from robosim.robot.robot_files import is_description
 
-    model = None
-    if isinstance(robot, str) and Path(robot).is_file() and is_description(Path(robot)):
-        model = model_of(Path(robot))
-        config = robot_of(Path(robot), model)
-    else:
-        config = ROBOT.make(robot)
-    result: dict[str, Any] = {"robot": asdict(config)}
-    table = Table("read", "value", show_header=False)
-    x, y = zip(*config.outline_m, strict=True) if config.outline_m else ((0.0,), (0.0,))
-    hull = f"x {min(x):g} to {max(x):g} m, y {min(y):g} to {max(y):g} m, {len(x)} corners"
-    table.add_row("hull", hull if config.outline_m else f"disk of {config.hull.radius_m:g} m")
-    table.add_row("wheels", f"radius {config.wheel_radius_m:g} m, track {config.track_m:g} m")
-    table.add_row("mass without wheels", f"{config.mass_kg:g} kg")
-    camera, laser = config.camera, config.laser
+    is_model = isinstance(robot, str) and Path(robot).is_file() and is_description(Path(robot))
+    model = model_of(Path(robot)) if is_model else None
+    config = ROBOT.make(robot) if model is None else robot_of(Path(robot), model)
+    camera, laser, hull = config.camera, config.laser, config.hull
+    result: dict[str, Any] = {"robot": asdict(config)} | ({} if model is None else model.report())
+    rows = [("hull", f"{len(config.outline_m)} corners" if config.outline_m else "disk")]
+    rows += [("hull reaches", f"{hull.turning_m:.4g} m from the axle, {hull.radius_m:.4g} m to the side")]
+    rows += [("wheels", f"radius {config.wheel_radius_m:.4g} m, track {config.track_m:.4g} m")]
+    rows += [("mass without wheels", f"{config.mass_kg:.4g} kg")]
     if camera is not None:
-        table.add_row(
-            "camera",
-            f"{camera.ahead_m:g} m ahead, {camera.height_m:g} m high, {camera.hfov_deg:.4g} degrees wide",
-        )
+        optics = f"{camera.hfov_deg:.4g} degrees wide"
+        rows += [("camera", f"{camera.ahead_m:g} m ahead, {camera.height_m:g} m high, {optics}")]
     if config.lidar != "none":
-        table.add_row("lidar", f"{config.lidar}, {laser.ahead_m:g} m ahead, {laser.height_m:g} m high")
+        rows += [("lidar", f"{config.lidar}, {laser.ahead_m:g} m ahead, {laser.height_m:g} m high")]
     if model is not None:
-        wheels = [
-            {"side": side, **wheel._asdict()}
-            for side, of_side in zip(("left", "right"), model.wheels, strict=True)
-            for wheel in of_side
+        rows += [
+            (f"{each['side']} wheel", f"{each['link']}, joint {each['joint']}") for each in result["wheels"]
         ]
-        sensors = {
-            kind: None
-            if sensor is None
-            else {"name": sensor.name, "place_m": sensor.place, "hfov_deg": sensor.hfov_deg}
-            for kind, sensor in (("camera", model.camera), ("lidar", model.lidar))
-        }
-        for wheel in wheels:
-            table.add_row(f"{wheel['side']} wheel", f"{wheel['link']}, joint {wheel['joint']}")
-        for kind, sensor in sensors.items():
-            table.add_row(f"{kind} at", "none" if sensor is None else str(sensor["name"]))
-        for link, mass_kg in model.masses_kg.items():
-            table.add_row(f"mass of {link}", f"{mass_kg:g} kg")
-        total_kg = sum(model.masses_kg.values())
-        table.add_row("mass with wheels", f"{total_kg:g} kg")
-        table.add_row("fixed joints", ", ".join(model.fixed_joints) or "none")
-        result |= {
-            "wheels": wheels,
-            "masses_kg": model.masses_kg,
-            "total_mass_kg": total_kg,
-            "fixed_joints": model.fixed_joints,
-            "sensors": sensors,
-            "assumed": [*model.notes, *unstated(model)],
-        }
-        for note in result["assumed"]:
-            table.add_row("assumed", note)
+        sensors = result["sensors"].items()
+        rows += [(f"{kind} of the file", "none" if each is None else each["name"]) for kind, each in sensors]
+        rows += [(f"mass of {link}", f"{mass_kg:g} kg") for link, mass_kg in model.masses_kg.items()]
+        rows += [("mass with wheels", f"{result['total_mass_kg']:g} kg")]
+        rows += [("fixed joints", ", ".join(model.fixed_joints) or "none")]
+        rows += [("assumed", note) for note in result["assumed"]]
+    table = Table("read", "value", show_header=False)
+    for row in rows:
+        table.add_row(*row)
     emit_result(result)
     console.print(table)

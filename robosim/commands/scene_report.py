@@ -37,36 +37,25 @@ def inspect_scene(path: Path, materials: dict[str, str | Material], frequency_hz
     """
     scene = read_mitsuba(path, materials)
     properties: dict[str, dict[str, Any]] = {}
-    names = list(dict.fromkeys(material for _, _, material in scene.shapes))
+    names = dict.fromkeys(material for _, _, material in scene.shapes)
     for name, material in zip(names, scene.materials, strict=True):
         assert isinstance(material, Material)
-        permittivity, conductivity_spm = material.properties(frequency_hz)
-        properties[name] = {
-            "relative_permittivity": permittivity,
-            "conductivity_spm": conductivity_spm,
-            "thickness_m": sum(layer.thickness_m for layer in material.layers),
-            "layers": len(material.layers),
-            "scattering": material.scattering,
-        }
+        values = *material.properties(frequency_hz), sum(layer.thickness_m for layer in material.layers)
+        keys = "relative_permittivity", "conductivity_spm", "thickness_m"
+        properties[name] = dict(zip(keys, values, strict=True)) | {"scattering": material.scattering}
     shapes = [{"shape": shape, "triangles": n, "material": name} for shape, n, name in scene.shapes]
-    emit_result(
-        {
-            "scene": path.stem,
-            "frequency_hz": frequency_hz,
-            "bounds_m": scene.mesh.bounds,
-            "triangles": len(scene.mesh.faces),
-            "shapes": shapes,
-            "materials": properties,
-            "assumed": scene.notes,
-        }
-    )
-    low, high = scene.mesh.bounds
+    result = {
+        "scene": path.stem,
+        "frequency_hz": frequency_hz,
+        "bounds_m": scene.mesh.bounds,
+        "shapes": shapes,
+    }
+    emit_result(result | {"materials": properties, "assumed": scene.notes})
     table = Table("shape", "triangles", "material", "permittivity", "conductivity [S/m]", "thickness [m]")
-    for shape in shapes:
-        of = properties[str(shape["material"])]
-        numbers = (of["relative_permittivity"], of["conductivity_spm"], of["thickness_m"])
-        table.add_row(*map(str, shape.values()), *(f"{number:.4g}" for number in numbers))
+    for shape, n, name in scene.shapes:
+        table.add_row(shape, str(n), name, *(f"{value:.4g}" for value in [*properties[name].values()][:3]))
     console.print(table)
-    console.print(f"{path.stem} from {low.round(3)} to {high.round(3)} m, at {frequency_hz / 1e9:g} GHz")
+    low, high = scene.mesh.bounds.round(3)
+    console.print(f"{path.stem} from {low} to {high} m, at {frequency_hz / 1e9:g} GHz")
     for note in scene.notes:
         console.print(f"Assumed: {note}")

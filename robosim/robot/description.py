@@ -131,13 +131,9 @@ def _check_files(
             raise ValueError(f"<{element.tag}> has {cells:g} cells, expected up to {_MOST_CELLS:g}")
     total = copies
     for name in filter(None, (element.get("file"), element.get("filename"))):
-        folders = [path.parent, folder]
-        folders += [
-            at / each
-            for at in folders
-            for key in ("meshdir", "assetdir", "texturedir")
-            for each in {compiler.get(key) for compiler in _parse(chain[0]).iter("compiler")} - {None}
-        ]
+        compilers = [each.attrib for each in _parse(chain[0]).iter("compiler")]
+        inner = [at.get(key, "") for at in compilers for key in ("meshdir", "assetdir", "texturedir")]
+        folders = [at / each for at in (path.parent, folder) for each in ("", *inner)]
         file = next((at / name for at in folders if (at / name).exists()), None)
         if file is None:
             continue  # MuJoCo says so

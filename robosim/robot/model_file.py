@@ -73,6 +73,22 @@ class Model(NamedTuple):
     root: str
     """The body that the others hang on."""
 
+    def report(self) -> dict[str, Any]:
+        """What is read, with what is assumed."""
+        sides = zip(("left", "right"), self.wheels, strict=True)
+        sensors = {"camera": self.camera, "lidar": self.lidar}
+        return {
+            "wheels": [{"side": side, **wheel._asdict()} for side, wheels in sides for wheel in wheels],
+            "masses_kg": self.masses_kg,
+            "total_mass_kg": sum(self.masses_kg.values()),
+            "fixed_joints": self.fixed_joints,
+            "sensors": {
+                kind: each and {"name": each.name, "place_m": each.place, "hfov_deg": each.hfov_deg}
+                for kind, each in sensors.items()
+            },
+            "assumed": [*self.notes, *unstated(self)],
+        }
+
 
 def read_model(path: Path) -> RobotConfig:
     """A robot from a URDF or MJCF file.
