@@ -340,6 +340,7 @@ def test_lists_and_numbers_are_taken_like_arrays():
     np.testing.assert_array_equal(channel.cfr(0), channel.cfr(np.zeros(1)))
     where = np.array([[1.5, 1.5]])
     for bodies in (
+        [[1.5, 1.5]],
         people([[1.5, 1.5]]),
         people([(1.5, 1.5, 0)], radius_m=[PERSON_RADIUS_M], height_m=[PERSON_HEIGHT_M]),
     ):

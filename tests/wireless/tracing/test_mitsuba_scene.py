@@ -12,6 +12,7 @@ from tests.plans import two_rooms
 from wireless import Tracer, TracerConfig
 from wireless.em.materials import Layer, Material
 from wireless.tracing.mitsuba_scene import is_mitsuba, read_mitsuba
+from wireless.tracing.tracer import _report_half_space
 
 SHAPE = """<scene version="2.1.0"><default name="t" value="0.2"/>
 <bsdf type="itu-radio-material" id="m"><string name="type" value="concrete"/><float name="thickness" value="$t"/></bsdf>
@@ -239,3 +240,20 @@ def test_read_mitsuba_says_what_it_assumes_of_materials(tmp_path, caplog):
 def test_read_mitsuba_rejects_given_materials_of_other_names(tmp_path):
     with pytest.raises(FileError, match="no material 'paint' in it, expected one of m"):
         read_mitsuba(scene_of(tmp_path), {"paint": "wood"})
+
+
+def test_tracer_warns_of_walls_without_thickness(caplog):
+    """Glass by name is a half-space, which lets nothing through: said below 10 GHz, where paths pass walls."""
+    mesh = make_building(two_rooms(0.8)).mesh
+    for frequency_hz, config, material, is_said in (
+        (3.5e9, TracerConfig(), "glass", True),
+        (3.5e9, TracerConfig(wall_thickness_m=0.1), "marble", False),
+        (3.5e9, TracerConfig(max_transmissions=0), "marble", False),
+        (28e9, TracerConfig(), "marble", False),
+        (3.5e9, TracerConfig(), "glazing", False),
+    ):
+        _report_half_space.cache_clear()
+        caplog.clear()
+        Tracer(mesh, materials=(material,), frequency_hz=frequency_hz, config=config)
+        assert (f"Walls of {material} have no thickness" in caplog.text) == is_said
+        assert ("--wall-thickness" in caplog.text) == is_said
