@@ -80,7 +80,11 @@ def load_description(path: Path) -> Description:
             spec = mujoco.MjSpec.from_file(str(path))
             spec.memory = -1
             notes += _water(spec)
+    low, high = spec.compiler.inertiagrouprange
+    spec.compiler.inertiagrouprange = (0, 5)  # groups change here
     for geom in spec.geoms:
+        if not low <= geom.group <= high:
+            geom.mass = 0.0
         geom.group = COLLIDING if geom.contype or geom.conaffinity else 2
         geom.contype = geom.conaffinity = 0
     spec.compiler.discardvisual = False  # nothing collides here

@@ -171,3 +171,27 @@ def test_model_of_leaves_out_what_does_not_hang_on_the_robot(tmp_path: Path) -> 
 def test_model_of_says_which_masses_are_of_water(tmp_path: Path) -> None:
     model = model_of(_write(tmp_path, MJCF.replace(' mass="4"', ""), "robot.xml"))
     assert any("no mass of base is stated" in note for note in model.notes)
+
+
+def test_model_of_takes_masses_from_the_groups_that_mjcf_names(tmp_path: Path) -> None:
+    """Geoms outside of `inertiagrouprange` have no mass."""
+    shell = '<geom type="box" size=".1 .1 .02" mass="7" group="1"/><camera name="eye"'
+    text = MJCF.replace('<camera name="eye"', shell).replace(
+        "<worldbody>", '<compiler inertiagrouprange="0 0"/><worldbody>'
+    )
+    drawn = model_of(_write(tmp_path, MJCF, "robot.xml"))
+    path = _write(tmp_path, text, "robot.xml")
+    assert model_of(path).mass_kg == pytest.approx(drawn.mass_kg)
+    simulated = World(open_floor(), robot=read_model(path)).model
+    bodies = [simulated.body(k) for k in range(simulated.nbody)]
+    assert sum(body.mass[0] for body in bodies if "model/" in body.name) == pytest.approx(4.22)
+
+
+def test_model_of_reads_a_wheel_without_mass(tmp_path: Path) -> None:
+    start = CART.index('<inertial><mass value="0.2"/>')
+    stop = CART.index("</inertial>", start) + len("</inertial>")
+    path = _write(tmp_path, CART[:start] + CART[stop:])
+    model = model_of(path)
+    assert model.masses_kg == {"base": 3.0, "right": 0.2}
+    assert any("wheels left state no mass" in note for note in model.notes)
+    World(open_floor(), robot=read_model(path))
