@@ -25,10 +25,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.axes import axes_in_metres
 from robosim.support.reading import reading
+from wireless.geometry.array_types import to_array
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
@@ -189,9 +191,9 @@ class Paths:
     def doppler_hz(
         self,
         *,
-        tx_velocity: Float[np.ndarray, "3"] | Float[np.ndarray, "n_tx 3"] | None = None,
-        rx_velocity: Float[np.ndarray, "3"] | Float[np.ndarray, "n_rx 3"] | None = None,
-        point_velocity: Float[np.ndarray, "n m 3"] | None = None,
+        tx_velocity: ArrayLike | None = None,
+        rx_velocity: ArrayLike | None = None,
+        point_velocity: ArrayLike | None = None,
     ) -> Float[np.ndarray, " n"]:
         """Doppler shift of each path, positive where it becomes shorter.
 
@@ -199,8 +201,8 @@ class Paths:
         their walls and edges so that the length does not change to first order.
 
         Args:
-            tx_velocity: Velocity of the transmitters, or of each [m/s]; None for none.
-            rx_velocity: Velocity of the receivers, or of each.
+            tx_velocity: Velocity of the transmitters, 3 numbers, or of each, n_tx x 3 [m/s]; None for none.
+            rx_velocity: Velocity of the receivers, or of each, likewise.
             point_velocity: Velocity of what each path meets, such as a body, at each of its points; NaN or anything
                 beyond the last.
         """
@@ -210,17 +212,17 @@ class Paths:
             (rx_velocity, self.rx, self.aoa_az, self.aoa_el),
         ):
             if velocity is not None:
-                own = np.atleast_2d(velocity)
+                own = np.atleast_2d(to_array(velocity, "velocity"))
                 toward = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=1)
                 rate += (own[end if len(own) > 1 else 0] * toward).sum(axis=1)
         if point_velocity is not None:
-            corner = self.corners()
+            moves, corner = to_array(point_velocity, "point_velocity"), self.corners()
             for i in range(self.point.shape[1]):
                 some = self.order > i
                 for other in (i, i + 2):
                     leg = corner[some, other] - corner[some, i + 1]
                     length = np.maximum(np.linalg.norm(leg, axis=1), 1e-300)  # two reflections in one point
-                    rate[some] += (point_velocity[some, i] * leg).sum(axis=1) / length
+                    rate[some] += (moves[some, i] * leg).sum(axis=1) / length
         return rate * self.frequency_hz / speed_of_light
 
     def corners(self) -> Float[np.ndarray, "n m2 3"]:

@@ -22,13 +22,14 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int, UInt8
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.checks import check_choice
 from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, SCATTERING
 from wireless.em.screens import SCREEN_MODELS, edge_share
-from wireless.motion.bodies import Bodies
+from wireless.motion.bodies import Bodies, people
 from wireless.paths import Paths
 
 #: The effect of an edge at these distances from the path begins to fade, and ends, in first Fresnel radii.
@@ -48,7 +49,7 @@ class Blockage(NamedTuple):
     """Loss by that body [dB]; 0 if there is none."""
 
 
-def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Paths, Blockage]:
+def block(paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges") -> tuple[Paths, Blockage]:
     """The same paths, weakened by bodies, strongest first again.
 
     Paths that no body affects keep every bit. Link states follow the powers: `link_state` of the given
@@ -56,7 +57,7 @@ def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Pat
 
     Args:
         paths: Paths of any links.
-        bodies: Bodies, also none.
+        bodies: Bodies, also none; or the positions of people who stand, n x 2 or n x 3 numbers [m].
         model: One of `wireless.em.screens.SCREEN_MODELS`.
 
     Returns:
@@ -83,9 +84,10 @@ def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[
     return weaker.select(by_power), by_power
 
 
-def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> Blockage:
+def find_blockage(paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges") -> Blockage:
     """What bodies do to each path, in the order of the paths; see `block`."""
     check_choice("model", model, tuple(SCREEN_MODELS))
+    bodies = bodies if isinstance(bodies, Bodies) else people(bodies)
     n = len(paths)
     found = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
     if n and len(bodies):

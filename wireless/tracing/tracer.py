@@ -23,12 +23,13 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Complex, Float, Int, Integer
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.checks import Range, checked
-from wireless.em.materials import Material, wall_row
+from wireless.em.materials import WALLS, Material, wall_row
 from wireless.em.scattering import MOST_NARROW
-from wireless.geometry.array_types import Point
+from wireless.geometry.array_types import Point, to_array
 from wireless.geometry.closed_surfaces import find_two_faced
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
@@ -233,6 +234,11 @@ class Tracer:
         self._of_face = of_face
         self._face_wall = self._walls(materials)[of_face]
         self._face_half = self._halves(mesh)
+        upright = np.abs(mesh.face_normals[:, 2]) < 0.5
+        if self.config.walls_passed(self.frequency_hz) and not self.config.wall_thickness_m:
+            for number in np.unique(of_face[upright]):
+                if isinstance(material := materials[number], str) and material not in WALLS:
+                    _report_half_space(material)
         # A face that is a wall by itself is another wall than one of a pair.
         self.scene, self._in_space = self._scenes(mesh, 2 * of_face + self._face_half, slabs_reflect)
         self.config = replace(self.config, floor_ceiling=self.scene.floor_ceiling)
@@ -324,9 +330,7 @@ class Tracer:
             logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
         return in_space(), in_space
 
-    def trace(
-        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], *, workers: int | None = None
-    ) -> Paths:
+    def trace(self, tx: ArrayLike, rx: ArrayLike, *, workers: int | None = None) -> Paths:
         """Paths of all links between transmitters and receivers.
 
         A point on a wall (within 1e-9 m, or what rounding moved its corners by) is on both sides of it, and has no
@@ -336,8 +340,8 @@ class Tracer:
         leads there.
 
         Args:
-            tx: Positions of transmitters [m].
-            rx: Positions of receivers [m].
+            tx: Positions of transmitters [m], an array or lists of n_tx x 3 numbers.
+            rx: Positions of receivers [m], n_rx x 3.
             workers: Threads that many links are traced in; None for one on each available core. The paths
                 do not depend on it.
 
@@ -348,7 +352,7 @@ class Tracer:
             ValueError: If there are no points, or one is not finite, kilometres away, or with scene='plan' not
                 between floor and ceiling, or there is no worker.
         """
-        tx, rx, scene = np.asarray(tx, float), np.asarray(rx, float), self.scene
+        tx, rx, scene = to_array(tx, "tx"), to_array(rx, "rx"), self.scene
         for name, points in (("tx", tx), ("rx", rx)):
             if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
                 raise ValueError(
@@ -507,4 +511,15 @@ def _report_passage(frequency_hz: float) -> None:
         "robosim episode --radio.tracer.max-transmissions).",
         frequency_hz / 1e9,
         WALLS_PASSED,
+    )
+
+
+@cache
+def _report_half_space(material: str) -> None:
+    """Say, once, that walls of a material have no thickness."""
+    logger.warning(
+        "Walls of %s have no thickness: they are half-spaces, which reflect and let nothing through. Set "
+        "wall_thickness_m (--wall-thickness 0.1), or take a wall of layers: %s.",
+        material,
+        ", ".join(WALLS),
     )
