@@ -59,8 +59,8 @@ def find_actions(
     """
     (x, y), cell_m = field.frame.origin_xy, field.frame.resolution_m
     grid = float(x), float(y), float(cell_m)
-    found = _search(pose, motion, hull.corners, clearance.surfaces, field.cost_m / forward_m, grid)
-    return [MOVES[k] for k in found]
+    numbers = _search(pose, motion, hull.corners, clearance.surfaces, field.cost_m / forward_m, grid)
+    return [MOVES[k] for k in numbers]
 
 
 def is_clear(
@@ -73,7 +73,7 @@ def is_clear(
     """Whether actions from a pose leave the hull clear of obstacles, or no nearer than it is."""
     poses = [pose]
     for action in actions:
-        poses += [compose(pose, part / PARTS * motion[action]) for part in range(1, PARTS + 1)]
+        poses += [compose(pose, step / PARTS * motion[action]) for step in range(1, PARTS + 1)]
         pose = poses[-1]
     places = np.array(poses)
     space = clearance.space(hull, places[:, :2], places[:, 2])
@@ -112,8 +112,8 @@ def _search(
             price = 1.0 + (_BACK if k == 3 else 0.0)
             c, s = math.cos(yaw), math.sin(yaw)
             last = here if node == 0 else LEAST_M
-            for part in range(1, PARTS + 1):
-                share = part / PARTS
+            for step in range(1, PARTS + 1):
+                share = step / PARTS
                 dx, dy = share * motion[k, 0], share * motion[k, 1]
                 nx, ny, nyaw = x + c * dx - s * dy, y + s * dx + c * dy, yaw + share * motion[k, 2]
                 gap = gap_of_outline(nx, ny, nyaw, corners, surfaces, _WIDE_M)

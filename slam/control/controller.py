@@ -251,10 +251,10 @@ class Controller:
             and self._course
             and is_clear(pose, list(self._course), self.motion, self.hull, plan.clearance)
         ):
-            found = find_actions(
+            actions = find_actions(
                 pose, self.motion, self.hull, plan.clearance, plan.field, forward_m=self.config.forward_m
             )
-            self._course, self._course_goal = deque(found[:_COURSE]), plan.asked_xy
+            self._course, self._course_goal = deque(actions[:_COURSE]), plan.asked_xy
         return self._course
 
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
@@ -388,8 +388,8 @@ class Controller:
         headings = self._turned(pose)[:, 2]
         room = plan.clearance.free_run_m(pose[:2], headings, self.hull)
         decisions = np.abs(self._turns) + self._pushing(pose, plan.clearance)
-        worth = np.minimum(room, 1.0) - 0.02 * decisions - 0.1 * self._reluctance(pose, headings)
-        action = first_of(int(self._turns[int(np.argmax(worth))]))
+        score = np.minimum(room, 1.0) - 0.02 * decisions - 0.1 * self._reluctance(pose, headings)
+        action = first_of(int(self._turns[int(np.argmax(score))]))
         if action is Action.FORWARD:
             self._escape_steps -= 1
         return action

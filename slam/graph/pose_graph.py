@@ -186,7 +186,7 @@ class PoseGraph:
 
     def _system(self) -> System:
         poses, places = np.array(self.poses), np.array(self.places).reshape(-1, 2)
-        stretches = 1 + max((one.stretch for one in self.sightings), default=-1)
+        stretches = 1 + max((sighting.stretch for sighting in self.sightings), default=-1)
         shared = np.concatenate([self._shared, np.zeros(stretches - len(self._shared))])
         scales = np.concatenate([self._scales, np.zeros(len(places) - len(self._scales))])
         state = State(poses, places, shared, scales)
@@ -229,9 +229,9 @@ class PoseGraph:
             total += total[before]
             before = before[before]
         back = rotation(-poses[start, 2]) @ _lever(poses[:, :2] - poses[start, :2])
-        found = back @ total @ back.transpose(0, 2, 1)
-        self._uncertain[start] = found
-        return found
+        relative = back @ total @ back.transpose(0, 2, 1)
+        self._uncertain[start] = relative
+        return relative
 
 
 def chained(

@@ -105,8 +105,8 @@ class NeuralMapper:
         self.prediction = self._predictor.predict(
             self.classical.scan, belief_ahead(classical, patch=self.patch)
         )
-        for part in self.classical.redrawn:
-            self._redraw(part)
+        for window in self.classical.redrawn:
+            self._redraw(window)
         self._enter(self.prediction, classical.pose)
         if not self.classical.relocalizer.lost:
             halves = np.stack([self.prediction.obstacle, self.prediction.seen]).astype(np.float16)
@@ -210,8 +210,8 @@ class NeuralMapper:
         for k in np.flatnonzero(gap_m < reach_m):
             obstacle, seen = self._predictions[k].astype(np.float32)
             self._enter(Prediction(obstacle=obstacle, seen=seen), poses[k])
-        for layer, part in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
-            layer[rows, columns] = part
+        for layer, redrawn in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
+            layer[rows, columns] = redrawn
         (self._log_odds, self._is_predicted, self._viewed), self.frame = layers, whole
         self._combine(rows, columns, self.classical.occupancy.probability)
 

@@ -279,10 +279,10 @@ def _match(
     planes = surfaces[2]
     iterations, min_pairs, least_outlier_m, alike = settings
     n = len(points)
-    mean, unit, found = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.bool_)
+    mean, unit, is_matched = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.bool_)
     residual, trust, slope = np.zeros(n), np.zeros(n), np.empty(3)
     for start in range(len(poses)):
-        pose, own = poses[start], information[start]
+        pose, hessian = poses[start], information[start]
         moved_m, count = np.inf, 0
         for iteration in range(iterations):
             c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -293,7 +293,7 @@ def _match(
                     y = pose[1] + s * points[k, 0] + c * points[k, 1]
                     facing = c * normals[k, 0] - s * normals[k, 1], s * normals[k, 0] + c * normals[k, 1]
                     row, dx, dy = nearest_plane(x, y, facing, surfaces, alike)
-                    found[k] = row >= 0
+                    is_matched[k] = row >= 0
                     if row >= 0:
                         mean[k, 0], mean[k, 1] = x + dx, y + dy
                         unit[k, 0], unit[k, 1] = planes[row, 2], planes[row, 3]
@@ -302,10 +302,10 @@ def _match(
                     break
             departure = pose - predicted
             departure[2] = (departure[2] + np.pi) % (2 * np.pi) - np.pi
-            own[:] = 0.0
+            hessian[:] = 0.0
             pull = np.zeros(3)
             for k in range(n):
-                if not found[k]:
+                if not is_matched[k]:
                     continue
                 arm_x, arm_y = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
                 residual[k] = unit[k, 0] * (arm_x + pose[0] - mean[k, 0]) + unit[k, 1] * (
@@ -318,28 +318,28 @@ def _match(
                 for i in range(3):
                     pull[i] += trust[k] * slope[i] * residual[k]
                     for j in range(3):
-                        own[i, j] += trust[k] * slope[i] * slope[j]
+                        hessian[i, j] += trust[k] * slope[i] * slope[j]
             for i in range(3):
                 for j in range(3):
                     pull[i] += prior[i, j] * departure[j]
-            step = _solved(own + prior, pull)
+            step = _solved(hessian + prior, pull)
             pose -= step
             # A turn moves points a metre or two away by as many metres per radian.
             moved_m = np.hypot(step[0], step[1]) + 2 * abs(step[2])
             if moved_m < 2e-4:
                 break
         if count < min_pairs:
-            pose[:], own[:] = predicted, 0.0
+            pose[:], hessian[:] = predicted, 0.0
             continue
         pose[2] = (pose[2] + np.pi) % (2 * np.pi) - np.pi
         # The variance factor of least squares: squared residuals over what was expected.
         squares, expected = 0.0, 0.0
         for k in range(n):
-            if found[k]:
+            if is_matched[k]:
                 squares += trust[k] * residual[k] * residual[k]
                 expected += trust[k] * sigma_m[k] * sigma_m[k]
                 paired[start, k] = abs(residual[k]) < 2 * max(least_outlier_m, _WILD * sigma_m[k])
-        own /= max(1.0, squares / expected)
+        hessian /= max(1.0, squares / expected)
 
 
 @compiled

@@ -65,9 +65,9 @@ class CostMap:
     def reachable_from(self, start: Float[np.ndarray, "2"]) -> "CostMap":
         """The same costs, with only the cells passable that are reachable from a point (x, y) [m]."""
         # Fast marching passes between cells that share an edge, so components do as well.
-        part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
+        component = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
         home = self.cell(start)
-        reach = part == part[home] if self.passable[home] else np.zeros_like(self.passable)
+        reach = component == component[home] if self.passable[home] else np.zeros_like(self.passable)
         reach[home] = True
         return CostMap(frame=self.frame, cost=self.cost, passable=reach)
 
