@@ -85,13 +85,13 @@ class PathEstimates:
             rx_heading_rad: Azimuth in the scene of the receiver's own +x, as the receiver believes it.
             tx_heading_rad: Likewise of the transmitter.
         """
-        found = np.arange(self.aoa_rad.shape[1]) < self.count[:, None]
+        is_path = np.arange(self.aoa_rad.shape[1]) < self.count[:, None]
         turn_rx = np.broadcast_to(np.asarray(rx_heading_rad, float), len(self))[:, None]
         turn_tx = np.broadcast_to(np.asarray(tx_heading_rad, float), len(self))[:, None]
         return replace(
             self,
-            aoa_rad=np.where(found, wrapped(self.aoa_rad + turn_rx), 0.0),
-            aod_rad=np.where(found, wrapped(self.aod_rad + turn_tx), 0.0),
+            aoa_rad=np.where(is_path, wrapped(self.aoa_rad + turn_rx), 0.0),
+            aod_rad=np.where(is_path, wrapped(self.aod_rad + turn_tx), 0.0),
         )
 
 

@@ -14,7 +14,7 @@ from robosim.datasets.collect import SHARD, read_shard
 from robosim.support.installation import missing_extra
 from robosim.support.reading import FileError, shown
 from wireless.linkstate.data import read_links
-from wireless.linkstate.tokens import COLUMNS, found
+from wireless.linkstate.tokens import COLUMNS, is_path
 
 try:
     import torch
@@ -59,7 +59,7 @@ class LinkDataset(Dataset[dict[str, Tensor]]):
         tokens = links.tokens[..., [COLUMNS.index(name) for name in self.columns]]
         self._columns = {
             "paths": torch.from_numpy(np.nan_to_num(tokens)),
-            "mask": torch.from_numpy(found(links.tokens)),
+            "mask": torch.from_numpy(is_path(links.tokens)),
             "state": torch.from_numpy(links.state.astype(np.int64)),
             "building": torch.from_numpy(links.building.astype(np.int64)),
             "position": torch.from_numpy(links.position),

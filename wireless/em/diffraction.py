@@ -113,12 +113,12 @@ def edge_bound(
         after_m: Distance of the observer from it.
     """
     n = gap / np.pi
-    most = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
+    limit = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
     total = 0.0
     for sign in (-1.0, 1.0):
         for beta in (phi - phi_source, phi + phi_source):
             tangent = abs(np.tan((np.pi + sign * beta) / (2 * n)))
-            total += min(most, 1 / tangent if tangent > 0 else most)
+            total += min(limit, 1 / tangent if tangent > 0 else limit)
     amplitude = 1.02 * total / (2 * n * np.sqrt(2 * np.pi * wavenumber)) / (2 * wavenumber)
     return amplitude * amplitude / (before_m * after_m * (before_m + after_m))
 

@@ -76,8 +76,8 @@ def _sampled(wall: Complex[np.ndarray, " l"], wavenumber: float) -> Float[np.nda
 def _largest(samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " b"]:
     """The largest of each bin, both its ends included, and as much more as samples differ there."""
     at = np.arange(_BINS)[:, None] * _SAMPLES + np.arange(_SAMPLES + 1)
-    some = samples[at]
-    return np.asarray(1.0001 * (some.max(axis=1) + np.abs(np.diff(some, axis=1)).max(axis=1)))
+    binned = samples[at]
+    return np.asarray(1.0001 * (binned.max(axis=1) + np.abs(np.diff(binned, axis=1)).max(axis=1)))
 
 
 @compiled

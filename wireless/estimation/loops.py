@@ -253,10 +253,10 @@ def _start(curves: Curves, at: Float[np.ndarray, "3"], s: Scratch) -> None:
 @compiled
 def _most(energy: Float[np.ndarray, " paths"]) -> float:
     """The largest of at least one."""
-    most = energy[0]
-    for one in energy:
-        most = max(most, one)
-    return most
+    largest = energy[0]
+    for value in energy:
+        largest = max(largest, value)
+    return largest
 
 
 @compiled
@@ -282,13 +282,13 @@ def find_paths(
         seen: Where the squared norms go of their receive and transmit signatures together.
         count: Where their numbers go.
     """
-    most = at.shape[1]
-    size = np.zeros((most, curves.layout.rx_arrays * curves.layout.tx_arrays), np.complex128)
-    s = [_scratch(curves) for _ in range(most)]
+    n_max = at.shape[1]
+    size = np.zeros((n_max, curves.layout.rx_arrays * curves.layout.tx_arrays), np.complex128)
+    s = [_scratch(curves) for _ in range(n_max)]
     for i in range(len(tensor)):
         x = laid_out(tensor[i], curves.layout)
         n = 0
-        while n < most:
+        while n < n_max:
             _detect(x, curves, at[i, n])
             _start(curves, at[i, n], s[n])
             _refine(x, curves, at[i, n], 2, s[n], size[n], False)

@@ -229,11 +229,11 @@ def _pieces_of_lines(
     piece = np.repeat(first, last - first) + counted(last - first)
     order = np.argsort(piece, kind="stable")
     side, piece = side[order], piece[order]
-    some, number = np.unique(piece, return_inverse=True)
+    used, number = np.unique(piece, return_inverse=True)
     pieces = _Pieces(
-        ends=base[on[some]][:, None]
-        + np.stack([at[some], at[some + 1]], axis=1)[..., None] * along[on[some]][:, None],
-        along=along[on[some]],
+        ends=base[on[used]][:, None]
+        + np.stack([at[used], at[used + 1]], axis=1)[..., None] * along[on[used]][:, None],
+        along=along[on[used]],
         piece=number,
         facet=facet[side // 3],
         inward=inward[side],
@@ -298,7 +298,7 @@ def _holding(
     tree: Tree, points: Points, along: Points, near_m: float
 ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
     """Triangles that points lie in, off sides along their lines: where those of each begin, and the triangles."""
-    start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
+    start, triangles, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
     stack = np.empty(64, np.int64)
     for n in range(len(points)):
         p, stack[0] = points[n], 0
@@ -318,10 +318,10 @@ def _holding(
                     least = min(least, into)
                 if abs(off) >= near_m or least <= 0:
                     continue
-                if count == len(found):
-                    found = np.concatenate((found, found))
-                found[count] = tree.number[t]
+                if count == len(triangles):
+                    triangles = np.concatenate((triangles, triangles))
+                triangles[count] = tree.number[t]
                 count += 1
             first, last, depth = leaf_around(tree, p, near_m, stack, depth)
         start[n + 1] = count
-    return start, found[:count]
+    return start, triangles[:count]

@@ -101,10 +101,10 @@ def leaf_around(
         for i in range(3):
             inside = inside and tree.low[box, i] - slack_m <= p[i] <= tree.high[box, i] + slack_m
         if inside:
-            one, other = tree.child[box, 0], tree.child[box, 1]
-            if one < 0:
-                return -1 - one, -1 - one + other, depth
-            stack[depth], stack[depth + 1] = one, other
+            left, other = tree.child[box, 0], tree.child[box, 1]
+            if left < 0:
+                return -1 - left, -1 - left + other, depth
+            stack[depth], stack[depth + 1] = left, other
             depth += 2
     return 0, 0, -1
 
@@ -162,12 +162,12 @@ def _met(tree: Tree, point: Points, legs: int, deep_m: float) -> tuple[int, bool
             box = stack[depth]
             if not _meets_box(low, high, box, start, inverse):
                 continue
-            one, other = child[box, 0], child[box, 1]
-            if one >= 0:
-                stack[depth], stack[depth + 1] = one, other
+            left, other = child[box, 0], child[box, 1]
+            if left >= 0:
+                stack[depth], stack[depth + 1] = left, other
                 depth += 2
                 continue
-            for t in range(-1 - one, -1 - one + other):
+            for t in range(-1 - left, -1 - left + other):
                 dp = normal[t, 0] * px + normal[t, 1] * py + normal[t, 2] * pz - level[t]
                 dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
                 if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
@@ -237,7 +237,7 @@ def walls_between(
     p: Point,
     q: Point,
     passes: Bool[np.ndarray, " t"],
-    most: int,
+    max_walls: int,
     share: Float[np.ndarray, " k"],
     which: Int[np.ndarray, " k"],
 ) -> int:
@@ -261,12 +261,12 @@ def walls_between(
         box = stack[depth]
         if not _meets_box(low, high, box, start, inverse):
             continue
-        one, other = child[box, 0], child[box, 1]
-        if one >= 0:
-            stack[depth], stack[depth + 1] = one, other
+        left, other = child[box, 0], child[box, 1]
+        if left >= 0:
+            stack[depth], stack[depth + 1] = left, other
             depth += 2
             continue
-        for t in range(-1 - one, -1 - one + other):
+        for t in range(-1 - left, -1 - left + other):
             dp = normal[t, 0] * px + normal[t, 1] * py + normal[t, 2] * pz - level[t]
             dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
             if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
@@ -281,7 +281,7 @@ def walls_between(
                 known = known or abs(share[j] - f) * length < same_m
             if known:
                 continue
-            if count == most:
+            if count == max_walls:
                 return -1
             while place > 0 and share[place - 1] > f:
                 share[place], which[place] = share[place - 1], which[place - 1]

@@ -115,18 +115,18 @@ def _fits(corner: Float[np.ndarray, "n k 3"], axis: Points, tolerance_m: float) 
 @compiled
 def _distance(corner: Polygon, point: Point, axis: Point) -> float:
     """How far the farthest of three corners is off a plane, or of two off a line [m]."""
-    most = 0.0
+    farthest = 0.0
     for k in range(len(corner)):
         along, size = 0.0, 0.0
         for i in range(3):
             along += axis[i] * (corner[k, i] - point[i])
         if len(corner) == 3:
-            most = max(most, abs(along))
+            farthest = max(farthest, abs(along))
             continue
         for i in range(3):
             size += (corner[k, i] - point[i] - along * axis[i]) ** 2
-        most = max(most, np.sqrt(size))
-    return most
+        farthest = max(farthest, np.sqrt(size))
+    return farthest
 
 
 @compiled
@@ -148,10 +148,10 @@ def _fit(
                 centre[i] += size[m] * (corner[m, c, i] - first[i]) / k
     centre = first + centre / total
     least = np.argmin(np.abs(axis))
-    one = np.zeros(3)
-    one[(least + 1) % 3], one[(least + 2) % 3] = -axis[(least + 2) % 3], axis[(least + 1) % 3]
-    one /= np.sqrt((one**2).sum())
-    frame = np.stack((one, np.cross(axis, one), axis))
+    across = np.zeros(3)
+    across[(least + 1) % 3], across[(least + 2) % 3] = -axis[(least + 2) % 3], axis[(least + 1) % 3]
+    across /= np.sqrt((across**2).sum())
+    frame = np.stack((across, np.cross(axis, across), axis))
     product, place, sums = np.zeros((3, 3)), np.empty((k, 3)), np.empty(3)
     for m in members:
         for a in range(3):
@@ -224,10 +224,10 @@ def _collect(
                     continue
                 outside = False
                 for i in range(3):
-                    least, most = np.inf, -np.inf
+                    least, greatest = np.inf, -np.inf
                     for k in range(corner.shape[1]):
-                        least, most = min(least, corner[t, k, i]), max(most, corner[t, k, i])
-                    outside = outside or least > high[i] or most < low[i]
+                        least, greatest = min(least, corner[t, k, i]), max(greatest, corner[t, k, i])
+                    outside = outside or least > high[i] or greatest < low[i]
                 if not outside:
                     state[t], members[count] = me, t
                     count += 1
@@ -250,17 +250,17 @@ def _settle(
     # What is left out comes last. If a member from before would be off, all new ones are left out.
     while count > before:
         at, to = _fit(corner, size, members[:count], axis)
-        most, near, good = 0.0, before, True
+        farthest, near, good = 0.0, before, True
         for j in range(count):
             away = _distance(corner[members[j]], at, to)
-            most = max(most, away)
+            farthest = max(farthest, away)
             if j < before:
                 good = good and away <= near_m
             elif away <= near_m:
                 members[near], members[j] = members[j], members[near]
                 near += 1
-        if most <= near_m:
-            return count, at, to, most
+        if farthest <= near_m:
+            return count, at, to, farthest
         count = near if good else before
     return before, point, axis, off
 
@@ -301,9 +301,9 @@ def _grow(
             m = _collect(corner, boxes, state, count, (low, high), (point, axis), near_m, members, m)
             if m == before:
                 continue
-            found = m
-            m, point, axis, off = _settle(corner, size, members, before, found, point, axis, off, near_m)
-            for j in range(m, found):
+            n_members = m
+            m, point, axis, off = _settle(corner, size, members, before, n_members, point, axis, off, near_m)
+            for j in range(m, n_members):
                 state[members[j]] = -2 - count
             for i in range(3):
                 low[i], high[i] = np.inf, -np.inf

@@ -111,17 +111,17 @@ def seen_slopes(eye: Eye, window: Float[np.ndarray, "w 2"], px: float, py: float
     length = np.sqrt(ux * ux + uy * uy)
     if length < NEAR_M:
         return 1.0, 0.0
-    least, most = eye.low_m / length, eye.high_m / length
+    least, steepest = eye.low_m / length, eye.high_m / length
     if eye.corners > 0:
-        own = window[eye.first : eye.first + eye.corners]
-        from_m, to_m = _chord(own, eye.x, eye.y, ux / length, uy / length)
+        corners = window[eye.first : eye.first + eye.corners]
+        from_m, to_m = _chord(corners, eye.x, eye.y, ux / length, uy / length)
         if to_m < from_m or to_m <= 0:
             return 1.0, 0.0
-        one, other = eye.rise_m / to_m, eye.rise_m / from_m if from_m > 0 else np.inf * eye.rise_m
-        least, most = max(least, min(one, other)), min(most, max(one, other))
-    if (most - least) * length < NEAR_M:  # at best where its layer ends
+        far_slope, other = eye.rise_m / to_m, eye.rise_m / from_m if from_m > 0 else np.inf * eye.rise_m
+        least, steepest = max(least, min(far_slope, other)), min(steepest, max(far_slope, other))
+    if (steepest - least) * length < NEAR_M:  # at best where its layer ends
         return 1.0, 0.0
-    return least, most
+    return least, steepest
 
 
 @compiled

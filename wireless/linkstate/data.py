@@ -100,10 +100,10 @@ def carrier_hz(data: Path) -> float | None:
     if not is_data_set(data):
         return 28e9  # of all public measurements
     with _manifest(data) as file:
-        found = json.loads(file.read()).get("config", {}).get("radio", {}).get("frequency_hz")
-        if found is not None and not 0 < float(found) < np.inf:
-            raise ValueError(f"frequency_hz is {found}, expected more than 0")
-        return None if found is None else float(found)
+        frequency_hz = json.loads(file.read()).get("config", {}).get("radio", {}).get("frequency_hz")
+        if frequency_hz is not None and not 0 < float(frequency_hz) < np.inf:
+            raise ValueError(f"frequency_hz is {frequency_hz}, expected more than 0")
+        return None if frequency_hz is None else float(frequency_hz)
 
 
 def _manifest(data: Path) -> AbstractContextManager[BinaryIO]:

@@ -46,10 +46,10 @@ def path_and_pair_features(
     arrival = _differences(x[..., AOA])
     pair = [np.cos(arrival), abs(arrival) / math.pi, _bump(arrival, 4), _bump(arrival, 15), _plain(snr)]
     if "aod" in inputs:
-        for found, into in zip(
+        for features, into in zip(
             _departure_features(x[..., AOA], x[..., AOD], arrival), (path, pair), strict=True
         ):
-            into += found
+            into += features
     if "peak" in inputs:
         peak = x[..., PEAK] / PEAK_UNIT
         path += [peak, peak - peak[:, :1]]

@@ -63,7 +63,7 @@ def relation_logits(
         name = f"rounds.{i}"
         seen = _normalised(weights, f"{name}.norm", state)
         of_pair = _dense(weights, f"{name}.pair", every).reshape(n, N_PATHS, N_PATHS, -1)
-        taker, giver = (seen @ weights[f"{name}.{one}.weight"].T for one in ("taker", "giver"))
+        taker, giver = (seen @ weights[f"{name}.{role}.weight"].T for role in ("taker", "giver"))
         sent = _relu(of_pair + taker[:, :, None] + giver[:, None]) * present[:, None]
         message = _dense(weights, f"{name}.message", sent.mean(2))
         step = _relu(_dense(weights, f"{name}.update.0", np.concatenate([seen, message], -1)))
@@ -135,9 +135,9 @@ def route_step(
     """Logits at a place of a route from all places up to it, and what to remember."""
     seen = _relu(_dense(weights, "embed", features))
     before = np.zeros_like(seen) if memory is None else memory
-    given = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]
+    driven = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]
     recurrent = weights["memory.weight_hh_l0"] @ before + weights["memory.bias_hh_l0"]
-    (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(given, 3), np.split(recurrent, 3)
+    (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(driven, 3), np.split(recurrent, 3)
     update = logistic(update_x + update_h)
     new = np.tanh(new_x + logistic(reset_x + reset_h) * new_h)
     memory = (1 - update) * new + update * before
@@ -146,8 +146,8 @@ def route_step(
 
 def route_shapes(inputs: Sequence[str], width: int) -> Shapes:
     """Shapes of the weights of a network for routes."""
-    gates = {f"memory.weight_{one}_l0": (3 * width, width) for one in ("ih", "hh")}
-    biases = {f"memory.bias_{one}_l0": (3 * width,) for one in ("ih", "hh")}
+    gates = {f"memory.weight_{side}_l0": (3 * width, width) for side in ("ih", "hh")}
+    biases = {f"memory.bias_{side}_l0": (3 * width,) for side in ("ih", "hh")}
     ends = _dense_shapes("embed", place_feature_count(inputs), width)
     return {**ends, **gates, **biases, **_dense_shapes("out", 2 * width, N_STATES)}
 
@@ -195,8 +195,8 @@ def _published_shapes(n_inputs: int) -> Shapes:
 def _dense(weights: Weights, name: str, x: Float32[np.ndarray, "*n f"]) -> Float32[np.ndarray, "*n g"]:
     """A dense layer. Rows of a plain table are multiplied one by one, so that none depends on the others."""
     rows = x[:, None] if x.ndim == 2 else x
-    found = rows @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
-    return found[:, 0] if x.ndim == 2 else found
+    outputs = rows @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
+    return outputs[:, 0] if x.ndim == 2 else outputs
 
 
 def _dense_shapes(name: str, inputs: int, outputs: int) -> Shapes:

@@ -65,11 +65,11 @@ def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Pat
     Raises:
         ValueError: If there is no such model.
     """
-    found = find_blockage(paths, bodies, model)
-    if not (found.factor != 1).any():
-        return paths, found
-    weaker, by_power = weaken(paths, found.factor)
-    return weaker, Blockage(*(column[by_power] for column in found))
+    blockage = find_blockage(paths, bodies, model)
+    if not (blockage.factor != 1).any():
+        return paths, blockage
+    weaker, by_power = weaken(paths, blockage.factor)
+    return weaker, Blockage(*(column[by_power] for column in blockage))
 
 
 def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[np.ndarray, " n"]]:
@@ -87,7 +87,7 @@ def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> B
     """What bodies do to each path, in the order of the paths; see `block`."""
     check_choice("model", model, tuple(SCREEN_MODELS))
     n = len(paths)
-    found = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
+    blockage = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
     if n and len(bodies):
         _find(
             paths.corners(),
@@ -96,11 +96,11 @@ def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> B
             (bodies.position, bodies.radius_m, bodies.height_m),
             speed_of_light / paths.frequency_hz,
             SCREEN_MODELS[model],
-            found.factor,
-            found.body,
-            found.loss_db,
+            blockage.factor,
+            blockage.body,
+            blockage.loss_db,
         )
-    return found
+    return blockage
 
 
 @compiled
@@ -122,7 +122,7 @@ def _find(
         _unfold(corner, interaction[i], last, before, after)
         for k in range(len(bodies[1])):
             feet, radius_m, height_m = bodies[0][k], bodies[1][k], bodies[2][k]
-            own = 1.0 + 0.0j
+            product = 1.0 + 0.0j
             for j in range(last + 1):
                 begins = j == 0 or interaction[i, j - 1] == SCATTERING
                 ends = j == last or interaction[i, j] == SCATTERING
@@ -131,13 +131,13 @@ def _find(
                 if ends and _contains(feet, radius_m, height_m, corner[j + 1]):
                     continue
                 ends_m = before[j], after[j]
-                own *= _factor(
+                product *= _factor(
                     corner[j], corner[j + 1], ends_m, feet, radius_m, height_m, wavelength_m, phases
                 )
-            loss = -20 * np.log10(max(abs(own), _LEAST))
+            loss = -20 * np.log10(max(abs(product), _LEAST))
             if loss > loss_db[i]:
                 loss_db[i], body[i] = loss, k
-            factor[i] *= own
+            factor[i] *= product
 
 
 @compiled

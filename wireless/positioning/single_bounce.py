@@ -121,12 +121,12 @@ def locate(
     # A heading may lie half a step from the nearest that is tried.
     own_rad = math.hypot(config.sigma_own_rad, config.heading_step_rad / 2)
     coarse = replace(config, sigma_own_rad=min(own_rad, 1.0))
-    found = _hypotheses(paths, coarse, offset_m, rng or np.random.default_rng(0))
-    if not len(found):
+    hypotheses = _hypotheses(paths, coarse, offset_m, rng or np.random.default_rng(0))
+    if not len(hypotheses):
         raise ValueError(
             "no place fits any of the paths. Check the frames of directions, or raise max_offset_m."
         )
-    refined = [_refined(paths, state, [coarse, coarse, config], offset_m) for state in found]
+    refined = [_refined(paths, state, [coarse, coarse, config], offset_m) for state in hypotheses]
     return min(refined, key=lambda located: located.cost)
 
 
@@ -196,10 +196,10 @@ def _straight_places(
     if offset_m is not None:
         return np.column_stack([place + offset_m * e[straight], np.full(len(straight), offset_m)])
     others = np.arange(min(len(projected), 40))
-    i, j = (part.ravel() for part in np.meshgrid(np.arange(len(straight)), others, indexing="ij"))
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(len(straight)), others, indexing="ij"))
     slope = (normal[j] * e[straight[i]]).sum(axis=1) - across[j]
-    some = np.abs(slope) > 0.05
-    i, j, slope = i[some], j[some], slope[some]
+    is_determined = np.abs(slope) > 0.05
+    i, j, slope = i[is_determined], j[is_determined], slope[is_determined]
     offset = (projected[j] - (normal[j] * place[i]).sum(axis=1)) / slope
     return np.column_stack([place[i] + offset[:, None] * e[straight[i]], offset])
 
@@ -238,7 +238,7 @@ def _deviations(
         config.sigma_length_m * e,
         (length * np.maximum(bent - straight, 0.0) / np.maximum(bent, 1e-9))[..., None] * s,
     )
-    covariance = sum(part[..., :, None] * part[..., None, :] for part in parts) + 1e-6 * np.eye(2)
+    covariance = sum(term[..., :, None] * term[..., None, :] for term in parts) + 1e-6 * np.eye(2)
     return off, np.asarray(covariance), bent < straight
 
 
@@ -274,10 +274,10 @@ def _refined(
         if settled or not agree.any():
             break
         before = agree if config is last else None
-        some = paths.chosen(agree)
-        spread = _deviations(some, state[None], config)[1][0]
+        agreeing = paths.chosen(agree)
+        spread = _deviations(agreeing, state[None], config)[1][0]
         whitening = np.linalg.inv(np.linalg.cholesky(spread))
-        whiten = partial(_whitened, paths=some, fixed=state[free:], whitening=whitening, config=config)
+        whiten = partial(_whitened, paths=agreeing, fixed=state[free:], whitening=whitening, config=config)
         fit = least_squares(whiten, state[:free], loss="soft_l1", max_nfev=40)
         state = np.append(fit.x, state[free:])
         information = fit.jac.T @ fit.jac

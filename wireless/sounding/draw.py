@@ -183,7 +183,7 @@ def draw_windows(
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
     rival: Float[np.ndarray, " links"],
-    found: Candidates,
+    candidates: Candidates,
     n: int,
     rng: np.random.Generator,
     out: Complex[np.ndarray, "links window n_basis beams"],
@@ -197,12 +197,12 @@ def draw_windows(
         b: Responses of the beams.
         ports: Dimensions of one receive array.
         rival: Energy of the strongest cell of all delays that are noise; 0 for none.
-        found: Delays that are looked at.
+        candidates: Delays that are looked at.
         n: Samples of the waveform.
         rng: Source of noise.
         out: Where windows go.
     """
-    half, (first, kind, n_noise) = out.shape[1] // 2, found
+    half, (first, kind, n_noise) = out.shape[1] // 2, candidates
     zone = kind.shape[1]
     for i in range(len(tau)):
         top, best = -1, rival[i]

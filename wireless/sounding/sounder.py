@@ -118,7 +118,7 @@ class Rays:
         cls,
         paths: Paths,
         *,
-        most: int = 25,
+        n_max: int = 25,
         rx_heading_rad: float | Float[np.ndarray, " rx"] = 0.0,
         tx_heading_rad: float | Float[np.ndarray, " tx"] = 0.0,
     ) -> "Rays":
@@ -126,11 +126,11 @@ class Rays:
 
         Args:
             paths: What the tracer found, for all pairs of transmitters and receivers.
-            most: Most paths of a link, the strongest.
+            n_max: Most paths of a link, the strongest.
             rx_heading_rad: Azimuth in the scene of each receiver's own +x.
             tx_heading_rad: Likewise of each transmitter.
         """
-        paths = paths.strongest(most)
+        paths = paths.strongest(n_max)
         n_tx, n_rx = len(paths.tx_position), len(paths.rx_position)
         at = paths.link, paths.rank
         shape = n_tx * n_rx, int(paths.rank.max(initial=0)) + 1
@@ -323,9 +323,9 @@ class Sounder:
         n_cells = len(self.rx.platform.face_rad) * self.tx.n_beams
         noise_reach = float(np.sqrt(gammainccinv(n_basis, 1e-15)))
         a, b = a.astype(np.complex64), b.astype(np.complex64)
-        found = find_candidates(tau, reach, a, b, n_basis, noise_reach, self.config.n_samples)
+        candidates = find_candidates(tau, reach, a, b, n_basis, noise_reach, self.config.n_samples)
         # Strongest of so many noise-only cells: 1 - F(t) = 1 - u^(1 / cells), F of Gamma(n_basis).
         with np.errstate(divide="ignore"):
-            tail = -np.expm1(np.log(rng.random(len(rays))) / np.maximum(found.n_noise * n_cells, 1))
-        rival = np.where(found.n_noise > 0, gammainccinv(n_basis, tail), 0.0)
-        draw_windows(tau, reach, a, b, n_basis, rival, found, self.config.n_samples, rng, out)
+            tail = -np.expm1(np.log(rng.random(len(rays))) / np.maximum(candidates.n_noise * n_cells, 1))
+        rival = np.where(candidates.n_noise > 0, gammainccinv(n_basis, tail), 0.0)
+        draw_windows(tau, reach, a, b, n_basis, rival, candidates, self.config.n_samples, rng, out)

@@ -68,10 +68,10 @@ def trace_blocks(
 
     def run(block: tuple[slice, slice]) -> list[Table]:
         tables: list[Table] = []
-        found = iter(trace(*block))
+        traced = iter(trace(*block))
         while len(tables) < block[0].stop - block[0].start and not stopped.is_set():
             with delayed_signals():  # once, not for each of the loops that a short link calls
-                tables.append(_packed(next(found)))
+                tables.append(_packed(next(traced)))
         return tables
 
     done = in_threads(run, blocks, workers=workers, stop=stopped.set)
@@ -84,5 +84,5 @@ def trace_blocks(
 
 def _packed(table: Table) -> Table:
     """The same without the rows that no path fills."""
-    used = int(table.found.sum())
-    return Table(table.found, *(column[:used].copy() for column in table[1:]))
+    used = int(table.n_paths.sum())
+    return Table(table.n_paths, *(column[:used].copy() for column in table[1:]))

@@ -274,7 +274,8 @@ class Tracer:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
         c = self.config
         rows = [
-            wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
+            wall_row(material, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m)
+            for material in materials
         ]
         walls = np.zeros((len(rows), max(map(len, rows))), np.complex128)
         for i, row in enumerate(rows):
@@ -407,10 +408,10 @@ class Tracer:
         """Scattering by walls as rough as their materials say, or else the configuration."""
         c = self.config
         share, alpha = np.zeros(len(materials)), np.zeros(len(materials), np.int64)
-        for i, one in enumerate(materials):
-            own = one if isinstance(one, Material) else None
-            share[i] = c.scattering if own is None or own.scattering is None else own.scattering
-            lobe = c.scattering_lobe if own is None or own.lobe is None else own.lobe
+        for i, material in enumerate(materials):
+            custom = material if isinstance(material, Material) else None
+            share[i] = c.scattering if custom is None or custom.scattering is None else custom.scattering
+            lobe = c.scattering_lobe if custom is None or custom.lobe is None else custom.lobe
             alpha[i] = -1 if lobe is None else lobe
         if isinstance(scene, PlanScene):
             wall = self._of_face[scene.extruded.wall_face]
@@ -436,7 +437,7 @@ class Tracer:
         config, half = self.config, self._face_half[faces]
         walls = config.walls_passed(self.frequency_hz)
         through = 2 * walls if half.any() else walls
-        most = 2**62 if config.max_interactions is None else config.max_interactions
+        max_interactions = 2**62 if config.max_interactions is None else config.max_interactions
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
         bent, side = config.diffraction_reflections, config.diffraction_side_reflections
         return Setting(
@@ -452,8 +453,8 @@ class Tracer:
             side_reflections=(bent if side is None else min(bent, side)) if config.diffraction else -1,
             max_walls=walls,
             max_through=through,
-            max_interactions=most,
-            max_met=most + through - walls,
+            max_interactions=max_interactions,
+            max_met=max_interactions + through - walls,
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
@@ -466,7 +467,7 @@ class Tracer:
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], rows: Rows, origin: Point
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
-        owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
+        owner = [np.repeat(np.arange(len(t.n_paths)) + first, t.n_paths) for row in rows for t, first in row]
         transmitter = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
 
         def column(name: str) -> np.ndarray:

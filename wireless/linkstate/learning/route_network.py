@@ -111,10 +111,10 @@ def _train(batch: RouteBatch, network: RouteNetwork, epochs: int, size: int) -> 
     optimiser = torch.optim.AdamW(network.parameters(), 4e-3, weight_decay=0.1)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=epochs * -(-n // size))
     for _ in range(epochs):
-        for some in torch.randperm(n).split(size):
-            there = batch.there[some]
-            logits = network(batch.features[some])[0][there]
-            loss = nn.functional.cross_entropy(logits, batch.state[some][there])
+        for routes in torch.randperm(n).split(size):
+            there = batch.there[routes]
+            logits = network(batch.features[routes])[0][there]
+            loss = nn.functional.cross_entropy(logits, batch.state[routes][there])
             optimiser.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(network.parameters(), 1.0)

@@ -21,7 +21,7 @@ from robosim.support.restoring import restore_network, restore_optimiser
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
 from wireless.linkstate.learning.networks import NETWORKS, one_thread
-from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
+from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, is_path
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
@@ -117,7 +117,7 @@ def train(
     Raises:
         ValueError: If no link has a path, or the checkpoint is of another recipe or other links.
     """
-    reached = found(tokens).any(1)
+    reached = is_path(tokens).any(1)
     if not reached.any():
         raise ValueError(
             f"none of {len(tokens)} links has an estimated path: there is nothing to learn from."
@@ -205,7 +205,7 @@ class _Run:
     @torch.no_grad()
     def _score(self, tokens: np.ndarray, state: np.ndarray) -> tuple[float, float]:
         """Accuracy and cross entropy of the averaged weights; links without paths do not count."""
-        reached = found(tokens).any(1)
+        reached = is_path(tokens).any(1)
         x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
         self.averaged.eval()
         logits = torch.cat([self.averaged(block)[:, self.states] for block in x.split(4096)])
