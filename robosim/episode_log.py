@@ -176,11 +176,11 @@ class EpisodeLog:
 
     def _where_found(self, name: str, place: Float[np.ndarray, "2"]) -> dict[str, Any]:
         """Mapped position of a transmitter, its standard deviation and its error; None where it was not mapped."""
-        found = self.transmitters.get(name)
+        transmitter = self.transmitters.get(name)
         return {
-            "transmitter": found and found.xy,
-            "transmitter_std_m": found and float(np.sqrt(np.trace(found.covariance))),
-            "transmitter_error_m": found and float(np.hypot(*(found.xy - place))),
+            "transmitter": transmitter and transmitter.xy,
+            "transmitter_std_m": transmitter and float(np.sqrt(np.trace(transmitter.covariance))),
+            "transmitter_error_m": transmitter and float(np.hypot(*(transmitter.xy - place))),
         }
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
@@ -188,7 +188,7 @@ class EpisodeLog:
         from matplotlib.patches import Circle
 
         axes = axes_in_metres(axes)
-        poses, estimates = (np.reshape(one, (-1, 3)) for one in (self.poses, self.estimates))
+        poses, estimates = (np.reshape(track, (-1, 3)) for track in (self.poses, self.estimates))
         axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true trajectory")
         axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated trajectory")
         axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")

@@ -272,8 +272,8 @@ class Simulator:
             if self._recogniser is not None and self._target is not None:
                 ahead = np.array([self.config.image.ahead_m, 0.0])
                 place = between(self.pose, np.array([*self._target, 0.0]))[:2] - ahead
-                found = self._recogniser.find(frame._replace(depth=measured), place)
-                target = None if found is None else found + ahead
+                marker = self._recogniser.find(frame._replace(depth=measured), place)
+                target = None if marker is None else marker + ahead
         time_s = None if self.movers is None or self.motion is None else self.motion.duration_s
         return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser, time_s, action)
 

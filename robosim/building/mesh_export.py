@@ -172,10 +172,10 @@ def _scene(building: Faces) -> trimesh.Scene:
     for number, furnishing in enumerate(building.furnishings, 1):
         mesh = trimesh.Trimesh(furnishing.bodies.vertices, furnishing.bodies.faces, process=False)
         parts.append((f"{number} {furnishing.name}", mesh, np.array([*furnishing.colour, 255], np.uint8)))
-    for name, part, colour in parts:
-        if len(part.faces):
-            part.visual = trimesh.visual.ColorVisuals(
-                part, vertex_colors=np.tile(colour, (len(part.vertices), 1))
+    for name, shape, colour in parts:
+        if len(shape.faces):
+            shape.visual = trimesh.visual.ColorVisuals(
+                shape, vertex_colors=np.tile(colour, (len(shape.vertices), 1))
             )
-            scene.add_geometry(part, node_name=name, geom_name=name)
+            scene.add_geometry(shape, node_name=name, geom_name=name)
     return scene

@@ -150,7 +150,7 @@ def _manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[s
                     "tx": tx + 1,
                     "file": path.relative_to(out).as_posix(),
                     "rows": len(state),
-                    "states": {one.name.lower(): int(counts[one]) for one in LinkState},
+                    "states": {category.name.lower(): int(counts[category]) for category in LinkState},
                 }
             )
     libraries = ("numpy", "numba", "pyarrow", "scipy", "shapely")
@@ -162,7 +162,8 @@ def _manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[s
         },
         "rows": sum(unit["rows"] for unit in units),
         "states": {
-            one.name.lower(): sum(unit["states"][one.name.lower()] for unit in units) for one in LinkState
+            category.name.lower(): sum(unit["states"][category.name.lower()] for unit in units)
+            for category in LinkState
         },
         "units": units,
         "columns": {

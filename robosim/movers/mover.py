@@ -66,8 +66,8 @@ class Group:
 
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
         """Begin with all of them."""
-        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
-            mover.reset(surroundings, own)
+        for mover, mover_rng in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
+            mover.reset(surroundings, mover_rng)
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses of all of them; see `robosim.movers.mover.Mover`."""

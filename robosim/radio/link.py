@@ -216,9 +216,9 @@ class RadioLink:
         return self.tables.of(self._target)
 
     def _paths(self, at: Float[np.ndarray, "2"]) -> Paths:
-        found = None if self.config.engine == "live" else self.table.at(at)
+        paths = None if self.config.engine == "live" else self.table.at(at)
         # No node of the table is visible from a niche.
-        return self._trace(at) if found is None else found
+        return self._trace(at) if paths is None else paths
 
     @cached_property
     def _sight(self) -> Tracer:

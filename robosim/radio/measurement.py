@@ -215,11 +215,11 @@ def bearings_of(
     `known` are the places [m] in `map` of transmitters whose places are known.
     """
     bearings = []
-    for name, one in measured.items():
-        is_received = len(one.aoa_rad) > 0 and one.snr_db[0] >= _LEAST_SNR_DB
-        if is_received and np.isfinite([one.aoa_rad[0], one.gain_db[0]]).all():
-            bearings.append(_strongest(name, one, radio, known.get(name)))
-            bearings += _others(name, one, radio) if radio.frequency_hz >= OPAQUE_HZ else []
+    for name, measurement in measured.items():
+        is_received = len(measurement.aoa_rad) > 0 and measurement.snr_db[0] >= _LEAST_SNR_DB
+        if is_received and np.isfinite([measurement.aoa_rad[0], measurement.gain_db[0]]).all():
+            bearings.append(_strongest(name, measurement, radio, known.get(name)))
+            bearings += _others(name, measurement, radio) if radio.frequency_hz >= OPAQUE_HZ else []
     return bearings
 
 
@@ -250,7 +250,7 @@ def _strongest(
 def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
     """Other strong, separate paths, well within the window of delays."""
     most_m = speed_of_light * (radio.sounding.half_window - 1) * radio.sounding.sample_s
-    found = []
+    bearings = []
     for k in range(1, len(measured.aoa_rad)):
         beyond_m = speed_of_light * float(measured.delay_s[k])
         is_strong = measured.snr_db[k] >= _LEAST_OTHER_DB and np.isfinite(measured.aoa_rad[k])
@@ -266,8 +266,8 @@ def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Be
             beyond_m=beyond_m,
             sigma_m=_BEYOND_M,
         )
-        found.append(bearing)
-    return found
+        bearings.append(bearing)
+    return bearings
 
 
 def _strongest_m(measured: Measurement, radio: RadioLinkConfig) -> float:

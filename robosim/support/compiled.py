@@ -155,8 +155,8 @@ def cache_folders() -> tuple[Path, ...]:
     named = os.environ.get(_CACHE_DIR)
     folders = [Path(named).absolute() / "robosim"] if named else []
     with suppress(RuntimeError):  # a user without a home directory
-        own = Path(os.environ.get("XDG_CACHE_HOME", ""))
-        folders.append((own if own.is_absolute() else Path.home() / ".cache") / "robosim")
+        user_folder = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        folders.append((user_folder if user_folder.is_absolute() else Path.home() / ".cache") / "robosim")
     return tuple(folders)
 
 
@@ -217,12 +217,12 @@ def source_digest(module: str) -> str:
     settings = (np.__version__, config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT)
     digest = hashlib.sha256(repr(settings).encode())
     packages = PACKAGES | {module.partition(".")[0]}
-    found, pending = {module}, [module]
+    modules, pending = {module}, [module]
     while pending:
-        new = {name for name in _imports(pending.pop()) if name.partition(".")[0] in packages} - found
-        found |= new
+        new = {name for name in _imports(pending.pop()) if name.partition(".")[0] in packages} - modules
+        modules |= new
         pending += new
-    for name in sorted(found):
+    for name in sorted(modules):
         file = getattr(sys.modules[name], "__file__", None)
         # A later time is of a machine whose clock differs.
         if file and _IMPORT_TIME_S < Path(file).stat().st_mtime <= time.time():

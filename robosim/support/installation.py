@@ -75,11 +75,11 @@ def namesake() -> str | None:
     ours = any(point.value == "robosim.__main__:main" for point in other.entry_points)
     if ours or parent_process() is not None:
         return None
-    found = f"robosim {other.version} is installed, another project"
+    message = f"robosim {other.version} is installed, another project"
     if not any(file.parts[0] == "robosim" for file in other.files or ()):
-        return f"{found} than {DISTRIBUTION}, which is this one. Remove it: pip uninstall robosim"
+        return f"{message} than {DISTRIBUTION}, which is this one. Remove it: pip uninstall robosim"
     return (
-        f"{found}, whose files lie among those of {DISTRIBUTION} and replace them. "
+        f"{message}, whose files lie among those of {DISTRIBUTION} and replace them. "
         f"Remove it: pip uninstall -y robosim && pip install --force-reinstall --no-deps '{_source()}'"
     )
 

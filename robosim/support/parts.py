@@ -242,7 +242,7 @@ def imported(field: str, name: str) -> Any:
     try:
         if not ours:
             _add_current_folder(module)
-        found = importlib.import_module(module)
+        target = importlib.import_module(module)
     except ModuleNotFoundError as error:
         raise ValueError(
             f"{field} is {shown(name)}, but there is no module {error.name!r} in {os.getcwd()}, nor where Python "
@@ -253,12 +253,12 @@ def imported(field: str, name: str) -> Any:
             f"{field} is {shown(name)}, but importing {module!r} fails: {error!r}{_in_file(error)}."
         ) from error
     for attribute in path.split("."):
-        if not hasattr(found, attribute):
-            near = get_close_matches(attribute, dir(found), n=1)
+        if not hasattr(target, attribute):
+            near = get_close_matches(attribute, dir(target), n=1)
             hint = f" Did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"{field} is {shown(name)}, but {module!r} has no {attribute!r}.{hint}")
-        found = getattr(found, attribute)
-    return found
+        target = getattr(target, attribute)
+    return target
 
 
 def _add_current_folder(module: str) -> None:

@@ -169,7 +169,7 @@ def _difference(there: Any, now: Any, grows: tuple[str, ...] = (), name: str = "
                 continue
             path = f"{name}.{key}" if name else str(key)
             parts.append(_difference(there.get(key), now.get(key), grows, path))
-        return ", ".join(part for part in parts if part)
+        return ", ".join(text for text in parts if text)
     return "" if there == now else f"{name} {_short(there)} there, {_short(now)} now"
 
 
