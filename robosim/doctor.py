@@ -1,4 +1,4 @@
-"""A look at the machine: what works, how fast, what is used, and what to do where something does not work.
+"""Diagnosis of the machine: components that work, their speed, and remedies for the others.
 
 Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash. What to do
 follows from the error (`remedy`), since any probe may stumble over what it shares with others: a package that cannot be

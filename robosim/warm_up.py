@@ -2,7 +2,7 @@
 
 Loops are compiled at their first call and cached on disk (`robosim.support.compiled`). While one process compiles a
 loop, others wait for it. Therefore the two processes call the loops in different orders. Of an episode `views_of` and
-`trace_links` take most time, and the second needs the result of the first. One process compiles the first; the other
+`trace_links` take most time, and the second needs the result of the first. A process compiles the first; the other
 interprets it, which is fast for two rooms, and compiles the second.
 
 Left out: loops that only training and calibration call.

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 #: Keys of the metadata of a table of paths.
 _SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")
-#: What the columns of a table of paths are, by how their names begin: the unit, and the meaning.
+#: Unit and meaning of the columns of a table of paths, by how their names begin.
 _MEANING = {
     "tx_": ("m", "place of the transmitter"),
     "tx": ("", "number of the transmitter, from 0"),
@@ -85,7 +85,7 @@ class LinkCategory(IntEnum):
 
 
 class Interaction(IntEnum):
-    """What happens to a path at a point; numbers as in DeepMIMO."""
+    """Interaction of a path at a point; numbers as in DeepMIMO."""
 
     NONE = 0
     REFLECTION = 1
@@ -169,7 +169,7 @@ class Paths:
         return number
 
     def select(self, which: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> "Paths":
-        """Some of the paths, of the same links: a mask, or numbers in any order."""
+        """Return the paths of a mask, or of numbers in any order, with the same links."""
         return replace(self, **{f.name: getattr(self, f.name)[which] for f in fields(self)[3:]})
 
     def strongest(self, n_max: int = 1) -> "Paths":
@@ -264,7 +264,7 @@ class Paths:
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw all paths from above, coloured by power gain, and the terminals that they join.
 
-        Those of one link: `paths.between(0, 3).plot()`.
+        For a single link: `paths.between(0, 3).plot()`.
 
         Args:
             axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.

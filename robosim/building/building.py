@@ -114,7 +114,7 @@ class BuildingConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Storey:
-    """One storey of a building."""
+    """Storey of a building."""
 
     building: "Building"
     """The storey alone, its floor at z = 0."""
@@ -270,7 +270,7 @@ def make_building(
     Args:
         plan: Free cells and the position of their walls.
         config: Heights, tolerance and materials; None for the defaults.
-        furnishings: What is placed in it in addition to the plan's furnishings.
+        furnishings: Things placed in it in addition to the plan's furnishings.
 
     Raises:
         MapError: If the plan has no free area, or what is placed is not between floor and ceiling or wholly outside.

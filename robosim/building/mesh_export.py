@@ -5,8 +5,8 @@ point (x, y, z) of `map` becomes (x, z, -y), as viewers expect.
 
 A Mitsuba scene is an XML file with one PLY file per radio material (z up, as in Sionna RT's own scenes) and a
 BSDF of the plugin `itu-radio-material` for each, of Recommendation ITU-R P.2040, which Sionna RT registers with
-Mitsuba and DiffeRT reads by itself. Both programs know slabs of these materials only: a half-space becomes a slab too
-thick to be seen through, layers become the slab of their outer material that reflects most like them, drywall
+Mitsuba and DiffeRT reads by itself. The two programs know slabs of these materials only: a half-space becomes a slab
+too thick to be seen through, layers become the slab of their outer material that reflects most like them, drywall
 becomes plasterboard, whose newer fit is 2.73 instead of 2.94. `itu_slab` computes what that changes.
 
 Left out: textures; coordinates are stored with 32 bits, as these formats do.

@@ -291,7 +291,7 @@ def _nearest_cell(
         ]
         near_cells = np.argwhere(near) + corner
         gaps = np.hypot(near_cells[:, 0] - row, near_cells[:, 1] - column)
-        # What is farther than the window's edge may have a nearer one beyond that edge.
+        # A place farther than the window's edge may have a nearer one beyond that edge.
         if near.shape == cells.shape or (len(gaps) and gaps.min() <= around - 1):
             break
         around *= 4

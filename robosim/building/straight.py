@@ -11,7 +11,7 @@ The longest segments go first. A single step is a corner of the building and sta
 the places where straight walls would cross. Neighbouring walls are drawn on to where they meet.
 
 The two sides of a slanted wall one cell thick touch at each of its steps, and one outline may pass a corner twice
-there. Both sides become straight lines like any others (`robosim.building.outline`); other points where walls touch
+there. The two sides become straight lines like any others (`robosim.building.outline`); other points where walls touch
 stay.
 
 The time is nearly proportional to the length of the outlines: the farthest ends of segments rise along an outline, so

@@ -44,7 +44,7 @@ from robosim.support.workers import Workers
 from wireless.formats.link_records import COLUMNS, read_columns
 from wireless.paths import LinkState
 
-#: Spawn key of transmitters' places; those of units are their numbers.
+#: Spawn key of transmitters' places; spawn keys of units are their numbers.
 _PLACES = 1 << 31
 Unit = tuple[LinkPlan, int]
 
@@ -102,7 +102,7 @@ def _site(plan: Place, config: LinkSetConfig) -> LinkPlan:
 
 
 def _settings(sites: list[LinkPlan], config: LinkSetConfig) -> dict[str, Any]:
-    """All that the data depend on, as JSON types."""
+    """Return the settings that the data depend on, as JSON types."""
     return {
         "version": package_version(),
         "config": plain_config(config),

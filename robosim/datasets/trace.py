@@ -3,7 +3,7 @@
 The grid is traced into one file, `paths.parquet`, in units of one transmitter and some consecutive receivers. A unit is
 written whole or not at all, so that a run resumes with the same result as an uninterrupted one. Complete units are
 joined, by transmitter and receiver. The memory needed is that of a few thousand links. Worker processes make the
-building from the plan and cache it; those of a cluster need no common folder. The other files are made from
+building from the plan and cache it; workers of a cluster need no common folder. The other files are made from
 `paths.parquet`, one transmitter at a time.
 """
 

@@ -27,7 +27,7 @@ BARS = ("oracle", "shortest")
 
 @dataclass(frozen=True)
 class Compared:
-    """One task, with all episodes of one repetition of it."""
+    """Task, with all episodes of a repetition of it."""
 
     plan: str
     task: int
@@ -67,7 +67,7 @@ def compared(rows: Sequence[Mapping[str, Any]]) -> list[Compared]:
 
 
 def _order(comparison: Compared, rows: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
-    """Failures that another avoids, failures, then by loss; what was not run comes last."""
+    """Return the sort key: failures that another avoids, failures, then by loss; tasks not run come last."""
     failed = comparison.subject is not None and not rows[comparison.subject]["arrived"]
     place = (not math.isinf(comparison.loss), not failed, comparison.subject is None)
     return (
@@ -109,7 +109,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Summary:
-    """One policy on the tasks of one class, or on all."""
+    """Scores of a policy on the tasks of a class, or on all."""
 
     policy: str
     difficulty: str

@@ -29,7 +29,7 @@ Ring = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoreyPlan:
-    """One storey, and the slab over it."""
+    """Storey, and the slab over it."""
 
     plan: FloorPlan
     """Where its walls are."""
@@ -115,7 +115,7 @@ class StoreysPlan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneStorey:
-    """One storey of a building with the others around it."""
+    """Storey of a building with the others around it."""
 
     building: StoreysPlan
     """All storeys."""

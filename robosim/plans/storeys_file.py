@@ -81,7 +81,7 @@ def read_storeys(path: Path) -> StoreysPlan:
 
 
 def _storey(folder: Path, entry: _Storey, plans: dict[str, FloorPlan]) -> StoreyPlan:
-    """One entry of the list; its plan is read once and added to `plans`."""
+    """Return the storey of an entry of the list; its plan is read once and added to `plans`."""
     file = folder / entry.plan
     if entry.plan not in plans:
         plans[entry.plan] = read_plan(file if file.exists() else entry.plan)

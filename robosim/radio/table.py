@@ -63,7 +63,7 @@ class RadioTable:
     def trace(
         cls, building: Building, tracer: Tracer, place: Float[np.ndarray, "3"], step_m: float = STEP_M
     ) -> "RadioTable":
-        """Trace all nodes, as high as the place of the transmitter [m]; some tenths of a millisecond each."""
+        """Trace all nodes, as high as the place of the transmitter [m]; a few tenths of a millisecond each."""
         grid = regular_grid(building, step_m, float(place[2]))
         return cls(
             building=building, paths=tracer.trace(place[None], grid.position, workers=1), step_m=step_m
@@ -282,7 +282,7 @@ def _around(
 def _common(
     first: np.ndarray, key: np.ndarray, level: np.ndarray, node: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Paths that at least half of the weight has: one of each, of the heaviest node, and their mean level."""
+    """Paths that at least half of the weight has: a single row each, of the heaviest node, and their mean level."""
     n_max = 0
     for k in range(4):
         if node[k] >= 0:

@@ -30,7 +30,7 @@ _MOST_DIRECTORY, _MOST_HEADER = 100_000, 10_000
 
 
 class Array(NamedTuple):
-    """What an array of a file must be."""
+    """Requirements of an array of a file."""
 
     kinds: str
     """Kinds of numbers that it may hold, by NumPy's letters and where it matters their bytes: "i u", "u2", "U"."""
@@ -103,7 +103,7 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
     """
     axes = expected.axes.split()
     kinds = expected.kinds.split()
-    # Of an empty array the kind means nothing.
+    # The kind of an empty array means nothing.
     fits = not array.size or array.dtype.kind in kinds or array.dtype.str[1:] in kinds
     if not fits or array.ndim != len(axes):
         raise ValueError(
@@ -154,7 +154,7 @@ def _check_directory(file: IO[bytes]) -> None:
     file.seek(0)
 
 
-#: What is read: Pillow knows some forty more, of which some call other programs.
+#: Formats that are read: Pillow knows about forty more, a few of which call other programs.
 FORMATS = ("PNG", "PPM", "BMP", "TIFF", "GIF", "JPEG", "WEBP")
 
 

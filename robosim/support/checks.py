@@ -59,7 +59,7 @@ class Range:
 ADVANCED = "advanced"
 #: Seeds of random numbers.
 SEED = Range(0, 2**63 - 1)
-#: What a command expects of the plans that it goes through.
+#: Expectation of a command of the plans that it goes through.
 PLANS = "floor plans, or folders of them"
 #: Levels of noise.
 LEVEL = Range(0, 100, "times what was published", "0 is no noise.")
@@ -90,7 +90,7 @@ class Check(Protocol):
 
 
 class _Rule(NamedTuple):
-    """What the annotation of a field declares."""
+    """Rule that the annotation of a field declares."""
 
     bounds: Range | None
     choices: tuple[Any, ...]
@@ -143,7 +143,7 @@ def check_arguments(function: Any, arguments: Mapping[str, Any]) -> None:
 
 @cache
 def _rules(declared_by: Any) -> dict[str, _Rule]:
-    """What the fields of a class or the arguments of a function declare."""
+    """Return the rules that fields of a class or arguments of a function declare."""
     rules = {}
     for name, hint in get_type_hints(declared_by, include_extras=True).items():
         declared = getattr(hint, "__metadata__", ())

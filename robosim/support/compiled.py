@@ -53,7 +53,7 @@ _build_lock = threading.RLock()
 
 
 def compiled(function: F) -> F:
-    """The same function, compiled to machine code at its first call. Annotations are not used."""
+    """Return the function, compiled to machine code at its first call. Annotations are not used."""
     return cast(F, Loop(inspect.unwrap(function)))  # type checkers of tests wrap functions
 
 
@@ -259,7 +259,7 @@ def _lock(folder: Path) -> Iterator[None]:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder / "lock", os.O_CREAT | os.O_RDWR)
-        # Not `flock`, which also excludes other threads: one of them may hold numba's lock and wait for this one.
+        # Not `flock`, which also excludes other threads: another thread may hold numba's lock and wait for this one.
         fcntl.lockf(lock, fcntl.LOCK_EX)
     try:
         yield

@@ -33,7 +33,7 @@ def package_version(name: str = "robosim") -> str:
 
 
 def install_command(extra: str) -> str:
-    """What to type to install an extra, for a checkout or for a wheel, whichever this program was installed from."""
+    """Return the command that installs an extra, from a checkout or a wheel, as this program was installed."""
     source = _source()
     if not source.is_dir():
         return f"pip install '{DISTRIBUTION}[{extra}]'"
@@ -57,7 +57,7 @@ def missing_extra(module: str, purpose: str) -> ImportError:
 
 
 def install_first(module: str) -> str:
-    """What to type before a command that needs a module, to install it; empty if it is installed."""
+    """Return the command that installs a module needed by another command; empty if it is installed."""
     if is_installed(module):
         return ""
     return f"{install_command(EXTRAS[module]) if module in EXTRAS else f'pip install {module}'}; "

@@ -21,7 +21,7 @@ _PATH, _REASON, _MESSAGE = 400, 300, 2000
 _COPY = "Copy or export it again."
 #: Libraries whose warnings of a damaged file would be printed in addition to our line.
 _TALKATIVE = ("trimesh", "PIL")
-#: Of this project.
+#: Packages of this project.
 PACKAGES = ("robosim", "slam", "wireless")
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -120,7 +120,7 @@ def one_line(text: str, max_letters: int | None = _REASON) -> str:
 
 
 def reason_of(error: BaseException) -> str:
-    """What an error of a library says of a file, in a few words."""
+    """Return the reason of a library's error on a file, in a few words."""
     if isinstance(error, MemoryError):
         return "it needs more memory than there is"
     if isinstance(error, RecursionError):

@@ -192,5 +192,5 @@ def _steps() -> Int[np.ndarray, "k 2"]:
 
 
 def _number(cell: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
-    """One number for each cell."""
+    """Return a number for each cell."""
     return (cell[:, 0] + _WIDE // 2) * _WIDE + cell[:, 1] + _WIDE // 2

@@ -3,7 +3,7 @@
 The fusing network is trained on probabilities for buildings outside the training of the networks that gave them,
 since it would trust them too much otherwise; so it needs two folds at least. Its scores of a fold come from a network
 trained on the others. Routes between random places cross more borders of link states than those of a search, which
-end at the transmitter; both are scored in test buildings.
+end at the transmitter; the two kinds are scored in test buildings.
 """
 
 from collections.abc import Sequence
@@ -83,8 +83,8 @@ def add_route_network(
 ) -> dict[str, Any]:
     """Train a fusing network on all folds, and add it to a classifier if it is better fold by fold; returns scores.
 
-    `probability` holds calibrated probabilities of each link by a network trained without its building; those of links
-    outside the folds (`parts`) are not used.
+    `probability` holds calibrated probabilities of each link by a network trained without its building; the rows of
+    links outside the folds (`parts`) are not used.
     """
     routes, inputs = routes_of(links), classifier.inputs
 

@@ -114,7 +114,7 @@ class Training:
         self.best: dict[str, Tensor] | None = None
 
     def run_epoch(self) -> None:
-        """One epoch of walks and learning, with an evaluation of the weights if it is due."""
+        """Run an epoch of walks and learning, with an evaluation of the weights if it is due."""
         start, recipe, epoch = process_time(), self.recipe, self.epoch
         has_surrogate = epoch >= recipe.imitation
         # The guide drives in the whole first epoch, and not after half of the imitation.

@@ -51,7 +51,7 @@ class ControlConfig:
     turn_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = TURN_RAD
     """Nominal angle of a turn [rad]."""
     push_price: Annotated[float, Range(0, 1e6, "decisions")] = 2.0
-    """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
+    """Additional cost of each turn that pushes the hull against an obstacle [decisions]."""
     reverses: bool = True
     """Whether the robot may step back to where it can turn without pushing, or forward only."""
     arrived_m: Annotated[float, Range(0, 10, "m")] = 0.15
@@ -280,7 +280,7 @@ class Controller:
     def _manoeuvre(
         self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
     ) -> Manoeuvre:
-        """What goes before some turns, see `slam.control.manoeuvre`."""
+        """Return the manoeuvre before turns, see `slam.control.manoeuvre`."""
         config = self.config
         return easier(
             pose,

@@ -1,6 +1,6 @@
 """Manoeuvre before turns that would push the hull against something: leave the niche or the wall, and turn there.
 
-A base whose hull is no disk sweeps a larger circle as it turns. One that does not turn about its middle moves on a
+A base whose hull is no disk sweeps a larger circle as it turns. A base that does not turn about its middle moves on a
 circle as it turns on the spot: a LoCoBot by 2 cm to its left with each turn of 11 degrees to the left, once round a
 circle of 20 cm. A turn pushes if it brings the hull nearer to an obstacle than the room that it needs, as in a gap
 hardly wider than the hull. A few turns, and steps back or forward in the heading reached, may lead to a place with
@@ -36,7 +36,7 @@ class Manoeuvre(NamedTuple):
     """Actions that make a turn."""
 
     before: list[Action]
-    """What to do first; nothing if the robot may as well turn where it is."""
+    """Actions before the turns; empty if the robot may as well turn where it is."""
     rest: int
     """Turns left then; positive to the left."""
 

@@ -51,7 +51,7 @@ class VelocityController:
         if robot.outline_m:  # a disk can always turn
             speeds = np.append(speeds, -speeds[1])
         v, w = np.meshgrid(speeds, np.concatenate([-rates[:0:-1], rates]), indexing="ij")
-        # What a wheel is too slow for is reduced along the same arc, as the base does.
+        # Commands that a wheel is too slow for are reduced along the same arc, as the base does.
         scale = np.minimum(1.0, robot.max_speed_mps / (np.abs(v) + np.abs(w) * robot.track_m / 2))
         self._v, self._w = (scale * v).ravel(), (scale * w).ravel()
         least_s = config.control_s + robot.max_speed_mps / robot.max_accel_mps2

@@ -40,7 +40,7 @@ def find_frontiers(
     """Frontiers that the robot can get near to.
 
     Args:
-        box: What is known.
+        box: Box around the known cells.
         travel_time: Travel time from the robot, on cells twice as large as those of the box.
         min_cells: Shorter runs are ignored [cells].
         piece_m: Side of the tiles that cut long runs into pieces [m].

@@ -45,7 +45,7 @@ _HEADING_RAD = math.radians(0.2)
 _MOST_UNPLACED = 60
 #: A known landmark may appear this many standard deviations, and this far [rad, m], from its expected place.
 _GATE, _JITTER_RAD, _JITTER_M = 4.0, math.radians(1.0), 0.1
-#: It is given up when it has not appeared over this distance [m].
+#: A landmark is given up when it has not appeared over this distance [m].
 _LOST_M = 3.0
 #: Tolerance of a distance from the strength in free space (logarithm).
 _WEAK = 0.1
@@ -62,7 +62,7 @@ class Transmitter:
     xy: Float[np.ndarray, "2"]
     """In `map` [m]."""
     covariance: Float[np.ndarray, "2 2"]
-    """Of that [m^2]."""
+    """Covariance of the position [m^2]."""
     sightings: int
     """Number of bearings."""
 

@@ -114,7 +114,7 @@ class LoopCloser:
     def _fit(self, here: int, there: int) -> float:
         """Fit two submaps; by how much a loop that is closed deviates from the poses [m], a radian as a metre.
 
-        One that had to be searched for deviates by any amount.
+        A loop that had to be searched for deviates by any amount.
         """
         covariance = self._graph.uncertainty(here)[there]
         if self._submaps[here].loops >= _ENOUGH and self.together(covariance[None])[0]:

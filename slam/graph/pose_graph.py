@@ -84,7 +84,7 @@ class PoseGraph:
     def merge(self, pose: int, other: int) -> Float[np.ndarray, "3"]:
         """Remove a pose, which stays where it is relative to another. Numbers of later poses decrease by one.
 
-        What was measured from it now counts for the other, with the covariance between both in addition. Two poses keep
+        Its measurements now count for the other pose, with the covariance between both in addition. Two poses keep
         one displacement by odometry, the most certain, and get no loop if they have a constraint, so that places
         visited again add no constraints.
         Reference: Johannsson et al., Temporally scalable visual SLAM using a reduced pose graph, ICRA 2013.
@@ -153,7 +153,7 @@ class PoseGraph:
             return 0.0
         before = np.array(self.poses)
         system = self._system()
-        # What was not believed before remains so, unless the poses themselves change its weight.
+        # Constraints that were rejected before remain so, unless the poses themselves change its weight.
         seen = np.pad(
             self._seen_weights,
             ((0, 0), (0, len(self.sightings) - self._seen_weights.shape[1])),

@@ -66,9 +66,9 @@ class Submap:
             cell_m: Side of the fine cells [m].
         """
         self.poses: list[Float[np.ndarray, 3]] = []
-        """Of all scans."""
+        """Poses of all scans."""
         self.numbers: list[int] = []
-        """Of these among all scans of the trajectory."""
+        """Numbers of these scans among all scans of the trajectory."""
         self.loops = 0
         """Number of loops closed from it."""
         self.views: list[tuple[Float[np.ndarray, 3], View]] = []
@@ -149,7 +149,7 @@ def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[n
 
 
 def least_covariance(least_m: float) -> Float[np.ndarray, "3 3"]:
-    """What errs by so much, and by as much in its turn."""
+    """Return the covariance of a pose that errs by a distance, and by as much in its turn."""
     return np.diag([least_m, least_m, _TURN * least_m]) ** 2
 
 
@@ -163,12 +163,12 @@ def covariance_of(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """One submap fitted to another."""
+    """Alignment of a submap with another."""
 
     pose: Float[np.ndarray, "3"]
-    """Of the one in the frame of the other."""
+    """Pose of the submap in the frame of the other."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of that pose, in the frame of the other."""
+    """Covariance of that pose, in the frame of the other."""
     overlap: int
     """Surfaces of both that the other saw too."""
     agreement: float

@@ -53,7 +53,7 @@ _VAGUE_RAD = math.radians(0.1)
 _ROUNDS = 3
 #: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
-#: The same at the end of a log, when poses are known well [m].
+#: Deviation of closed loops at the end of a log, when poses are known well [m].
 _UNSOLVED_AT_END_M = 0.2
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
@@ -112,7 +112,7 @@ class Tracker:
 
     @property
     def covariance(self) -> Float[np.ndarray, "3 3"]:
-        """Of the pose relative to recent surfaces, axes of `map` [m^2, m rad, rad^2]."""
+        """Return the covariance of the pose relative to recent surfaces, axes of `map` [m^2, m rad, rad^2]."""
         return self._in_map(self._spread)
 
     def match(self, scan: ScanPoints, view: View) -> Match:
@@ -333,7 +333,7 @@ class Tracker:
                 waiting = {number - (number > self._n_judged) for number in waiting}
 
     def _covering(self, number: int) -> int | None:
-        """Of the submaps that fit one, that which shows most of it, if several others around show nearly all."""
+        """Return the submap that shows most of a submap, if several others around show nearly all."""
         points = self.submaps[number].outline().points
         loops = [c for c in self.graph.believed() if c.loop and number in (c.first, c.second)]
         fitting = {c.first + c.second - number for c in loops}

@@ -184,7 +184,7 @@ def _batch(frames: Frames, recipe: Recipe, rng: np.random.Generator) -> tuple[Te
 def _learn(
     network: MapModule, optimiser: torch.optim.Optimizer, features: Tensor, obstacle: Tensor, seen: Tensor
 ) -> float:
-    """One step; the loss before it."""
+    """Take an optimiser step; return the loss before it."""
     network.train()
     optimiser.zero_grad(set_to_none=True)
     with torch.autocast("cpu", dtype=torch.bfloat16):

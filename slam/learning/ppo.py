@@ -59,7 +59,7 @@ class Walk:
     log_odds: Float[np.ndarray, " n"]
     """Logarithm of the probability of that choice."""
     value: Float[np.ndarray, " n"]
-    """What was expected then."""
+    """Value that was expected at each choice."""
     at: Int[np.ndarray, " n"]
     """Decisions made before each choice."""
     coverage: Float[np.ndarray, " m"]
@@ -120,7 +120,7 @@ def surrogate(ratio: Float[Tensor, " n"], advantage: Float[Tensor, " n"], clip: 
 
 
 def descend(loss: Tensor, weights: Mapping[str, Tensor], optimiser: torch.optim.Optimizer) -> None:
-    """One step of an optimiser, with the gradient clipped to length `LONGEST`."""
+    """Take a step of an optimiser, with the gradient clipped to length `LONGEST`."""
     optimiser.zero_grad()
     loss.backward()
     torch.nn.utils.clip_grad_norm_(list(weights.values()), LONGEST)

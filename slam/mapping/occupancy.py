@@ -123,7 +123,7 @@ class OccupancyGrid:
     ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
         """Enter a laser's scan as far as it reaches; arguments and results as of `integrate`.
 
-        Below its beams it sees nothing: what is lower than they are stays as it was.
+        Below its beams it sees nothing: lower obstacles stay unchanged.
         """
         rows, columns, frame = self.frame.window(*self.laser_box(scan, pose))
         pose = moved_ahead(pose, scan.ahead_m)

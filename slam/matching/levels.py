@@ -26,7 +26,7 @@ _COARSER = 4
 ARM_M = 3.0
 #: Step of the lattice [m], points tried on it, and how many of its poses are refined.
 _STEP_M, _TRIED, _REFINED = 0.25, 120, 24
-#: Of those, how many are fitted to the fine cells.
+#: Number of refined poses that are fitted to the fine cells.
 _FITTED = 5
 #: Poses nearer than this are one [m].
 _ONE_M = 0.05
@@ -185,7 +185,7 @@ def _lattice(
     )
     shift = np.stack(np.meshgrid(dx, dy), axis=-1).reshape(-1, 2)
     cells = shift / frame.resolution_m
-    # The field with a rim of nothing: what lies outside counts nothing.
+    # The field with a rim of zeros: points outside count nothing.
     field = np.pad(near, 1)
     placed = [to_map(np.array([*predicted[:2], predicted[2] + turn]), sample) for turn in turns]
     corners = frame.to_cells(np.array(placed)) + 1

@@ -22,7 +22,7 @@ from slam.poses import between, compose, wrap
 _ENDS, _FEWEST, _MOST = 220, 5, 60
 #: Distance from a line at which an end lies on it, and at which it counts half [m].
 _ON_M, _WILD_M = 0.12, 0.06
-#: The same for all scans at the end, and the share of the recent scans by which groups follow each other.
+#: Tolerances for all scans at the end, and the share of the recent scans by which groups follow each other.
 _ON_AT_END_M, _WILD_AT_END_M, _OVERLAP = 0.1, 0.05, 3
 #: A new scan's ends are paired with lines no farther away than this [m], beyond their ends by no more than this [m].
 _GATE_M, _BEYOND_M, _SIGMA_M = 0.3, 0.5, 0.03
@@ -90,7 +90,7 @@ def line_odometry(
 
     Returns:
         Poses from (0, 0, 0), yaw unwrapped; and displacements of odometry without systematic errors, with their
-        standard deviations: those of turns follow from how much they deviate from the poses.
+        standard deviations: the deviations of turns follow from how much they deviate from the poses.
     """
     window = int(np.clip(_ENDS * len(displacement) / max(len(ends.scan), 1), _FEWEST, _MOST))
     nominal, calibration = deviation, Calibration()

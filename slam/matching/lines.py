@@ -1,6 +1,6 @@
 """Straight lines through the ends of beams of several scans, and the poses at which these ends lie on them.
 
-A scan of few beams says little alone: its ends lie metres apart. Those of several scans lie on the same walls. Lines
+A scan of few beams says little alone: its ends lie metres apart. Ends of several scans lie on the same walls. Lines
 are found greedily: of all pairs of ends, the line that most others lie on, minus the beams that cross it. Then the
 poses of all scans and all lines are estimated together, by Gauss-Newton on
 
@@ -48,13 +48,13 @@ class Ends(NamedTuple):
     def of(
         cls, bearing_rad: Float[np.ndarray, "*k w"], range_m: Float[np.ndarray, "n w"], max_range_m: float
     ) -> "Ends":
-        """Of beams that ended at a surface no farther away than this [m]."""
+        """Return the ends of beams at a surface no farther away than this [m]."""
         scan, beam = np.nonzero(range_m <= max_range_m)
         length, bearing = range_m[scan, beam], np.broadcast_to(bearing_rad, range_m.shape)[scan, beam]
         return cls(scan, length[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)]))
 
     def between(self, first: int, last: int) -> "Ends":
-        """Those of the scans from one to before another, which are counted from 0."""
+        """Return the ends of scans from `first` to before `last`, counted from 0."""
         window = slice(*np.searchsorted(self.scan, [first, last]))
         return Ends(self.scan[window] - first, self.point[window])
 
@@ -227,8 +227,8 @@ def adjust_poses(
         poses: Estimates: x [m], y [m], yaw [rad].
         ends: Ends of beams of scans there.
         on: Lines they lie on.
-        motion: Displacement since the scan before, and its standard deviations [m, m, rad]; those of the first scan
-            are not used.
+        motion: Displacement since the scan before, and its standard deviations [m, m, rad]; the values of the first
+            scan are not used.
         wild_m: Distance from its line at which an end counts half [m].
     """
     lines = on.lines(ends.at(poses))

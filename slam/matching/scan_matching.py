@@ -51,7 +51,7 @@ class MatchConfig:
     """Standard deviation of one point from its surface [m], of a laser or a submap; errors of neighbouring points are
     correlated, so it is larger than the sensor's own."""
     depth_sigma_m: Annotated[float, Range(1e-6, 10, "m")] = 0.001
-    """The same for a column of a depth camera's image, right before it [m]."""
+    """Standard deviation of a column of a depth camera's image, right before it [m]."""
     depth_sigma_per_m3: Annotated[float, Range(0, 10, "m/m3")] = 6e-5
     """Its growth with the cube of the range [m/m^3]: errors of triangulation grow with the square, and a wall that is
     farther away covers fewer of the column's rows."""
@@ -83,14 +83,14 @@ class ScanPoints:
     """Whether the beams are so few that normals just point to the robot (`slam.matching.thin_scans`)."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
-        """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
+        """Return the points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
         heading = np.array([0.0, 0.0, pose[2]])
         loose = None if self.loose is None else to_map(pose, self.loose)
         placed, turned = to_map(pose, self.points), to_map(heading, self.normals)
         return replace(self, points=placed, normals=turned, loose=loose)
 
     def within(self, range_m: float) -> "ScanPoints":
-        """Those of the points that lie no farther away than this [m], of a scan in the robot's frame."""
+        """Return the points of a scan in the robot's frame that lie within a range [m]."""
         far_m = np.hypot(*self.every().T)
         if (far_m <= range_m).all():
             return self  # stored for long: no second copy
@@ -108,7 +108,7 @@ class ScanPoints:
         return self.points if self.loose is None else np.concatenate([self.points, self.loose])
 
     def with_more(self, *others: "ScanPoints") -> "ScanPoints":
-        """These points and others', all of known deviations."""
+        """Return these points and those of other scans, all of known deviations."""
         every = (self, *others)
         loose = [each.loose for each in every if each.loose is not None]
         return ScanPoints(
@@ -127,7 +127,7 @@ class Match:
     pose: Float[np.ndarray, "3"]
     """Pose found: x [m], y [m], yaw [rad]."""
     information: Float[np.ndarray, "3 3"]
-    """What the scan alone says of it: inverse covariance [1/m^2, 1/(m rad), 1/rad^2], axes of `map`."""
+    """Information of the scan alone: inverse covariance [1/m^2, 1/(m rad), 1/rad^2], axes of `map`."""
     paired: Bool[np.ndarray, " n"]
     """Which scan points lie on a surface of the map."""
 
@@ -242,7 +242,7 @@ def match_from(
     config: MatchConfig,
     starts: Float[np.ndarray, "k 3"],
 ) -> list[Match]:
-    """The same from each of some poses: x [m], y [m], yaw [rad]."""
+    """Match a scan from each of several poses: x [m], y [m], yaw [rad]."""
     sigma_m = np.full(len(scan.points), config.sigma_m) if scan.sigma_m is None else scan.sigma_m
     min_pairs, alike = (_PAIRS_THIN, _ALIKE_THIN) if scan.thin else (config.min_pairs, _ALIKE)
     poses = np.array(starts, float)

@@ -33,9 +33,9 @@ class SurfaceGrid:
             fronts: Whether `front_m` is stored, two thirds of the memory of an empty cell.
         """
         self.frame, self._fronts = frame, fronts
-        # One more than the row of each cell, 0 where it has none.
+        # Row of each cell plus 1, 0 where it has none.
         self._row = zeros(frame.shape, np.int32)
-        # Of the cells that have one, sums over their points: weight, offset from the centre (x, y) [m], normal (x, y),
+        # Sums over the points of cells with a row: weight, offset from the centre (x, y) [m], normal (x, y),
         # squares of the offset (xx, xy, yy).
         self._sums = np.zeros((0, 8), np.float32)
         # Row and column of each, and what follows from the sums: mean offset, mean normal, and 1 where they make a
@@ -120,7 +120,7 @@ class SurfaceGrid:
         return mean, self._planes[usable, 2:4].astype(float), self._sums[usable, 0].astype(float)
 
     def arrays(self) -> tuple[tuple[float, float, float], np.ndarray, np.ndarray]:
-        """What `nearest_plane` takes: lower left corner and side of a cell [m], row of each cell plus 1, and rows."""
+        """Return the arguments of `nearest_plane`: corner and side of a cell [m], row of each cell plus 1, and rows."""
         return (*self.frame.origin_xy, self.frame.resolution_m), self._row, self._planes
 
 
@@ -176,7 +176,7 @@ def _add(
     """Add points to the sums of their cells, and update the surfaces; returns the number of cells in use."""
     x0, y0, cell_m = grid
     ny, nx = row_of.shape
-    # Of this call, in double precision: sums of the cells that were touched.
+    # Sums of the cells that this call touches, in double precision.
     slot_of = np.full(used + len(points), -1, np.int32)
     touched = np.empty(len(points), np.int32)
     parts = np.zeros((len(points), 8))

@@ -1,8 +1,8 @@
 """Surfaces from scans of few beams, as of a ring of rangers: points of several scans that lie in a line.
 
-The ends of such beams are too far apart for a normal of their own. Those of recent scans together show walls: a point
-lies on a surface if some others near by, seen from the same side, lie in one line with it, and no beam went through
-that line between them. Each scan is matched to these surfaces point by point, whatever the orientation.
+The ends of such beams are too far apart for a normal of their own. The ends of recent scans together show walls: a
+point lies on a surface if some others near by, seen from the same side, lie in one line with it, and no beam went
+through that line between them. Each scan is matched to these surfaces point by point, whatever the orientation.
 Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022 (lines of several scans).
 """
 

@@ -47,7 +47,7 @@ def convolution_shapes(
 
 
 def merged(weights: Weights, name: str) -> tuple[Float32[np.ndarray, "o i h w"], Float32[np.ndarray, " o"]]:
-    """One convolution in place of one and the normalisation after it: its weight and bias.
+    """Return weight and bias of a convolution merged with the normalisation after it.
 
     Reference: Ioffe and Szegedy, Batch normalization, ICML 2015, section 3.1.
     """

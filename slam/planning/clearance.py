@@ -53,7 +53,7 @@ class Clearance:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """What the loops take."""
+        """Surfaces as arguments of the compiled loops."""
         (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
         return self._obstacle, self._steps, self._offset_m, (float(x), float(y), float(cell_m))
 
@@ -105,7 +105,7 @@ class Clearance:
     ) -> Float[np.ndarray, " k"]:
         """Distance that a hull drives ahead from a point until it has less than some space [m], at most 1.5 m.
 
-        One that has less space from the beginning may still move away from the obstacle.
+        A hull that has less space from the beginning may still move away from the obstacle.
         """
         distance = np.arange(1, 31) * 0.05
         directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)

@@ -29,7 +29,7 @@ _MOST_WALLS = 64
 
 
 class Reflected(NamedTuple):
-    """What facets reflect at most."""
+    """Largest specular reflection of facets."""
 
     row: Int[np.ndarray, " f"]
     """Row of each facet in the tables."""
@@ -61,7 +61,7 @@ def most_reflected(walls: Complex[np.ndarray, "f l"], wavenumber: float) -> Refl
 
 @compiled
 def _sampled(wall: Complex[np.ndarray, " l"], wavenumber: float) -> Float[np.ndarray, "3 n"]:
-    """What is tabled, from grazing to along the normal."""
+    """Sample the tabled reflection, from grazing incidence to incidence along the normal."""
     n = _BINS * _SAMPLES
     result = np.ones((3, n + 1))
     for j in range(n + 1):

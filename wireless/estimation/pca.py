@@ -29,7 +29,7 @@ class PcaEstimator:
         """Prepare the grid.
 
         Args:
-            sounder: What makes the measurements.
+            sounder: Sounder of the measurements.
             n_paths: Number of paths returned of each link.
             n_azimuths: Number of azimuths of arrival tried.
         """

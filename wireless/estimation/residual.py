@@ -1,4 +1,4 @@
-"""What paths leave of a measurement, and its products with their curves.
+"""Residual of a measurement after paths are subtracted, and its products with their curves.
 
 These sums run over the whole tensor for each path again and again, so it is laid out as processors want it: real and
 imaginary parts apart, in the precision of the measurement itself, delay by delay; at each delay ports of the receiver,

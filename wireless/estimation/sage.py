@@ -3,7 +3,7 @@
 A path is a delay, an azimuth of arrival and one of departure, none bound to a grid, and a size that all arrays
 share while their phases are free. So a direction between two faces is estimated from both arrays, by phase within
 and by size across. Paths are found and refined by `wireless.estimation.loops`; the first that would be weaker
-than the threshold ends the search. More are found than returned: what is left of unexplained paths pulls on
+than the threshold ends the search. More are found than returned: the residual of unexplained paths pulls on
 the others' sizes, and the strongest is mistaken (measured: 1.4 of 100 first-order links between 5 paths and 12).
 Paths outside the window are known by the tails of their pulses: they are
 explained, so that they are not mistaken for others, and left out of the result.
@@ -59,7 +59,7 @@ class SageEstimator:
         """Prepare curves and threshold (about a second).
 
         Args:
-            sounder: What makes the measurements.
+            sounder: Sounder of the measurements.
             n_paths: Most paths returned of each link.
             false_alarm_rate: Share of links without any path in which one is found.
             workers: Threads; None for one on each available core. Results do not depend on it.
@@ -181,7 +181,7 @@ def _looks(
 
 
 def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "n_basis beams"]) -> Curves:
-    """What paths look like to this sounder."""
+    """Compute the signatures of paths as measured by this sounder."""
     azimuth = 2 * np.pi * np.arange(3 * TURN_INTERVALS) / (3 * TURN_INTERVALS)
     rx, tx = sounder.rx_response(azimuth), sounder.tx_response(azimuth) @ tx_basis.T
     rx_part, tx_part = (

@@ -56,7 +56,7 @@ def _chains(
         for end in ends:
             at[end].append(wall)
     left = dict.fromkeys(range(len(walls)))
-    # Chains first, from where they begin; what is left then are rings.
+    # Chains first, from where they begin; the rest are rings.
     begins = [wall for wall, ends in enumerate(node.tolist()) if any(len(at[end]) != 2 for end in ends)]
     chains = []
     for first in (*begins, *range(len(walls))):

@@ -31,7 +31,7 @@ class Boxes(NamedTuple):
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first thing, and the number of things."""
     number: Int[np.ndarray, " n"]
-    """What number each thing had before it was sorted into boxes."""
+    """Number of each thing before it was sorted into boxes."""
 
 
 def make_boxes(low: Points, high: Points) -> Boxes:

@@ -1,11 +1,11 @@
-"""What an image sees through its window in space: cones that are clipped, and walls that close them.
+"""View cones of an image through its window in space: their clipping, and their occlusion by walls.
 
 An image looks through a convex piece of the facet that it was mirrored at, its window. What it may reach is
 the cone behind that window: sides through the image and each side of the window. Polygons are clipped to the
 cone; the part of one that a wall hides is cut off, piece by piece, until a piece is found that is seen or
 none is left.
 
-This only saves work: what is not certainly out of view counts as in view, and paths are checked
+This only saves work: everything not certainly out of view counts as in view, and paths are checked
 leg by leg later. So cones are wider by `SLACK_M`, sides that rounding could turn are left out, and a
 polygon that needs too many cuts is seen.
 
@@ -22,7 +22,7 @@ from wireless.geometry.array_types import Planes, Point, Polygon
 from wireless.geometry.boxes import Boxes
 from wireless.geometry.occlusion import Tree, find_blocker
 
-#: Most corners of a polygon; one that would get more stays as it was.
+#: Most corners of a polygon; a polygon that would get more stays unchanged.
 MAX_CORNERS = 24
 #: How much wider cones are [m].
 SLACK_M = 1e-7

@@ -57,7 +57,7 @@ def area_of(polygon: FlatPolygon, n: int) -> float:
 def in_common(
     first: Float[np.ndarray, "n 3 2"], other: Float[np.ndarray, "n 3 2"]
 ) -> tuple[Float[np.ndarray, "n 8 2"], Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """What pairs of triangles have in common: corners, zeros beyond the last, their number, and the area."""
+    """Compute the intersection of pairs of triangles: corners, zeros beyond the last, their number, and the area."""
     corner, count, area = np.zeros((len(first), 8, 2)), np.zeros(len(first), np.int64), np.zeros(len(first))
     polygon, spare = np.empty((8, 2)), np.empty((8, 2))
     for i in range(len(first)):

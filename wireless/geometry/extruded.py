@@ -32,15 +32,15 @@ class Extruded:
     walls: Float[np.ndarray, "n 2 2"]
     """Ends (x, y) [m] of each wall."""
     wall_face: Int[np.ndarray, " n"]
-    """One mesh face of each wall."""
+    """A mesh face of each wall."""
     low_m: float
     """Height of the floor."""
     high_m: float
     """Height of the ceiling."""
     floor_face: int
-    """One face of the floor, -1 if there is none."""
+    """A face of the floor, -1 if there is none."""
     ceiling_face: int
-    """One face of the ceiling, -1 if there is none."""
+    """A face of the ceiling, -1 if there is none."""
 
 
 def find_extruded(
@@ -159,7 +159,7 @@ def _lines(
     snap_m: float,
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]] | None:
     """A point and the direction of the line fitted to each of some segments and those in line with it."""
-    # None if they are in line exactly.
+    # No line is fitted if they are in line exactly.
     ends = _in_space(np.stack([start, start + step], axis=1))
     fits = fit_lines(ends, tolerance_of(ends.reshape(-1, 3), snap_m))
     if fits.off_m.max() <= exact_m(triangles):
@@ -204,7 +204,7 @@ def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height
     at_corner = (at_right ^ (s - left[:, None] < snap)) & (at_top ^ (z < snap))
     if not at_corner.all():
         return False
-    # Of the corners 1, 2, 4 and 8 each half lacks one; those of its other half are opposite: 1 and 8, or 2 and 4.
+    # Each half lacks a corner of 1, 2, 4 and 8; the corners that its halves lack are opposite: 1 and 8, or 2 and 4.
     lacks = 15 - (1 << (at_right + 2 * at_top)).sum(axis=1)
     first, other = np.lexsort((right, left)).reshape(-1, 2).T
     same = (np.abs(left[first] - left[other]) < snap) & (np.abs(right[first] - right[other]) < snap)

@@ -1,4 +1,4 @@
-"""Facets and edges of a triangle mesh: what rays are mirrored at, and what they bend around.
+"""Facets and edges of a triangle mesh, for specular reflection and for diffraction.
 
 A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other share one
 image. Planes are found by `wireless.geometry.tolerance`; `wireless.geometry.overlapping_faces` decides what is met
@@ -61,15 +61,15 @@ class Surfaces(NamedTuple):
     facet_normal: Float[np.ndarray, "f 3"]
     """Unit normal of each facet, of either side."""
     plane: Float[np.ndarray, "f 4"]
-    """The same normals, and the levels of the planes."""
+    """Plane of each facet: its normal, and the level along it."""
     facet_off_m: Float[np.ndarray, " f"]
     """How far the corner that deviates most is off each facet's plane [m]."""
     near_m: float
-    """What is closer than this touches: rounding, and twice what corners are off their planes and lines [m]."""
+    """Tolerance of contact [m]: rounding, and twice the distance of corners from their planes and lines."""
     tolerance_m: float
     """Corners closer to a plane or line than this are in it [m]."""
     facet_face: Int[np.ndarray, " f"]
-    """One mesh face of each facet."""
+    """A mesh face of each facet."""
     edge: Float[np.ndarray, "e 2 3"]
     """Ends of edges [m]."""
     edge_wedge: Float[np.ndarray, "e 3 3"]
@@ -170,7 +170,7 @@ def is_floor_plan(surfaces: Surfaces, slabs: Bool[np.ndarray, " f"]) -> bool:
 
 
 def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces:
-    """The same without the edges of some facets, which are taken to go on beyond the walls."""
+    """Return surfaces without the edges of ground facets, which are taken to go on beyond the walls."""
     inner = ~ground[surfaces.edge_facets].any(axis=1)
     return surfaces._replace(
         edge=surfaces.edge[inner],
@@ -188,7 +188,7 @@ def is_wide(triangle: Triangles, least_m: float) -> Bool[np.ndarray, " t"]:
 
 
 def _with_one_sign(vectors: Points) -> Points:
-    """The same lines, each by the unit vector whose last non-zero component is positive."""
+    """Return the directions of lines, each by the unit vector whose last non-zero component is positive."""
     sign = np.ones(len(vectors))
     for axis in range(3):
         sign = np.where(np.abs(vectors[:, axis]) > ALIKE, np.sign(vectors[:, axis]), sign)

@@ -45,7 +45,7 @@ def new_views(n: int, max_order: int) -> Views:
 
 @compiled
 def _twice(views: Views) -> Views:
-    """The same with twice as much room."""
+    """Return a copy with twice as much room."""
     return Views(
         np.concatenate((views.order, views.order)),
         np.concatenate((views.chain, views.chain)),

@@ -5,8 +5,8 @@ A layer is a storey, or a slab with its openings (`wireless.geometry.stack`). Ea
 level face is between a triangle and one of the next layer, what both cover is a piece of an opening, through which
 views go on. Edges of level faces, such as rims of slabs, are sides of triangles too.
 
-Only rooms count: what has a floor or a ceiling in a storey, and all that openings join to it. A scene whose rooms are
-not closed but for their openings is no stack.
+Only rooms count: regions with a floor or a ceiling in a storey, and all that openings join to them. A scene whose rooms
+are not closed but for their openings is no stack.
 """
 
 from typing import NamedTuple
@@ -47,7 +47,7 @@ class Openings(NamedTuple):
     corner: Float[np.ndarray, "q k 2"]
     """Corners of each piece, counter-clockwise [m]; zeros beyond the last."""
     most_corners: int
-    """Most corners of a window: those of the pieces that were passed, and two of a sector at each."""
+    """Most corners of a window: corners of the pieces that were passed, and two of a sector at each."""
 
 
 class Outline(NamedTuple):
@@ -66,7 +66,7 @@ class Outline(NamedTuple):
     edge_gap_rad: Float[np.ndarray, " e"]
     """Open angle of each."""
     edge_walls: Int[np.ndarray, "e 2"]
-    """Number of 0-face and n-face among the setting's walls; those of rims follow those of the plan."""
+    """Number of 0-face and n-face among the setting's walls; rims follow the edges of the plan."""
 
 
 class Layers(NamedTuple):
@@ -131,7 +131,7 @@ class Stacked(NamedTuple):
 
     layers: Layers
     face: Int[np.ndarray, " n"]
-    """One mesh face of each wall of the plan, then of each face of each rim."""
+    """A mesh face of each wall of the plan, then of each face of each rim."""
     room: Bool[np.ndarray, " t"]
     """Whether each triangle is in a room."""
     sealed: bool
@@ -282,7 +282,7 @@ def _covered(
 
 
 class _Pieces(NamedTuple):
-    """What triangles of two layers have in common."""
+    """Intersections of triangles of two layers."""
 
     below: Int[np.ndarray, " q"]
     """Triangle of the lower layer."""

@@ -21,7 +21,7 @@ from wireless.geometry.tolerance import NEAR_M
 FREE, TOUCHED, HIDDEN = 0, 1, 2
 #: Walls that are passed closer to each other than this [m] are one.
 SAME_M = 1e-6
-#: One over the part of a segment along an axis that it is at right angles to.
+#: Inverse of the extent of a segment along an axis that it is at right angles to.
 _STEEP = 1e300
 
 
@@ -35,7 +35,7 @@ class Tree(NamedTuple):
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first triangle, and the number of triangles."""
     number: Int[np.ndarray, " t"]
-    """What number each triangle had before it was sorted into the tree."""
+    """Number of each triangle before it was sorted into the tree."""
     triangle: Float[np.ndarray, "t 3 3"]
     """Corners of triangles, in the tree's order [m]."""
     normal: Float[np.ndarray, "t 3"]
@@ -45,7 +45,7 @@ class Tree(NamedTuple):
     inward: Float[np.ndarray, "t 3 3"]
     """Unit vectors in the plane, into the triangle from each side (corner k to k + 1)."""
     near_m: float
-    """What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it."""
+    """Tolerance [m]: a segment that passes a triangle by less is occluded; a point nearer to its plane is on it."""
 
 
 def inward_of(triangle: Triangles, normal: Float[np.ndarray, "t 3"]) -> Triangles:
@@ -67,7 +67,7 @@ def make_tree(
     Args:
         triangle: Corners [m].
         plane: Unit normal and level of the plane that each is taken to lie in; None for its own.
-        near_m: What is closer than this touches.
+        near_m: Tolerance of contact.
     """
     if plane is None:
         normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
@@ -125,7 +125,7 @@ def depth_in(triangle: Triangles, inward: Triangles, t: int, x: float, y: float,
 
 @compiled
 def _inverse(step: float) -> float:
-    """One over a step; a segment in a plane of a box is either between its sides or far out of it."""
+    """Return the inverse of a step; a segment in a plane of a box is either between its sides or far out of it."""
     return 1 / step if step != 0 else _STEEP
 
 
@@ -191,7 +191,7 @@ def find_blocker(tree: Tree, p: Point, q: Point) -> int:
 
 @compiled
 def sight_along(tree: Tree, point: Points, legs: int) -> int:
-    """What so many legs from point to point are: `HIDDEN` if one is, `TOUCHED` if one only meets sides, or `FREE`."""
+    """Line of sight along legs: `HIDDEN` if a leg is, `TOUCHED` if a leg only meets sides, or `FREE`."""
     t, touched = _met(tree, point, legs, tree.near_m)
     return HIDDEN if t >= 0 else TOUCHED if touched else FREE
 

@@ -44,7 +44,7 @@ _AT_ONCE = 400_000
 
 
 class Sightings(NamedTuple):
-    """What a point sees over chains of patches."""
+    """Chains of patches over which rays from a point arrive."""
 
     chains: tuple[Int[np.ndarray, "_ _"], ...]
     """Chains of two patches, of three, and so on, in rising order; without doubles."""
@@ -55,7 +55,7 @@ class Sightings(NamedTuple):
 
 
 class Bent(NamedTuple):
-    """What rays meet behind edges."""
+    """Chains of patches that diffracted rays meet behind edges."""
 
     sight: Int[np.ndarray, " b"]
     """Which of the edges that were given."""
@@ -64,12 +64,12 @@ class Bent(NamedTuple):
 
 
 class _Met(NamedTuple):
-    """What rays meet, a row for each patch of each ray."""
+    """Patches that rays meet, a row for each patch of each ray."""
 
     ray: Int[np.ndarray, " m"]
     """Which ray."""
     patch: Int[np.ndarray, " m"]
-    """What it meets."""
+    """Patch that it meets."""
     at: Float[np.ndarray, "m 3"]
     """Where [m]."""
     normal: Float[np.ndarray, "m 3"]
@@ -185,7 +185,7 @@ class Shooter:
         self, start: Points, direction: Points, owner: Int[np.ndarray, " n"], reflections: int
     ) -> list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, "c m"]]]:
         """Owners and chains of what rays meet, of one patch, of two, up to one more than they are mirrored."""
-        # None comes twice.
+        # No row comes twice.
         n_patches = len(self._space.patch_facet)
         chain = np.empty((int(owner.max(initial=-1)) + 1, 0), np.int64)
         node, of_node = owner, np.arange(len(chain))
@@ -208,7 +208,7 @@ class Shooter:
         return result
 
     def _met(self, start: Points, direction: Points, left: Int[np.ndarray, " n"]) -> "_Met":
-        """What rays meet, and beyond what they pass, each with so many walls left to pass."""
+        """Return the patches that rays meet, also behind walls that they pass, each with a number of walls left."""
         hits: list[_Met] = []
         ray = np.arange(len(start))
         while len(ray) or not hits:

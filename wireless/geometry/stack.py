@@ -31,9 +31,9 @@ class Stack:
     walls: tuple[Float[np.ndarray, "_ 2 2"], ...]
     """Ends (x, y) [m] of the walls of each layer, around the origin: storey, slab, storey and so on."""
     wall_face: tuple[Int[np.ndarray, " _"], ...]
-    """One mesh face of each of them."""
+    """A mesh face of each wall."""
     level: tuple[shapely.Geometry, ...]
-    """What faces cover at each height, seen from above [m]."""
+    """Area that faces cover at each height, seen from above [m]."""
 
 
 def find_stack(

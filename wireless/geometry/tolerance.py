@@ -1,10 +1,10 @@
-"""What is one surface: the tolerance of a mesh, and the planes and lines that its triangles lie in.
+"""Coplanar surfaces: the tolerance of a mesh, and the planes and lines that its triangles lie in.
 
 Files round coordinates, mostly to 32 bits, so the triangles of one flat wall are not quite in one plane. Here is the
 only place that decides what is flat: `tolerance_of` estimates how far rounding moves corners, and triangles whose
 corners all lie within that of one plane are one surface. Its plane is fitted to all of them, each weighted by its
 area, and how far its corners are off the plane is known (`Fits.off_m`). Exact meshes have planes that are exact to
-rounding in double precision, whatever the tolerance; what is decided about paths (sight, reflection points, edges)
+rounding in double precision, whatever the tolerance; decisions about paths (sight, reflection points, edges)
 uses `NEAR_M` plus the deviation that was found, and not the tolerance.
 
 Groups grow from the largest triangle outwards, and are fitted again with each ring: a small triangle says nothing of
@@ -21,7 +21,7 @@ from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
 
-#: What double precision cannot distinguish in a building [m]: tolerance of a mesh that is exact.
+#: Resolution of double precision in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9
 #: Tolerance in steps of coordinates: rounding moves corners by up to 0.87, and planes of small triangles by more.
 _STEPS = 4
@@ -31,8 +31,8 @@ _COARSEST, _FINEST = -9, -22
 _FAR = 100.0
 #: Steps of 32-bit numbers above this move walls visibly, and merge surfaces that are apart [m].
 _MOST_STEP_M = 0.003
-#: What lies farther off a group, in lengths of it, is another one, since its plane is uncertain there. What is alone
-#: looks one length around.
+#: A triangle farther off a group, in lengths of it, is another group, since its plane is uncertain there. A single
+#: triangle looks one length around.
 _REACH = 10.0
 
 
@@ -98,7 +98,7 @@ def fit_lines(ends: Float[np.ndarray, "n 2 3"], tolerance_m: float) -> Fits:
 
 
 def exact_m(vertex: Float[np.ndarray, "*n 3"]) -> float:
-    """What double precision rounds at the size of some coordinates, but at least `NEAR_M` [m]."""
+    """Return the rounding of double precision at the size of coordinates, but at least `NEAR_M` [m]."""
     return float(NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
 
 
@@ -247,7 +247,7 @@ def _settle(
     near_m: float,
 ) -> tuple[int, Point, Point, float]:
     """Fit a group with its new members, without those that then are off: how many it has, and its fit."""
-    # What is left out comes last. If a member from before would be off, all new ones are left out.
+    # Members that are left out come last. If a member from before would be off, all new ones are left out.
     while count > before:
         at, to = _fit(corner, size, members[:count], axis)
         farthest, near, good = 0.0, before, True

@@ -188,7 +188,7 @@ def seen_part(
 
 @compiled
 def cut_side(x: float, y: float, side: Bounds, sector: Float[np.ndarray, "4"]) -> Bounds:
-    """What a sector leaves of a side that faces away from the image."""
+    """Clip a side that faces away from the image to a sector."""
     rx, ry, lx, ly = side
     if (rx - x) * (sector[1] - y) - (ry - y) * (sector[0] - x) > 0:
         rx, ry = sector[0], sector[1]
@@ -201,7 +201,7 @@ def cut_side(x: float, y: float, side: Bounds, sector: Float[np.ndarray, "4"]) -
 def cut_behind(
     x: float, y: float, tip_x: float, tip_y: float, right: bool, sector: Float[np.ndarray, "4"]
 ) -> Bounds:
-    """What a sector leaves of the right or left one of the sides at the tip opposite to the side that it came by.
+    """Clip to a sector the right or left side at the tip opposite to the side that it came by.
 
     It has no width if it leaves nothing.
     """

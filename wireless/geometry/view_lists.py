@@ -28,7 +28,7 @@ class EdgeList(NamedTuple):
 
     hit: Int[np.ndarray, "e 2"]
     seen_range: Float[np.ndarray, "e 2"]
-    """What is seen of each."""
+    """Visible range of each edge."""
     stamp: Int[np.ndarray, " c"]
     """The view that each corner was found in last."""
 
@@ -47,11 +47,11 @@ class Trail(NamedTuple):
     step: Int[np.ndarray, "n 2"]
     """Triangles, and the sides that they are entered by; -1 where the view begins with all of a triangle."""
     sector: Float[np.ndarray, "n 4"]
-    """What is in view there."""
+    """Sector in view there."""
     hit: Int[np.ndarray, "m 2"]
     """Steps at which walls are met, and sides of their triangles."""
     bounds: Float[np.ndarray, "m 4"]
-    """What is in view of each wall."""
+    """Range of each wall in view."""
 
 
 class Stack(NamedTuple):
@@ -75,7 +75,7 @@ def new_views(source: Point) -> ViewList:
 
 @compiled
 def more_views(views: ViewList) -> ViewList:
-    """The same with twice as much room."""
+    """Return a copy with twice as much room."""
     image, chain, begin = longer(views.image), longer(views.chain), longer(views.begin)
     return ViewList(
         image, chain, begin, longer(views.sector), longer(views.window_span), longer(views.rise_m)

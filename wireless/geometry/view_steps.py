@@ -154,7 +154,7 @@ def follow(
         eye: The view.
         starts: Triangles that it begins with.
         enters: The side that it enters by; -1 for all of the triangles.
-        begin: What is in view there.
+        begin: Sector in view there.
         aside: Whether that matters where it enters by no side.
         reach2: Square of how far it reaches [m2].
         trail: Takes what it passes.

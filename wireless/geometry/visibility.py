@@ -1,4 +1,4 @@
-"""What a point sees of a floor plan or of stacked storeys, directly and over mirrors.
+"""Visibility of a floor plan or of stacked storeys from a point, in line of sight and by the image method.
 
 A view starts in the triangle around its source and goes on through the sides that are no walls, narrowed to the sector
 that is seen through each (triangular expansion). Where it meets a wall, the sector becomes that of the mirrored source.
@@ -48,13 +48,13 @@ class Visibility(NamedTuple):
     image: Float[np.ndarray, "b 2"]
     """Mirrored source of each view; the first is the source itself."""
     chain: Int[np.ndarray, "b 5"]
-    """Of each view the wall that it was mirrored at or passed last, the view before it (-1 for none), its numbers of
+    """Wall that each view was mirrored at or passed last, the view before it (-1 for none), its numbers of
     reflections and of walls passed, and 1 if that wall was passed. A view through an opening repeats that before it."""
     edge_hit: Int[np.ndarray, "e 2"]
     """Pairs of edge and view. Edges are corners, and after these rims."""
     edge_range: Float[np.ndarray, "e 2"]
-    """Of a corner the least and most height gained on each metre of the plan for which it is seen; of a rim, from where
-    to where along it is seen [m]."""
+    """Visible range: for a corner, least and most height gained per metre of the plan; for a rim, from where to where
+    along it [m]."""
     last_visit: Int[np.ndarray, " t"]
     """Last visit of each triangle by a view; -1 for none."""
     visit: Int[np.ndarray, "v 3"]

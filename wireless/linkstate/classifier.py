@@ -55,7 +55,7 @@ class LinkStateClassifier:
             states: States possible of links with paths.
             temperature: See `wireless.linkstate.calibration`.
             route: Weights of the network that fuses measurements along routes, see `wireless.linkstate.follower`.
-            card: What is known about the training and the scores.
+            card: Record of the training and the scores.
 
         Raises:
             ValueError: If weights do not fit the model, or one is no number.
@@ -124,7 +124,7 @@ class LinkStateClassifier:
         return make_tokens(aoa_rad, snr_db, **others)
 
     def predict_tokens(self, tokens: Float32[np.ndarray, "n 5 5"]) -> Float[np.ndarray, "n 4"]:
-        """The same from `make_tokens`."""
+        """Predict link states from the array of `make_tokens`."""
         probability = np.zeros((len(tokens), N_STATES))
         reached = is_path(tokens).any(1)
         probability[~reached, LinkState.OUTAGE] = 1.0

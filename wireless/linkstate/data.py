@@ -45,7 +45,7 @@ class Links:
     """Names of the buildings, sorted."""
 
     def __getitem__(self, rows: Bool[np.ndarray, " n"]) -> "Links":
-        """Some of the links."""
+        """Return the links of a mask."""
         return Links(
             **{name: values if name == "names" else values[rows] for name, values in vars(self).items()}
         )
@@ -91,7 +91,7 @@ def read_links(data: Path) -> Links:
 
 def is_data_set(data: Path) -> bool:
     """Whether a folder is a data set of our own."""
-    # One that cannot be read is said to be, rather than passed over.
+    # A folder that cannot be read is reported, rather than passed over.
     return os.path.lexists(data / "manifest.json")
 
 

@@ -1,4 +1,4 @@
-"""What a path, and a pair of paths, say about the link state: geometry that a mirrored building keeps.
+"""Features of paths and of pairs of paths for link states: geometry that a mirrored building keeps.
 
 With azimuths of arrival a and departure d, both in the frame of the building:
 
@@ -138,7 +138,7 @@ def place_features(
     moved_m: Float[np.ndarray, "routes places"],
     inputs: Sequence[str],
 ) -> Float32[np.ndarray, "routes places f"]:
-    """What the network for routes sees of each place: log probabilities first."""
+    """Return the inputs of the network for routes at each place: log probabilities first."""
     x = np.nan_to_num(tokens, nan=0.0)
     snr = np.nan_to_num(tokens[..., SNR], nan=SNR_LIMITS_DB[0]).clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
     arrival = x[..., AOA]
@@ -163,7 +163,7 @@ def place_feature_count(inputs: Sequence[str]) -> int:
 def _departure_features(
     a: Float32[np.ndarray, "n 5"], d: Float32[np.ndarray, "n 5"], arrival: Float32[np.ndarray, "n 5 5"]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """What departures add to the features of paths and of pairs."""
+    """Return the additional features of paths and of pairs by angles of departure."""
     back, mirror = wrapped(a - d - math.pi), wrapped(2 * (a + d)) / 2
     path = [np.cos(back), abs(back) / math.pi, *(_bump(back, width) for width in (4, 10, 30))]
     path += [np.cos(mirror), _bump(mirror, 5), _bump(mirror, 12), _bump(wrapped(2 * mirror) / 2, 6)]

@@ -68,7 +68,7 @@ class Follower:
         return self.update_tokens(tokens[0], moved_m)
 
     def update_tokens(self, tokens: Float32[np.ndarray, "5 5"], moved_m: float) -> Float[np.ndarray, "4"]:
-        """The same from `make_tokens`."""
+        """Update by the array of `make_tokens`."""
         alone = self.classifier.predict_tokens(tokens[None]).astype(np.float32)
         probability, both, moves = alone, tokens[None], np.zeros(1, np.float32)
         if self._before is not None:

@@ -35,7 +35,7 @@ N_STATES = 4
 WIDEST = 512
 #: Largest magnitude of a weight. Trained weights are of order one; damaged ones overflow float32.
 LARGEST = 1e6
-#: What normalisation adds to variances; PyTorch's own.
+#: Constant that normalisation adds to variances, as in PyTorch.
 _EPSILON = np.float32(1e-5)
 
 

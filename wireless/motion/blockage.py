@@ -38,7 +38,7 @@ _LEAST = 1e-15
 
 
 class Blockage(NamedTuple):
-    """What bodies do to paths."""
+    """Blockage of paths by bodies."""
 
     factor: Complex[np.ndarray, " n"]
     """By which the gain of each path is multiplied."""
@@ -49,7 +49,7 @@ class Blockage(NamedTuple):
 
 
 def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Paths, Blockage]:
-    """The same paths, weakened by bodies, strongest first again.
+    """Return the paths attenuated by bodies, strongest first again.
 
     Paths that no body affects keep every bit. Link states follow the powers: `link_state` of the given
     paths is that of the building, and of the returned ones that of the building with the bodies in it.
@@ -57,7 +57,7 @@ def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Pat
     Args:
         paths: Paths of any links.
         bodies: Bodies, also none.
-        model: One of `wireless.em.screens.SCREEN_MODELS`.
+        model: A key of `wireless.em.screens.SCREEN_MODELS`.
 
     Returns:
         Paths, and what the bodies do to each of them, in the same order.
@@ -84,7 +84,7 @@ def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[
 
 
 def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> Blockage:
-    """What bodies do to each path, in the order of the paths; see `block`."""
+    """Compute the blockage of each path by bodies, in the order of the paths; see `block`."""
     check_choice("model", model, tuple(SCREEN_MODELS))
     n = len(paths)
     blockage = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
@@ -180,7 +180,7 @@ def _factor(
     wavelength_m: float,
     phases: bool,
 ) -> complex:
-    """What one body does to the segment from a to b of a wave that has come and has to go as far as ends_m beyond."""
+    """Compute the factor of a body on the segment from a to b of a wave that goes on by ends_m beyond both ends."""
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     level = np.hypot(x, y)
     if level < NOWHERE_M:

@@ -30,7 +30,7 @@ SIGHT = TracerConfig(max_reflections=0, diffraction=False, max_transmissions=0, 
 def add_echoes(
     paths: Paths, bodies: Bodies, sight: Tracer, *, cross_section_m2: float = PERSON_CROSS_SECTION_M2
 ) -> Paths:
-    """The same paths and one off each body that both ends of a link see, strongest first.
+    """Return the paths and an echo off each body that both ends of a link see, strongest first.
 
     Args:
         paths: Paths of any links.

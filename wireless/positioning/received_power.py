@@ -10,7 +10,7 @@ independent. Power at 1 m P1, exponent n, loss of a wall L, and the receiver's p
 the robot's body, have normal priors. P is linear in them, so the density of all readings given the candidate has a
 closed form (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
 
-Both ends are short vertical dipoles at different heights: below the transmitter there is no peak.
+The antennas at both ends are short vertical dipoles at different heights: below the transmitter there is no peak.
 """
 
 import math
@@ -115,7 +115,7 @@ def log_evidence(
         readings: Received powers.
         candidates: Places [m].
         walls: Number of walls between each reading and each candidate.
-        config: What is known before.
+        config: Prior of the model's parameters.
     """
     c = config or PowerLawConfig()
     if not len(readings.xy):

@@ -54,7 +54,7 @@ class MeasuredPaths:
     """Delay times the speed of light [m], with the offset of the clocks."""
 
     def chosen(self, which: Bool[np.ndarray, " n"] | slice) -> "MeasuredPaths":
-        """Some of the paths."""
+        """Return the paths of a mask or slice."""
         return MeasuredPaths(**{name: values[which] for name, values in vars(self).items()})
 
 
@@ -68,11 +68,11 @@ class PositioningConfig:
     sigma_known_rad: Annotated[float, Range(1e-6, 1, "rad")] = math.radians(1.5)
     """Standard deviation of directions at the known end [rad]."""
     sigma_own_rad: Annotated[float, Range(1e-6, 1, "rad")] = math.radians(2.0)
-    """The same at the end that is looked for [rad]."""
+    """Standard deviation of azimuths at the end that is searched for [rad]."""
     cut: Annotated[float, Range(0.1, 1000)] = 6.0
     """Squared deviations from which on a path is taken to be no single bounce."""
     straight_weight: Annotated[float, Range(0.1, 100)] = 2.0
-    """What a path in line of sight counts for among bounces: chance agrees with it more seldom."""
+    """Weight of a path in line of sight among bounces: chance agrees with it more seldom."""
     heading_step_rad: Annotated[float, Range(1e-3, 1, "rad")] = math.radians(2.0)
     """Headings are tried in such steps [rad]."""
     max_offset_m: Annotated[float, Range(0.01, 1e5, "m")] = 5.0
@@ -92,7 +92,7 @@ class Located:
     straight: Bool[np.ndarray, " n"]
     """Paths of them that are in line of sight."""
     covariance: Float[np.ndarray, "4 4"]
-    """Of x, y [m], heading [rad] and offset [m], as far as the paths that agree determine them; infinite otherwise."""
+    """Covariance of x, y [m], heading [rad] and offset [m] by the paths that agree; infinite where undetermined."""
     cost: float
     """Less is better; a path that agrees to the point lowers it by `cut`."""
 
@@ -107,10 +107,10 @@ def locate(
     """Find a radio.
 
     Args:
-        paths: What was measured.
+        paths: Measured paths.
         config: How well, and how to look.
         offset_m: Offset of the clocks [m], if it is known.
-        rng: Draws sets of paths where there are too many; one of seed 0 if not given.
+        rng: Draws sets of paths where there are too many; a generator of seed 0 by default.
 
     Raises:
         ValueError: If the paths are too few for any estimate.

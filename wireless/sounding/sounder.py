@@ -110,7 +110,7 @@ class Rays:
         return len(self.gain)
 
     def __getitem__(self, links: slice) -> "Rays":
-        """Some of the links."""
+        """Return the rays of a slice of the links."""
         return replace(self, **{f.name: getattr(self, f.name)[links] for f in fields(self)})
 
     @classmethod
@@ -154,7 +154,7 @@ class Rays:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clocks:
-    """What is random about links besides noise."""
+    """Random clocks of links, besides noise."""
 
     offset: Float[np.ndarray, " links"]
     """Delay of the strongest path in the receiver's recording [samples]."""
@@ -236,7 +236,7 @@ class Sounder:
     def snr_of_seen_db(
         self, energy: Float[np.ndarray, "*batch"], seen: Float[np.ndarray, "*batch"]
     ) -> Float[np.ndarray, "*batch"]:
-        """The same, where the squared norm of a path's receive and transmit signatures together is known."""
+        """SNR [dB], where the squared norm of a path's receive and transmit signatures together is known."""
         with np.errstate(divide="ignore"):
             gain_db = 10 * np.log10(energy / seen) - self.config.snr_per_gain_db
         return gain_db + self.budget_db

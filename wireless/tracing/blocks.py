@@ -2,8 +2,8 @@
 
 A block is some transmitters and some receivers. Blocks do not depend on the number of workers, and no link
 depends on its block, so that results are the same bit for bit however many there are. Threads suffice, since
-the inner loops let go of the interpreter lock (`robosim.support.compiled`). What fits in one block is traced at
-once: a single link pays for no threads.
+the inner loops let go of the interpreter lock (`robosim.support.compiled`). A set of links that fits in
+one block is traced at once: a single link pays for no threads.
 """
 
 import itertools
@@ -83,6 +83,6 @@ def trace_blocks(
 
 
 def _packed(table: Table) -> Table:
-    """The same without the rows that no path fills."""
+    """Return a table without the rows that no path fills."""
     used = int(table.n_paths.sum())
     return Table(table.n_paths, *(column[:used].copy() for column in table[1:]))

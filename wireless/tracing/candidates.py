@@ -1,9 +1,9 @@
 """Candidates for paths among very many triangles, found once for each transmitter and stored.
 
-Where patches are few, all that can be is tried: chains of two patches that are not certainly hidden, edges over one,
-and one behind an edge. What is longer, and where patches are many all but single patches and edges, rays find that
-the transmitter shoots and that edges bend; and what is next to the pairs that they find. Where paths may pass walls,
-only what lets nothing through hides. What is found depends on nothing but the transmitter's place and the number of
+Where patches are few, all short chains are tried: two patches that are not certainly hidden, edges over one patch, and
+one patch behind an edge. Rays from the transmitter, also diffracted ones, find longer chains, and where patches are
+many all but single patches and edges; neighbours of their pairs are added. Where paths may pass walls, only opaque
+walls occlude. The result depends on nothing but the transmitter's place and the number of
 rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same candidates.
 """
 
@@ -49,7 +49,7 @@ Possible = Callable[[Int[np.ndarray, "_ 2"]], Int[np.ndarray, "_ 2"]]
 
 
 class Reach(NamedTuple):
-    """What a transmitter may reach."""
+    """Chains of patches and edges that a transmitter may reach."""
 
     chains: OpenChains
     """Chains of patches."""
@@ -86,7 +86,7 @@ class Candidates:
             yield trace_candidates(self._space, self._setting, source, rx, *self._reach(source), self._most)
 
     def _reach(self, tx: Point) -> Reach:
-        """What a transmitter may reach, as remembered or found now."""
+        """Return the chains that a transmitter may reach, as cached or searched now."""
         key = tx.tobytes()
         with self._lock:  # another thread may be about to find the same
             if key in self._known:
@@ -226,7 +226,7 @@ class Candidates:
 
 
 def hidden_by_opaque(space: Space) -> Space:
-    """The same space, in which what lets paths through hides nothing."""
+    """Return a space in which walls with transmission occlude nothing."""
     opaque = np.flatnonzero(~space.tree_passes)
     old = space.tree
     plane = np.column_stack([old.normal, old.level])

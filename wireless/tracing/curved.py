@@ -8,7 +8,7 @@ as along any path. Walls, floor and ceiling may reflect before and after it, and
 
 The legs are traced, by the plan's engine, to places around each arc (`wireless.geometry.arcs`), and count for the part
 of the arc around that place; then the path is laid out exactly. What the flat walls of an arc reflect, or their corners
-diffract, away from it is left out; what bends around it is not.
+diffract, away from it is left out; paths diffracted around it are not.
 
 Left out: two arcs on a path, the inner side of curved walls, waves that creep around an arc.
 Reference: McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction, 1990,

@@ -127,7 +127,7 @@ def lay_out(
     """Put a path into `path`; legs may be hidden.
 
     Args:
-        ground: What paths are laid out over.
+        ground: Facets and edges that paths are laid out over.
         ends: Transmitter and receiver.
         near: Patches from the transmitter.
         edge: Edge behind these; -1 for none.

@@ -1,10 +1,10 @@
 """The strongest paths of links among very many triangles: candidates of the transmitter, computed and checked exactly.
 
 For each transmitter there is a table of what it may reach, over patches and edges (`wireless.tracing.candidates`).
-One sweep over it leaves few rows for each receiver (`wireless.tracing.receiver_sweep`). Those are laid out and checked
-as in exhaustive search (`wireless.tracing.path_layout`, `wireless.tracing.space_paths`), so that each path is one that
-exhaustive search finds; what is not in the table is missed. Of edges what may be strongest comes first, so that a full
-list spares the rest. Rows do not name walls that are passed: these are found on the legs of paths.
+One sweep over it leaves few rows for each receiver (`wireless.tracing.receiver_sweep`). These rows are laid out and
+checked as in exhaustive search (`wireless.tracing.path_layout`, `wireless.tracing.space_paths`), so that each path is
+one that exhaustive search finds; paths that are not in the table are missed. The edges that may be strongest come
+first, so that a full list spares the rest. Rows do not name walls that are passed: these are found along the legs.
 """
 
 from typing import NamedTuple
@@ -52,9 +52,9 @@ class _Rows(NamedTuple):
     far: Int[np.ndarray, "n l"]
     """Patches behind it, the first from the receiver first."""
     bound: Float[np.ndarray, " n"]
-    """What the power of each cannot exceed."""
+    """Upper bound of the power of each."""
     bare: Float[np.ndarray, " n"]
-    """The same if its patches reflected everything."""
+    """Upper bound if its patches reflected everything."""
 
 
 @compiled
@@ -129,7 +129,7 @@ def _rough_bounds(
     least: float,
     sight: Points,
 ) -> Float[np.ndarray, " n"]:
-    """What the power over edges cannot exceed if their faces were mirrors; -1 if it is none or below the least."""
+    """Upper bounds of the power over edges if their faces were mirrors; -1 if it is zero or below the least."""
     # Puts where the receiver's image is, as seen from the edge, into `sight` (see `edge_sight`).
     rough, far, image = np.empty(len(mine)), edges.far, np.empty((edges.far.shape[1] + 1, 3))
     for h in range(len(mine)):
@@ -162,7 +162,7 @@ def _bounds(
     ends: Float[np.ndarray, "2 3"],
     sight: Float[np.ndarray, "m 3"],
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """What the power over some edges cannot exceed, and what if patches reflected everything."""
+    """Upper bounds of the power over edges, and the bounds if patches reflected everything."""
     # For many at once, as handing these tables on takes longer than finding one. Sights are those of `_rough_bounds`.
     edge, edge_wedge, gaps = ground.edge, ground.edge_wedge, ground.edge_gap_rad
     edge_facets, plane, patch_facet = ground.edge_facets, ground.plane, ground.patch_facet
@@ -185,7 +185,7 @@ def _bounds(
         )
         bare[j] = close_edge_bound(phi, phi_source, gap, wavenumber, before, after, sin_b0, faces)
         bound[j] = bare[j]
-        # Of the patches, those next to the receiver and next to the edge count.
+        # The patches next to the receiver and next to the edge count.
         far, order = edges.far[q, 0], 0
         if far >= 0:
             cosine = 0.0
@@ -216,7 +216,7 @@ def _bend(
             np.empty((len(mine), 3)),
         )
         rough = _rough_bounds(ground, setting.wavenumber, edges, mine, links.rx[r], least, sight)
-        # What may be strongest comes first, so that a full list spares the rest.
+        # Edges that may be strongest come first, so that a full list spares the rest.
         order = np.argsort(-rough, kind="mergesort")
         order = order[: (rough >= 0).sum()]
         for first in range(0, len(order), _LOT):
@@ -246,7 +246,7 @@ def trace_candidates(
     reflected: Reflected,
 ) -> Table:
     """Strongest paths from one transmitter to many receivers over what it may reach; `edges` is None for no edges."""
-    # One loop, as numba takes some 10 us to make each record that Python sees.
+    # A single loop, as numba takes some 10 us to make each record that Python sees.
     links, work = make_links(setting, tx, rx), make_workspace(setting)
     _reflect(space, setting, links, chains, reflected, work)
     if edges is not None:

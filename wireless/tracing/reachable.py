@@ -1,4 +1,4 @@
-"""What a transmitter may reach, prepared once for all receivers: chains of patches, and edges with patches around them.
+"""Chains that a transmitter may reach, prepared once for all receivers: patches, and edges with patches around them.
 
 Each row of these tables shows in some ten operations whether a receiver may get a path from it, and no row depends on
 receivers. A chain of patches is an image and the window that it looks through. An edge comes with the image that it is
@@ -45,7 +45,7 @@ class SeenEdges(NamedTuple):
     order: Int[np.ndarray, " q"]
     """Number of patches that each is seen over."""
     over: Int[np.ndarray, "q m"]
-    """These patches, the first from the transmitter first; -1 beyond the last."""
+    """Numbers of these patches, the first from the transmitter first; -1 beyond the last."""
     place: Float[np.ndarray, "q 3"]
     """Where the image is, as seen from the edge (`wireless.tracing.path_layout.edge_sight`)."""
     seen_range: Float[np.ndarray, "q 2"]
@@ -201,7 +201,7 @@ def can_bend(
     Args:
         ground: Planes of patches, and edges.
         sights: Edges, where their images are, and what these see of the edges.
-        pairs: A sight and a patch each; those of one sight in a row.
+        pairs: A sight and a patch each; pairs of a sight in a row.
         sphere: Centre and radius of a sphere around each patch [m].
         side: Which side of each can be reached, see `wireless.geometry.reachable_sides.Backs.seen_from`.
     """
@@ -255,7 +255,7 @@ def make_edge_chains(space: Space, sights: SeenEdges, behind: list[Bent]) -> Edg
     edge, place, seen_range = sights.edge[sight], sights.place[sight], sights.seen_range[sight]
     along = space.ground.edge_wedge[edge, 0]
     begin = space.ground.edge[edge, 0] + seen_range[:, :1] * along
-    for patch in far.T[::-1]:  # what is next to the edge comes first
+    for patch in far.T[::-1]:  # the patch next to the edge comes first
         with_patch = np.flatnonzero(patch >= 0)
         normal, level = space.panes.plane[patch[with_patch], :3], space.panes.plane[patch[with_patch], 3]
         off = np.einsum("qi,qi->q", begin[with_patch], normal) - level

@@ -146,7 +146,7 @@ class Scattering:
             law = None if alpha < 0 else int(alpha)
             shape[mask] = lobe(cos_psi[mask], cos_s[mask], law) / lobe_integral(cos_i[mask], law)
         te, tm = _reflected(cos_i, setting.walls, wall, setting.wavenumber)
-        # Of a vertical field, theta, the TE part is that along ray x normal.
+        # The TE component of a vertical field, theta, is that along ray x normal.
         level2, sine2 = np.maximum(1 - ray[:, 2] ** 2, 1e-12), 1 - cos_i**2
         sideways = (ray[:, 0] * normal[:, 1] - ray[:, 1] * normal[:, 0]) ** 2
         vertical_te = np.clip(sideways / (level2 * np.maximum(sine2, 1e-12)), 0.0, 1.0)

@@ -34,8 +34,8 @@ logger = logging.getLogger(__name__)
 #: From so many facets on, chains of them are found by rays: below, what a transmitter's own search takes is more than
 #: its first links take by exhaustive search.
 MANY_FACETS = 150
-#: What transmitters see is stored for their next links: of so many, and no more than this [bytes]; not if their views
-#: pass triangles more often than that.
+#: Visibility of transmitters is stored for their next links: of so many, and no more than this [bytes]; not if their
+#: views pass triangles more often than that.
 STORED_SIGHTS, STORED_BYTES, MOST_VISITS = 32, 32_000_000, 500_000
 #: Where each point's triangles begin (and an end), and these triangles.
 Around = tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]
@@ -71,7 +71,7 @@ class PlanScene:
         self._layers = one_storey(self.plan, extruded.low_m, extruded.high_m)
         self.outline = self._layers.outline
         self._region = regions(plan)
-        #: What was found last: links of the same transmitter and region follow each other.
+        #: Visibility of the last transmitters: links of the same transmitter and region follow each other.
         self._around: dict[bytes, Around] = {}
         self._passed: dict[int, tuple[Layers, Setting]] = {}
         self._sights: dict[tuple[bytes, int], Visibility] = {}
@@ -87,7 +87,7 @@ class PlanScene:
         limits = limits_of(setting, MOST_VISITS)
 
         def visible(source: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
-            """What a transmitter sees, where paths must not leave a region; stored for its next links."""
+            """Return the visibility from a transmitter in a region that paths must not leave; stored for next links."""
             key = source[:2].tobytes(), region
             visibility = self._sights.get(key)
             if visibility is None:
@@ -101,7 +101,7 @@ class PlanScene:
         return trace_plans(layers, setting, limits, (tx, around_tx), (rx, around_rx), visible, workers)
 
     def misplaced(self, points: Points) -> str:
-        """What is wrong with points, around the origin, that do not lie between floor and ceiling; empty if all do."""
+        """Return an error message for points, around the origin, not between floor and ceiling; empty if all are."""
         z, low, high = points[:, 2], self.extruded.low_m, self.extruded.high_m
         if np.all((z >= low) & (z <= high)):
             return ""
@@ -119,7 +119,7 @@ class PlanScene:
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
 
     def limited(self, **limits: Any) -> "PlanScene":
-        """The same scene with some fields of its setting changed."""
+        """Return the scene with fields of its setting changed."""
         scene = copy(self)
         scene.setting = self.setting._replace(**limits)
         scene._around, scene._passed, scene._sights = {}, {}, {}
@@ -168,7 +168,7 @@ class PlanScene:
 
 
 class SpaceScene:
-    """Any triangles, and how links among them are traced.
+    """Scene of arbitrary triangles, and how links among them are traced.
 
     Heights of floors and ceilings (`level_m`) are those of storeys, if it has some.
     """

@@ -1,4 +1,4 @@
-"""One path in space: looked at leg by leg, weighed, and entered into a link's list.
+"""Paths in space: line of sight of each leg, power, and entry into a link's list.
 
 It is laid out before (`wireless.tracing.path_layout`). No leg may pass more walls than are left to pass.
 """
@@ -51,7 +51,7 @@ class Links(NamedTuple):
     rx: Float[np.ndarray, "r 3"]
     """Receivers."""
     ends: Float[np.ndarray, "r 2 3"]
-    """Both, for each receiver."""
+    """Transmitter and receiver, for each receiver."""
     rank: Float[np.ndarray, "r k 5"]
     parts: Int[np.ndarray, "r k w"]
     """Edge (-1 for none), numbers of patches before and behind it, and these, the first from either end first."""
@@ -60,7 +60,7 @@ class Links(NamedTuple):
 
 
 class Link(NamedTuple):
-    """One of them."""
+    """A link of `Links`."""
 
     ends: Float[np.ndarray, "2 3"]
     """Transmitter and receiver."""
@@ -74,7 +74,7 @@ class Workspace(NamedTuple):
     layout: Layout
     """Shares the path of `scratch`."""
     parts: Int[np.ndarray, " w"]
-    """What the path is made of, see `Links`."""
+    """Edge and patches of the path, see `Links`."""
     share: Float[np.ndarray, " k"]
     """Walls that a leg passes: shares of the leg."""
     triangle: Int[np.ndarray, " k"]

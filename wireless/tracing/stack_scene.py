@@ -91,7 +91,7 @@ class StackScene:
         return np.searchsorted(of[order], np.arange(len(points) + 1)), triangles[order]
 
     def misplaced(self, points: Points) -> str:
-        """What is wrong with points, around the origin, that do not lie in rooms; empty if all do."""
+        """Return an error message for points, around the origin, that do not lie in rooms; empty if all do."""
         start, triangle = self._around(points)
         if (np.diff(start) > 0).all() and self.room[triangle].all():
             return ""

@@ -16,7 +16,7 @@ THICKEST_WALL_M = 1.0 + 1e-6
 
 
 class Setting(NamedTuple):
-    """What paths are made of, and how many are listed."""
+    """Physics of paths, and how many are listed."""
 
     walls: Complex[np.ndarray, "n l"]
     """Layers of each wall, then of floor and ceiling, see `wireless.em.fresnel.fresnel`."""
@@ -45,7 +45,7 @@ class Setting(NamedTuple):
     max_interactions: int
     """Most interactions of a path, of all kinds, a passed wall counted once."""
     max_met: int
-    """The same with each face of passed walls counted."""
+    """Largest number with each face of passed walls counted."""
     vertical: float
     """Weight of the power from theta to theta."""
     horizontal: float
@@ -123,7 +123,7 @@ def make_table(setting: Setting, n_rx: int, rows: int) -> Table:
 
 @compiled
 def with_room(setting: Setting, table: Table, rows: int) -> Table:
-    """The same table, or a copy with at least so many rows: memory follows what is found, not what may be."""
+    """Return the table, or a copy with at least so many rows: memory follows the paths that exist."""
     if rows <= len(table.power):
         return table
     larger, used = make_table(setting, len(table.n_paths), max(rows, 2 * len(table.power))), len(table.power)
@@ -229,7 +229,7 @@ def _thickness_m(scratch: Scratch, i: int, j: int) -> float:
 def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path of m interactions laid out in `scratch`, gain set; length -1 if it is none.
 
-    What has no power, having met a wall that lets nothing through, is none.
+    A path without power, having met an opaque wall, is left out.
 
     A wedge on the path, if there is one, fills an angle of (2 - n) pi.
     """
@@ -250,10 +250,10 @@ class Best(NamedTuple):
     """Strongest paths of a link so far, strongest first."""
 
     rank: Float[np.ndarray, "k 5"]
-    """Power, length, directions at both ends and a number for the sequence of interactions: what agrees in all is one
-    path, found twice because it passes an end of a wall."""
+    """Power, length, directions at both ends and a number for the sequence of interactions: rows that agree in all are
+    one path, found twice because it passes an end of a wall."""
     parts: Int[np.ndarray, "k w"]
-    """What each path is made of, each engine in as many numbers as it needs."""
+    """Elements of each path, in as many numbers as the engine needs."""
 
 
 @compiled

@@ -80,7 +80,7 @@ class Scene(Protocol):
 
     @property
     def face_material(self) -> Integer[np.ndarray, " n_faces"]:
-        """What each face is made of: index into `materials`."""
+        """Material of each face: index into `materials`."""
 
     @property
     def floor_ceiling(self) -> bool:
@@ -111,8 +111,8 @@ class TracerConfig:
     """Most walls that a path passes; half-spaces let nothing through. None for 2 below 10 GHz, and for no wall from
     there on."""
     wall_passage: Literal["wall", "face"] = "wall"
-    """What counts as a wall: both faces of a drawn wall or a solid together, which are passed once, or each face alone,
-    as in the published grids. A sheet without thickness is a wall in both."""
+    """Wall of a transmission: the two faces of a drawn wall or a solid together, which are passed once, or each face
+    alone, as in the published grids. A sheet without thickness is a wall in both."""
     max_interactions: Annotated[int | None, Range(0, MOST_INTERACTIONS)] = None
     """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: Annotated[float | None, Range(1e-9, THICKEST_M, "m")] = None
@@ -133,7 +133,7 @@ class TracerConfig:
     max_paths: Annotated[int, Range(1, MOST_PATHS, "paths")] = 25
     """Most paths of a link: the strongest ones."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
-    """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
+    """Antennas' polarisation, for a path's power; "both" is the mean over the two at the transmitter."""
     scene: Literal["auto", "plan", "storeys", "space"] = "auto"
     """Trace as floor plan, as storeys over each other, in space, or as what it is."""
     search: Literal["auto", "exhaustive", "rays"] = "auto"
@@ -285,7 +285,7 @@ class Tracer:
     def _scenes(
         self, mesh: trimesh.Trimesh, of_face: Int[np.ndarray, " n_faces"], slabs_reflect: bool | None
     ) -> tuple[PlanScene | StackScene | SpaceScene, Callable[[], SpaceScene]]:
-        """What the mesh is traced as, and how points are traced that lie outside of a plan or of storeys.
+        """Return the scene that the mesh is traced as, and a factory of the scene for points outside of it.
 
         `slabs_reflect` is what the scene says of `TracerConfig.floor_ceiling`, None for a mesh.
         """

@@ -31,7 +31,7 @@ class Link(NamedTuple):
     far_chain: Int[np.ndarray, "d 5"]
 
 
-#: What a path is made of, as numbers: view of the transmitter, edge (corners, then rims; -1 for none), view of the
+#: Elements of a path, as numbers: view of the transmitter, edge (corners, then rims; -1 for none), view of the
 #: receiver, and reflections at floor and ceiling (positive if the ceiling comes first, negative for the floor).
 Parts = Int[np.ndarray, "4"]
 

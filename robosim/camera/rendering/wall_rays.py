@@ -36,7 +36,7 @@ def wall_tiles(walls: Float[np.ndarray, "n 2 2"]) -> WallTiles:
     low, high = walls.min(axis=(0, 1)) - TILE_M, walls.max(axis=(0, 1)) + TILE_M
     nx, ny = (int(count) for count in np.ceil((high - low) / TILE_M))
     segments = np.column_stack([walls[:, 0], walls[:, 1] - walls[:, 0]]).astype(float)
-    # One column more than there are tiles, for the end of the last list.
+    # A column more than there are tiles, for the end of the last list.
     first = np.zeros((nx + 1, ny), np.int64)
     _sort_in(segments, low, first, np.zeros(0, np.int64))
     flat = first.ravel()

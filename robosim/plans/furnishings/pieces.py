@@ -292,7 +292,7 @@ PIECES: dict[str, type[Cupboard | Plant]] = {
     "cupboard": Cupboard,
     "plant": Plant,
 }
-#: Those of chipboard; the others are of wood.
+#: Pieces of chipboard; the others are of wood.
 _CHIPBOARD = ("sofa", "bed", "cupboard", "shelf")
 #: Their colours; the others have that of wood.
 _COLOUR = {
@@ -319,7 +319,7 @@ def make_piece(
     """A piece of furniture at a place.
 
     Args:
-        piece: One of `PIECES`.
+        piece: Key of `PIECES`.
         at: Place of its middle, x, y [m] in `map`.
         yaw_rad: Its rotation, counter-clockwise [rad]; its back is at -y.
         z_m: Its height above the floor [m].

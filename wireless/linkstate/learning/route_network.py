@@ -2,8 +2,8 @@
 
 A hand-made filter of the probabilities does not help: a classifier is surest where the state changes, and its
 errors persist for metres, so that a Markov chain in the distance moved loses more at borders than it gains
-between them (measured: 1 to 2 points worse than each measurement alone). What helps is how measurements change
-with the robot's moves: the arrival from a far transmitter stays, the one from a near corner turns.
+between them (measured: 1 to 2 points worse than each measurement alone). The informative feature is how
+measurements change with the robot's moves: the arrival from a far transmitter stays, the one from a near corner turns.
 
 The network's output is added to the log probability of the place itself, so that it starts from there.
 """
@@ -100,7 +100,7 @@ def route_network_of(weights: Weights, inputs: Sequence[str]) -> RouteNetwork:
 def train_route_network(
     batch: RouteBatch, inputs: Sequence[str], *, seed: int, epochs: int = 12, size: int = 64, width: int = 32
 ) -> RouteNetwork:
-    """Cross entropy over all places, AdamW, one cycle of learning rate; the same weights for a seed."""
+    """Train by cross entropy over all places with AdamW and one cycle of learning rate; reproducible for a seed."""
     with one_thread(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return _train(batch, RouteNetwork(inputs, width=width), epochs, size).eval()
