@@ -34,7 +34,7 @@ NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--ven
 
 demo: install
 	$(BIN)/robosim warm-up --episode
-	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
+	$(BIN)/robosim episode office --seed 2 --out $(OUT)
 	@echo "Replay it in a browser: $(BIN)/robosim live $(OUT)"
 
 test: gates

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.recording.bag_export import BAG, LAYOUT
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.step import Step
@@ -77,9 +79,12 @@ def record_episode(
     check_weights(config)
     console = console or Console(quiet=True)
     with run_folder(out, "episode") as out:
+        if (out / EPISODE).exists():
+            console.print(f"Replacing the episode in {out}")
         # Files of an earlier episode would be mistaken for new ones.
-        for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
+        for name in (*FILES, "replay.mp4", "sheet.png", RECORDING, LAYOUT):
             (out / name).unlink(missing_ok=True)
+        rmtree(out / BAG, ignore_errors=True)
         watch = Stopwatch()
         with watch.stage("scene"):
             building = make_building(plan, config=config.building)

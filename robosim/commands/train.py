@@ -23,8 +23,8 @@ def link_state(
     epochs: int | None = None,
     members: Annotated[int, Range(1, 100, "networks")] = 1,
     homes: Annotated[int | None, Range(0, 100_000)] = None,
-    folds: Annotated[int, Range(0, 1000)] = 3,
-    n_folds: Annotated[int, Range(1, 1000, "folds")] = 3,
+    folds: Annotated[int | None, Range(0, 1000)] = None,
+    n_folds: Annotated[int | None, Range(1, 1000, "folds")] = None,
     seed: int = 0,
     work: Work = ALL_CORES,
     out: Path | None = None,
@@ -49,13 +49,13 @@ def link_state(
         members: Networks whose probabilities are averaged.
         homes: Additional generated homes, made first, two seconds each on two cores; by default 600 for ours on public
             measurements, otherwise none.
-        folds: Folds that are held out, one after the other; 0 trains on all buildings only.
-        n_folds: Folds that the buildings are divided into.
+        folds: Folds that are held out, one after the other; by default all, 0 trains on all buildings only.
+        n_folds: Folds that the buildings are divided into; by default 3, or the number of buildings if fewer.
         seed: Seed of the first network.
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    if folds > n_folds:
+    if folds is not None and n_folds is not None and folds > n_folds:
         raise ValueError(f"folds is {folds}, expected at most n_folds = {n_folds}.")
     if test is not None and not test.is_dir():
         raise ValueError(f"test is {str(test)!r}, which is not a folder. Give one like --data.")

@@ -141,7 +141,7 @@ class Learned:
         return to_map(estimated.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
 
     def _because(self, inputs: Float32[np.ndarray, " k"], memory: Float32[np.ndarray, " m"]) -> str:
-        """The inputs that speak most for the action: its probability with and without them."""
+        """Return the probability of the action, and the least one without a kind of inputs."""
         assert self._action is not None
         occluded = np.tile(inputs, (1 + len(SENSES), 1))
         for row, group in zip(occluded[1:], SENSES.values(), strict=True):
@@ -149,7 +149,7 @@ class Learned:
         scores = self._network(occluded, np.tile(memory, (len(occluded), 1))).scores
         with_all, *without = action_probabilities(scores)[:, self._action]
         name, least = min(zip(SENSES, without, strict=True), key=lambda pair: pair[1])
-        return f"{_WORDS[self._action]} by {name}: probability {with_all:.0%}, without them {least:.0%}"
+        return f"{_WORDS[self._action]}, {with_all:.0%} likely ({least:.0%} without {name})"
 
     def _is_stuck(self, estimate: MapEstimate) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""

@@ -14,8 +14,6 @@ SNR and link states are defined differently in generated and public, so the clas
 links of generated homes, measured by the public receiver, `public` classifies 89.5 % correctly; of public links,
 `generated-no-sync`, whose inputs alone are available there, classifies 59 % correctly.
 
-All but `generated-no-sync` can also use the measurements along the robot's trajectory (`wireless.linkstate.follower`):
-in unseen homes `generated` is correct at 97.2 % of single places, and at 97.3 % with the trajectory.
 All but those of bands are for 28 GHz; episodes at other carriers warn.
 """
 

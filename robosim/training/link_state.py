@@ -23,10 +23,9 @@ from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.training.generated_links import generate_homes, read_homes
-from robosim.training.link_routes import add_route_network, score_routes
 from robosim.training.policy_weights import Checkpoint, median_call_ms
 from robosim.training.training_plots import plot_epochs, plot_scores
-from wireless.linkstate.calibration import fit_temperature, scaled
+from wireless.linkstate.calibration import fit_temperature
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, carrier_hz, read_links
 from wireless.linkstate.epoch import Epoch
@@ -36,6 +35,8 @@ from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
 from wireless.support.counting import counted
 
+#: Folds by default.
+FOLDS = 3
 _NAMES = ("outage", "LOS", "first-order", "higher-order")
 
 
@@ -65,10 +66,10 @@ class LinkStateTraining:
     """Folder of measurements, or a data set, to score the final classifier on."""
     recipe: Recipe
     """Inputs that were not measured are left out; the seed is increased by the number of the member."""
-    n_folds: int
-    """Folds that the buildings are divided into."""
-    folds: int
-    """Number of these folds that are held out, one after the other."""
+    n_folds: int | None
+    """Folds that the buildings are divided into; None for `FOLDS`, or the number of buildings if fewer."""
+    folds: int | None
+    """Folds that are held out, one after the other; None for all."""
     members: int
     """Networks whose probabilities are averaged."""
     homes: int
@@ -97,7 +98,11 @@ def train_link_state(
     start = time.perf_counter()
     links, frequency_hz = links_of(training.data), carrier_hz(training.data)
     inputs = tuple(name for name in training.recipe.inputs if name in links.measured)
-    training = replace(training, recipe=replace(training.recipe, inputs=inputs))
+    training = replace(
+        training,
+        recipe=replace(training.recipe, inputs=inputs),
+        n_folds=training.n_folds or min(FOLDS, len(links.names)),
+    )
     parts = _parts(training, links)
     console.print(
         Text(
@@ -129,7 +134,8 @@ def train_link_state(
             rows = links.within(fold)
             held_out[rows] = classifiers[f"fold{i}"].predict_tokens(links.tokens[rows])
         validation = _validate(held_out, parts, links, out, console)
-        validation |= _calibrate(final, held_out, parts, links, training.recipe.seed, console)
+        known = ~np.isnan(held_out[:, 0]) & reached(links.tokens)
+        final.temperature = fit_temperature(held_out[known], links.state[known].astype(int))
         link = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
         card: dict[str, Any] = {
             "command": command,
@@ -153,7 +159,10 @@ def train_link_state(
 
 def _parts(training: LinkStateTraining, links: Links) -> list[tuple[int, ...]]:
     """Buildings of each fold that is held out."""
-    parts = deal(len(links.names), training.n_folds)[: training.folds]
+    folds = deal(len(links.names), training.n_folds or FOLDS)
+    if training.folds is not None and training.folds > len(folds):
+        raise ValueError(f"folds is {training.folds}, expected at most n_folds = {len(folds)}.")
+    parts = folds[: training.folds]
     if not parts and training.test is None:
         raise ValueError(
             "folds is 0 and there are no test buildings: nothing would be scored. Give one of them."
@@ -194,36 +203,10 @@ def _classifier(recipe: Recipe, networks: list[Any], links: Links) -> LinkStateC
     )
 
 
-def _calibrate(
-    final: LinkStateClassifier,
-    held_out: Float[np.ndarray, "n 4"],
-    parts: list[tuple[int, ...]],
-    links: Links,
-    seed: int,
-    console: Console,
-) -> dict[str, Any]:
-    """Add temperature, and with several folds a network along routes, to the classifier; scores of the latter."""
-    known = ~np.isnan(held_out[:, 0]) & reached(links.tokens)
-    final.temperature = fit_temperature(held_out[known], links.state[known].astype(int))
-    if len(parts) < 2:
-        return {}
-    fitted = scaled(np.nan_to_num(held_out, nan=1.0), final.temperature)
-    fitted = np.where(np.isnan(held_out), np.nan, fitted)
-    routes = add_route_network(final, links, fitted, parts, seed)
-    for name in ("alone", "fused"):
-        _print(routes[name], f"places along routes through held-out buildings, {name}", console)
-    return {"ways": routes}  # stored name
-
-
 def _test(final: LinkStateClassifier, test: Path, out: Path, console: Console) -> dict[str, Any]:
-    """Scores in test buildings, link by link and along routes."""
+    """Scores in test buildings."""
     links = read_links(test)
     score = _score(final.predict_tokens(links.tokens), links, out / "test.png")
-    routes = score_routes(final, links)
-    score["ways"] = routes  # stored name
-    for name, route in routes.items():
-        rates = [f"{how} {route[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in route]
-        console.print(f"routes {name} in test buildings, {route['places']} places: {', '.join(rates)}")
     _print(score, f"test buildings: {', '.join(links.names)}", console)
     return score
 

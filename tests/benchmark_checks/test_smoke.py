@@ -23,7 +23,6 @@ from tests.benchmarks import (
     mapping,
     physics,
     plans,
-    positioning,
     render,
     robots,
     tracer_peer,
@@ -237,23 +236,6 @@ def test_published_edges(shared, options):
     }
     assert spread["bisector"] < spread["nearer face (default)"]
     assert abs(results.find("laws", "bisector", "all")["value"]) < 3
-
-
-def test_positioning(tmp_path, options):
-    """Exact paths of two places in a room: found within a centimetre."""
-    lines = ["place,tx_x_m,tx_y_m,tx_heading_rad,rx_x_m,rx_y_m,rx_heading_rad,range_m,aod_rad,aoa_rad"]
-    tx = np.array([1.0, 1.5])
-    for place, rx in enumerate(np.array([[4.0, 2.0], [3.0, 3.2]])):
-        for image in (tx, tx * (1, -1), tx * (-1, 1), (12.0 - tx[0], tx[1])):
-            ray = rx - image  # the transmitter mirrored at walls y = 0, x = 0 and x = 6
-            arrival = np.arctan2(-ray[1], -ray[0])
-            leaving = ray * np.sign([1 if image[0] == tx[0] else -1, 1 if image[1] == tx[1] else -1])
-            departure = np.arctan2(leaving[1], leaving[0])
-            numbers = [*tx, 0.0, *rx, 0.0, np.hypot(*ray), departure, arrival]
-            lines.append(f"{place}," + ",".join(f"{number:.9f}" for number in numbers))
-    (tmp_path / "paths.csv").write_text("\n".join(lines))
-    results = positioning.main(tmp_path / "paths.csv", options=options)
-    assert results.find("places", "receiver, clock known", "RMSE")["value"] < 0.01
 
 
 def test_tracer_peer_without_the_peer_is_skipped(pair, options, capsys):

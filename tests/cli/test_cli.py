@@ -98,12 +98,15 @@ def test_out_may_not_be_a_file(plan_file, fails):
 
 def test_an_episode_that_ends_at_once_says_what_it_wrote(plan_file, tmp_path, capsys):
     """Start at the target: no decision, so no film, and none of an earlier episode is left next to the result."""
-    (tmp_path / "episode.mp4").write_text("of an earlier episode")
+    earlier = ("episode.mp4", "episode_bag/a.mcap", "foxglove.json")
+    (tmp_path / "episode_bag").mkdir()
+    for name in earlier:
+        (tmp_path / name).write_text("of an earlier episode")
     main(f"episode {plan_file} --start 1,0.6,0 --target 1,0.6 --physics kinematic --out {tmp_path}".split())
     printed = capsys.readouterr().out
     assert "arrived after 0 steps" in printed
     assert "episode.mp4" not in printed
-    assert not (tmp_path / "episode.mp4").exists()
+    assert not any((tmp_path / name).exists() for name in earlier)
 
 
 def test_plans_are_generated(tmp_path, capsys):

@@ -83,14 +83,6 @@ def test_the_whole_run(folders, tmp_path, capsys):
     classifier = load_classifier(tmp_path / "out" / "link-state.safetensors")
     assert len(classifier.networks) == 1
     assert classifier.card["recipe"]["epochs"] == 20
-    along = result["validation"]["ways"]  # stored name
-    assert along["alone"]["links"] == along["fused"]["links"] == along["places"]
-    assert along["alone"]["accuracy"] > 0.8
-    assert (classifier.route is not None) == (along["fused"]["accuracy"] > along["alone"]["accuracy"])
-    for led in result["test"]["ways"].values():  # stored name
-        assert led["alone"]["links"] == led["places"]
-        assert ("fused" in led) == (classifier.route is not None)
-        assert led["alone"]["accuracy"] > 0.8
     assert {"curves.png", "test.png", "fold0.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 

@@ -30,7 +30,8 @@ ADDED: dict[str, dict[str, str]] = {
     "trace": {"--grid": "2", "--no-plots": "", "--workers": "1"},
 }
 _BLOCK = re.compile(r"(?:`([\w.]+)`:\n\n)?^```(\w+)\n(?:# ([\w.]+)\n)?(.*?)^```$", re.MULTILINE | re.DOTALL)
-_NUMBER = re.compile(r"[\d.,]+")
+#: Times and rates, which differ from run to run.
+_TIME = re.compile(r"[\d.,:]+(?= (?:s|min|links/s|decisions/s)\b)|\d+:\d\d:\d\d")
 
 
 def run_page(page: Path, commands: bool = False, short: bool = True) -> int:
@@ -39,7 +40,7 @@ def run_page(page: Path, commands: bool = False, short: bool = True) -> int:
     Args:
         page: A page in Markdown.
         commands: Whether to run its commands of robosim too.
-        short: Whether to shorten commands; the others must print the next block of text, except for numbers.
+        short: Whether to shorten commands; the others must print the next block of text, except for times.
     """
     names: dict[str, object] = {"__name__": "page"}
     failures, printed = 0, ""
@@ -92,6 +93,6 @@ def _run(line: str, short: bool) -> str:
 
 
 def _lines(text: str) -> list[str]:
-    """Lines without progress bars and installation hints, with a placeholder for numbers."""
+    """Lines without progress bars and installation hints, with a placeholder for times."""
     lines = [line for line in text.splitlines() if line.strip() and not re.search("[━╸╺]", line)]
-    return [_NUMBER.sub("#", re.sub(r"pip install \w+; ", "", " ".join(line.split()))) for line in lines]
+    return [_TIME.sub("#", re.sub(r"pip install \w+; ", "", " ".join(line.split()))) for line in lines]

@@ -17,7 +17,7 @@ from safetensors.numpy import load, save
 
 from robosim.support.reading import reading
 from wireless.linkstate.calibration import scaled
-from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, route_shapes, softmax
+from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, softmax
 from wireless.linkstate.tokens import COLUMNS, is_path, make_tokens
 from wireless.paths import LinkState
 
@@ -25,9 +25,6 @@ from wireless.paths import LinkState
 _BLOCK = 4096
 #: A card is a few pages of text [bytes]; temperatures are about 1.
 _MOST_CARD, _HOTTEST = 5_000_000, 1e6
-#: Name of the network for routes in weight files, and of its width in cards.
-_ROUTE = "way"  # stored name
-_ROUTE_WIDTH = "way_width"  # stored name
 
 
 class LinkStateClassifier:
@@ -42,7 +39,6 @@ class LinkStateClassifier:
         options: dict[str, Any] | None = None,
         states: Sequence[int] = (1, 2, 3),
         temperature: float = 1.0,
-        route: Weights | None = None,
         card: dict[str, Any] | None = None,
     ) -> None:
         """Make a classifier.
@@ -54,7 +50,6 @@ class LinkStateClassifier:
             options: What they were made with besides the inputs.
             states: States possible of links with paths.
             temperature: See `wireless.linkstate.calibration`.
-            route: Weights of the network that fuses measurements along routes, see `wireless.linkstate.follower`.
             card: Record of the training and the scores.
 
         Raises:
@@ -62,21 +57,14 @@ class LinkStateClassifier:
         """
         self.networks = [dict(weights) for weights in networks]
         self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
-        self.route = None if route is None else dict(route)
         self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
         shapes = KINDS[model].shapes(self.inputs, **self.options)
         for i, weights in enumerate(self.networks):
             check_weights(weights, shapes, f"network {i}")
-        if self.route is not None:
-            check_weights(
-                self.route,
-                route_shapes(self.inputs, len(self.route.get("embed.bias", ()))),
-                "network for routes",
-            )
 
     @property
     def parameters(self) -> int:
-        """Count of trained numbers of the networks for single places."""
+        """Count of trained numbers."""
         counted = ("running_mean", "running_var", "num_batches_tracked")
         return sum(
             array.size for each in self.networks for name, array in each.items() if not name.endswith(counted)
@@ -147,14 +135,11 @@ class LinkStateClassifier:
         weights = {
             f"{i}.{key}": array for i, network in enumerate(self.networks) for key, array in network.items()
         }
-        if self.route is not None:
-            weights |= {f"{_ROUTE}.{key}": array for key, array in self.route.items()}
         head = {
             "model": self.model,
             "inputs": list(self.inputs),
             "options": self.options,
             "networks": len(self.networks),
-            _ROUTE_WIDTH: None if self.route is None else len(self.route["embed.bias"]),
             "states": list(self.states),
             "temperature": self.temperature,
         }
@@ -177,10 +162,6 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             card = _checked(json.loads(card_file.read()))
         weights = load(file.read())
         networks = [_part(weights, str(i)) for i in range(card["networks"])]
-        width, route = card[_ROUTE_WIDTH], None
-        if width is not None:
-            route = _part(weights, _ROUTE)
-            check_weights(route, route_shapes(card["inputs"], width), "network for routes")
         return LinkStateClassifier(
             networks,
             model=card["model"],
@@ -188,20 +169,18 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             options=card["options"],
             states=card["states"],
             temperature=card["temperature"],
-            route=route,
             card=card,
         )
 
 
 def _checked(card: dict[str, Any]) -> dict[str, Any]:
     """A card, if networks can be made by it, of a size that is worth the memory."""
-    options, width, states = card["options"], card[_ROUTE_WIDTH], card["states"]
+    options, states = card["options"], card["states"]
     limits = {"width": (2, WIDEST), "rounds": (1, 16)}
     good = {
         "model": card["model"] in KINDS,
         "inputs": "aoa" in card["inputs"] and "snr" in card["inputs"] and set(card["inputs"]) <= set(COLUMNS),
         "networks": _is_whole(card["networks"], 1, 100),
-        _ROUTE_WIDTH: width is None or _is_whole(width, 1, WIDEST),
         "options": set(options) <= {*limits, "dropout"}
         and all(_is_whole(options[name], *limits[name]) for name in limits if name in options),
         "states": 0 < len(states) == len(set(states)) and set(states) <= set(LinkState),

@@ -18,7 +18,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float32
 
 from wireless.estimates import wrapped
 from wireless.linkstate.tokens import AOA, AOD, COLUMNS, DELAY, N_PATHS, PEAK, SNR
@@ -26,8 +26,6 @@ from wireless.linkstate.tokens import AOA, AOD, COLUMNS, DELAY, N_PATHS, PEAK, S
 #: SNR is in units of this [dB] and within these limits; peaks in units of 10, delays in 100 ns up to 5.
 SNR_UNIT_DB, SNR_LIMITS_DB = 20.0, (-40.0, 80.0)
 PEAK_UNIT, DELAY_UNIT_S, DELAY_LIMIT = 10.0, 100e-9, 5.0
-#: Probabilities below this count as this, and moves are in units of this [m].
-_LEAST, _MOVE_UNIT_M = 1e-4, 0.25
 
 
 def path_and_pair_features(
@@ -130,34 +128,6 @@ def moments(tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]) -> Floa
 def moment_count(inputs: Sequence[str]) -> int:
     """Number of moments."""
     return moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
-
-
-def place_features(
-    probability: Float[np.ndarray, "routes places 4"],
-    tokens: Float32[np.ndarray, "routes places 5 5"],
-    moved_m: Float[np.ndarray, "routes places"],
-    inputs: Sequence[str],
-) -> Float32[np.ndarray, "routes places f"]:
-    """Return the inputs of the network for routes at each place: log probabilities first."""
-    x = np.nan_to_num(tokens, nan=0.0)
-    snr = np.nan_to_num(tokens[..., SNR], nan=SNR_LIMITS_DB[0]).clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
-    arrival = x[..., AOA]
-    before = np.concatenate([arrival[:, :1], arrival[:, :-1]], 1)
-    turned = arrival[..., 0] - before[..., 0]
-    nearest = np.cos(arrival[..., :1] - before).max(-1)
-    columns = [np.log(probability.clip(_LEAST)), snr[..., :3]]
-    columns += [np.stack([np.cos(turned), np.sin(turned), nearest, moved_m / _MOVE_UNIT_M], -1)]
-    if "aod" in inputs:
-        columns.append(-np.cos((arrival - x[..., AOD])[..., :2]))
-    if "peak" in inputs:
-        columns.append(x[..., :2, PEAK] / PEAK_UNIT)
-    return np.concatenate(columns, -1).astype(np.float32)
-
-
-def place_feature_count(inputs: Sequence[str]) -> int:
-    """Number of features of a place."""
-    tokens = np.zeros((1, 1, N_PATHS, len(COLUMNS)), np.float32)
-    return place_features(np.ones((1, 1, 4)), tokens, np.zeros((1, 1)), inputs).shape[-1]
 
 
 def _departure_features(

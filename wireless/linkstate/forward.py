@@ -4,8 +4,7 @@ They are small and used for one link at a time, so that matrix products suffice.
 trains them, with weights of the same names and shapes. Each link is computed separately: its result does not depend on
 the other links of a call.
 
-References: Ba et al., "Layer normalization", arXiv 1607.06450; Ioffe and Szegedy, "Batch normalization", ICML 2015;
-Cho et al., "Learning phrase representations using RNN encoder-decoder", EMNLP 2014 (the gated recurrent unit).
+References: Ba et al., "Layer normalization", arXiv 1607.06450; Ioffe and Szegedy, "Batch normalization", ICML 2015.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,11 +16,9 @@ from jaxtyping import Float32
 
 from wireless.linkstate.features import (
     feature_counts,
-    logistic,
     moment_count,
     moments,
     path_and_pair_features,
-    place_feature_count,
     scaled_estimates,
 )
 from wireless.linkstate.tokens import N_PATHS
@@ -127,29 +124,6 @@ KINDS = {
     "reference": Kind(reference_logits, reference_shapes),
     "huang": Kind(moments_logits, moments_shapes),
 }
-
-
-def route_step(
-    weights: Weights, features: Float32[np.ndarray, " f"], memory: Float32[np.ndarray, " width"] | None
-) -> tuple[Float32[np.ndarray, "4"], Float32[np.ndarray, " width"]]:
-    """Logits at a place of a route from all places up to it, and what to remember."""
-    seen = _relu(_dense(weights, "embed", features))
-    before = np.zeros_like(seen) if memory is None else memory
-    driven = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]
-    recurrent = weights["memory.weight_hh_l0"] @ before + weights["memory.bias_hh_l0"]
-    (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(driven, 3), np.split(recurrent, 3)
-    update = logistic(update_x + update_h)
-    new = np.tanh(new_x + logistic(reset_x + reset_h) * new_h)
-    memory = (1 - update) * new + update * before
-    return features[:N_STATES] + _dense(weights, "out", np.concatenate([seen, memory])), memory
-
-
-def route_shapes(inputs: Sequence[str], width: int) -> Shapes:
-    """Shapes of the weights of a network for routes."""
-    gates = {f"memory.weight_{side}_l0": (3 * width, width) for side in ("ih", "hh")}
-    biases = {f"memory.bias_{side}_l0": (3 * width,) for side in ("ih", "hh")}
-    ends = _dense_shapes("embed", place_feature_count(inputs), width)
-    return {**ends, **gates, **biases, **_dense_shapes("out", 2 * width, N_STATES)}
 
 
 def check_weights(weights: Weights, shapes: Shapes, what: str) -> None:

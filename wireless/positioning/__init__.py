@@ -1,1 +1,1 @@
-"""Where radios are, from the paths between them."""
+"""Positions of radios from received powers."""

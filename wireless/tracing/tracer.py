@@ -504,7 +504,8 @@ def _report_passage(frequency_hz: float) -> None:
     if parent_process() is not None:
         return
     logger.warning(
-        "At %g GHz paths pass up to %d walls. Set max_transmissions (--max-transmissions) to change that.",
+        "At %g GHz paths pass up to %d walls. Set max_transmissions to change that (robosim trace --max-transmissions, "
+        "robosim episode --radio.tracer.max-transmissions).",
         frequency_hz / 1e9,
         WALLS_PASSED,
     )

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from wireless.linkstate.features import place_features
-from wireless.linkstate.forward import KINDS, route_shapes, route_step
+from wireless.linkstate.forward import KINDS
 from wireless.linkstate.learning.networks import NETWORKS, weights_of
-from wireless.linkstate.learning.route_network import RouteNetwork
 from wireless.linkstate.tokens import make_tokens
 
 SOME, ALL = ("aoa", "snr"), ("aoa", "aod", "snr", "peak", "delay")
@@ -44,23 +42,3 @@ def test_a_link_does_not_depend_on_those_asked_about_with_it(model):
     together = KINDS[model].logits(weights, tokens(), ALL)
     alone = [KINDS[model].logits(weights, link[None], ALL)[0] for link in tokens()]
     np.testing.assert_array_equal(together, alone)
-
-
-@pytest.mark.parametrize("inputs", [SOME, ALL])
-def test_steps_along_a_route_are_those_of_pytorch(inputs):
-    """Forty places, each remembered: to 1e-5."""
-    torch.manual_seed(0)
-    network = RouteNetwork(inputs, width=6)
-    torch.nn.init.normal_(network.out.weight)
-    weights = weights_of(network)
-    assert {name: value.shape for name, value in weights.items()} == route_shapes(inputs, 6)
-    rng = np.random.default_rng(1)
-    classified = rng.dirichlet(np.ones(4), (1, 40)).astype(np.float32)
-    steps = rng.uniform(0, 0.5, (1, 40)).astype(np.float32)
-    features = place_features(classified, tokens(40)[None], steps, inputs)
-    with torch.inference_mode():
-        expected = network(torch.from_numpy(features))[0][0].numpy()
-    memory = None
-    for place, wanted in zip(features[0], expected, strict=True):
-        logits, memory = route_step(weights, place, memory)
-        np.testing.assert_allclose(logits, wanted, atol=1e-5)

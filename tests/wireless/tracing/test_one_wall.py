@@ -166,7 +166,8 @@ def test_below_10_ghz_walls_are_passed_by_default(apart, caplog):
     with caplog.at_level("WARNING"):
         assert paths(5.31e9) > 0 and paths(5.31e9) > 0
     assert [m for m in caplog.messages if "5.31 GHz" in m] == [
-        "At 5.31 GHz paths pass up to 2 walls. Set max_transmissions (--max-transmissions) to change that."
+        "At 5.31 GHz paths pass up to 2 walls. Set max_transmissions to change that (robosim trace "
+        "--max-transmissions, robosim episode --radio.tracer.max-transmissions)."
     ]
     assert paths(28e9) == 0
     assert paths(5.31e9, max_transmissions=0) == 0
