@@ -41,7 +41,7 @@ class Recorded:
         self._tracks, self._name = tracks, name
 
     def resized(self, body: Body) -> "Recorded":
-        """The same tracks by bodies of another size."""
+        """Return the tracks with bodies of another size."""
         return Recorded(self._tracks, body, self._name)
 
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:

@@ -39,7 +39,7 @@ Place = FloorPlan | OneStorey
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RadioConfig:
-    """What is traced and how."""
+    """Radio to trace: carrier, antennas, physics and limits."""
 
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
@@ -66,7 +66,7 @@ class RadioSite(ABC):
     name: str
     """Its name in reports and files."""
     config: RadioConfig
-    """What is traced and how."""
+    """Radio to trace."""
     mesh: trimesh.Trimesh
     """All surfaces."""
     storeys: tuple[Storey, ...] = ()
@@ -119,7 +119,7 @@ class RadioSite(ABC):
         return self.tracer.trace(tx, rx, workers=workers)
 
     def remarks(self, transmitters: Float[np.ndarray, "n 3"]) -> list[str]:
-        """What to know of a trace from transmitters [m] before it starts."""
+        """Return remarks on a trace from transmitters [m] before it starts."""
         return []
 
     def draw(self, axes: "Axes3D", near: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
