@@ -93,8 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(words: list[str]) -> None:
     for before, value in zip(["", *words], words, strict=False):
-        option, _, given = value.partition("=")
-        if not value or (option.startswith("--") and "=" in value and not given):
+        option, _, argument = value.partition("=")
+        if not value or (option.startswith("--") and "=" in value and not argument):
             raise ValueError(f"{option or before or 'an argument'} is empty, expected a value.")
     if name := command_name(words):
         command, rest = load_command(name), words[len(name.split()) :]

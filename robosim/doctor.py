@@ -1,4 +1,4 @@
-"""A look at the machine: what works, how fast, what is used, and what to do where something does not work.
+"""Diagnosis of the machine: components that work, their speed, and remedies for the others.
 
 Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash. What to do
 follows from the error (`remedy`), since any probe may stumble over what it shares with others: a package that cannot be
@@ -58,7 +58,7 @@ _LIBRARY = re.compile(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file"
 class Finding:
     """The outcome of one check."""
 
-    part: str
+    component: str
     works: bool
     detail: str
     """Result and measured rate, or the error."""
@@ -100,9 +100,9 @@ def report(findings: list[Finding], console: Console) -> bool:
         absent = not finding.needed and finding.detail.endswith("is not installed.")
         state = Text("works" if finding.works else "absent" if absent else "fails", colour)
         # As they are, whether or not the console takes brackets for markup.
-        table.add_row(Text(finding.part), state, Text(finding.detail), Text(finding.fix))
+        table.add_row(Text(finding.component), state, Text(finding.detail), Text(finding.fix))
     console.print(table)
-    broken = [finding.part for finding in findings if finding.needed and not finding.works]
+    broken = [finding.component for finding in findings if finding.needed and not finding.works]
     if not broken:
         console.print("All that the main job needs is here. Next: robosim episode flat --out out/first")
     elif broken == [_CAMERA]:
@@ -112,15 +112,17 @@ def report(findings: list[Finding], console: Console) -> bool:
     return not broken
 
 
-def _check(part: str, module: str, probe: Callable[[], str | Finding], *, needed: bool = True) -> Finding:
+def _check(
+    component: str, module: str, probe: Callable[[], str | Finding], *, needed: bool = True
+) -> Finding:
     # A broken library may raise anything at all at import, and the report is there to say so.
     try:
         outcome = probe()
     except Exception as error:
         said = str(error).strip().splitlines() or [type(error).__name__]
         trouble = error.trouble if isinstance(error, OpenGLError) else said[0]
-        return Finding(part, False, trouble, remedy(error, module), needed)
-    return outcome if isinstance(outcome, Finding) else Finding(part, True, outcome, needed=needed)
+        return Finding(component, False, trouble, remedy(error, module), needed)
+    return outcome if isinstance(outcome, Finding) else Finding(component, True, outcome, needed=needed)
 
 
 def _python() -> Finding:

@@ -1,4 +1,4 @@
-"""One episode: a robot searches for a target in a building that it does not know.
+"""Episode: a robot searches for a target in a building that it does not know.
 
 This is the whole system on one page: a world with a robot in it, an agent that drives the robot, a judge who knows the
 truth, and the loop of sensing and acting. `robosim.agent` is what the robot makes of what it senses; it never sees the
@@ -41,7 +41,7 @@ def run_episode(
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps; return log and last map.
 
-    Ctrl-C or SIGTERM ends the episode after the current step; what was done until then is returned.
+    Ctrl-C or SIGTERM ends the episode after the current step; the log until then is returned.
 
     Args:
         building: Where.

@@ -35,7 +35,7 @@ class EpisodeConfig:
     building: BuildingConfig = field(default_factory=BuildingConfig)
     """How the plan becomes a building."""
     simulator: Annotated[SimulatorConfig, tyro.conf.arg(name="")] = field(default_factory=SimulatorConfig)
-    """What is simulated."""
+    """Simulated robot, radio and sensors."""
     link_states: ClassifierPart = "generated"
     """Link-state classifier: a shipped one by name, a .safetensors file, or "true" for the true states."""
     fused: FusedConfig = field(default_factory=FusedConfig)
@@ -54,14 +54,14 @@ class EpisodeConfig:
                 )
 
     def of_robot(self, robot: RobotConfig) -> "EpisodeConfig":
-        """The same with another robot; without a camera with the classical mapper."""
+        """Return the configuration with another robot; without a camera with the classical mapper."""
         simulator = replace(self.simulator, robot=robot)
         return replace(
             self, simulator=simulator, mapper="classical" if simulator.renderer == "none" else self.mapper
         )
 
     def in_band(self, name: str) -> "EpisodeConfig":
-        """The same in a radio band of `wireless.bands`, with the classifier of link states for it."""
+        """Return the configuration in a radio band of `wireless.bands`, with the classifier of link states for it."""
         radio = self.simulator.radio.in_band(name)
         simulator = replace(self.simulator, radio=radio)
         return replace(self, simulator=simulator, link_states="generated" if name == "28ghz" else name)

@@ -35,14 +35,14 @@ _BLOCKED_DB = 3.0
 
 
 class Link(NamedTuple):
-    """One measurement of the radio, for judging."""
+    """A measurement of the radio, for judging."""
 
     state: LinkState
     """True link state."""
     believed: LinkState
     """The most probable state, as estimated."""
     snr_db: float
-    """Of the strongest estimated path; -inf if none was found."""
+    """SNR of the strongest estimated path; -inf if none was found."""
     sight_loss_db: float
     """Loss of the direct path by people [dB]; NaN without a direct path, or people."""
     aoa_error_rad: float
@@ -65,9 +65,9 @@ class EpisodeLog:
     links: list[Link] = field(default_factory=list)
     """Link to the target at each decision; empty without a radio."""
     anchor_links: dict[str, list[Link]] = field(default_factory=dict)
-    """The same for other transmitters, by name."""
+    """Measurements of other transmitters, by name."""
     transmitters: Mapping[str, Transmitter] = field(default_factory=dict)
-    """Positions of transmitters as mapped in the end, by name: those that were measured in line of sight."""
+    """Positions of transmitters as mapped in the end, by name: only transmitters measured in line of sight."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     contacts: list[Contact] | None = None
@@ -163,7 +163,7 @@ class EpisodeLog:
         }
 
     def _anchor_results(self) -> dict[str, Any]:
-        """The same scores for each other transmitter."""
+        """Return the scores of each other transmitter."""
         return {
             anchor.name: {
                 "place": anchor.place,
@@ -176,11 +176,11 @@ class EpisodeLog:
 
     def _where_found(self, name: str, place: Float[np.ndarray, "2"]) -> dict[str, Any]:
         """Mapped position of a transmitter, its standard deviation and its error; None where it was not mapped."""
-        found = self.transmitters.get(name)
+        transmitter = self.transmitters.get(name)
         return {
-            "transmitter": found and found.xy,
-            "transmitter_std_m": found and float(np.sqrt(np.trace(found.covariance))),
-            "transmitter_error_m": found and float(np.hypot(*(found.xy - place))),
+            "transmitter": transmitter and transmitter.xy,
+            "transmitter_std_m": transmitter and float(np.sqrt(np.trace(transmitter.covariance))),
+            "transmitter_error_m": transmitter and float(np.hypot(*(transmitter.xy - place))),
         }
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
@@ -188,7 +188,7 @@ class EpisodeLog:
         from matplotlib.patches import Circle
 
         axes = axes_in_metres(axes)
-        poses, estimates = (np.reshape(one, (-1, 3)) for one in (self.poses, self.estimates))
+        poses, estimates = (np.reshape(track, (-1, 3)) for track in (self.poses, self.estimates))
         axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true trajectory")
         axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated trajectory")
         axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")
@@ -220,7 +220,7 @@ class EpisodeLog:
 
 
 def _contact_result(contacts: list[Contact] | None) -> dict[str, Any]:
-    """Contacts with what moves: those that the robot caused, and those in which a body came nearer the faster."""
+    """Count contacts with moving bodies: caused by the robot, and by a body that came nearer the faster."""
     if contacts is None:
         return {}
     by_robot = sum(contact.by_robot for contact in contacts)

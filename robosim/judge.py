@@ -1,4 +1,4 @@
-"""Judges an episode by the truth: what was seen, whether the robot has arrived, and whether it goes on."""
+"""Judges an episode by the truth: the area seen, whether the robot has arrived, and whether it goes on."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ class Judge:
         Args:
             log: Is filled; its task says where to.
             robot: Body and sensors of the robot.
-            reach: What its hull can reach; coverage is counted over it.
+            reach: Area that its hull can reach; coverage is counted over it.
             max_steps: Actions before the episode is given up.
         """
         self.log, self._robot, self._max_steps = log, robot, max_steps
@@ -33,7 +33,7 @@ class Judge:
         """Log a step, and set `log.ended` if the episode ends with it; return the truth with the coverage so far.
 
         Args:
-            truth: What is true after the last action.
+            truth: Ground truth after the last action.
             estimate: Estimated pose x [m], y [m], yaw [rad].
         """
         log, coverage = self.log, self._coverage

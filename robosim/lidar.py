@@ -178,14 +178,14 @@ class EmbreeLidar:
             met = moving[(z.min(axis=1) <= self.config.height_m) & (z.max(axis=1) >= self.config.height_m)]
             if len(met):
                 scenes.append((make_ray_scene(met - self._centre), _normals(met)))
-        found = []
+        scans = []
         for scene, normal in scenes:
             hits = scene.run(origin, direction, output=True)
-            found.append(
+            scans.append(
                 _ranges_and_slants(angle, hits["tfar"], hits["primID"], normal, self.model.max_range_m)
             )
         ranges, slant = (
-            np.column_stack(each).reshape(len(self._bearing), -1) for each in zip(*found, strict=True)
+            np.column_stack(each).reshape(len(self._bearing), -1) for each in zip(*scans, strict=True)
         )
         nearest = ranges.argmin(axis=1)[:, None]
         return np.take_along_axis(ranges, nearest, 1)[:, 0], np.take_along_axis(slant, nearest, 1)[:, 0]
@@ -204,12 +204,12 @@ def _ranges_and_slants(
     far: np.ndarray,
     face: np.ndarray,
     normal: Float[np.ndarray, "m 3"],
-    most: float,
+    max_range_m: float,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Ranges of what rays hit, inf for nothing within `most`, and angles from the normals [rad]."""
+    """Ranges of what rays hit, inf for nothing within `max_range_m`, and angles from the normals [rad]."""
     ranges, slant = np.full(len(angle), math.inf), np.zeros(len(angle))
     for k in range(len(angle)):
-        if face[k] >= 0 and far[k] <= most:
+        if face[k] >= 0 and far[k] <= max_range_m:
             ranges[k] = far[k]
             across = normal[face[k], 0] * math.cos(angle[k]) + normal[face[k], 1] * math.sin(angle[k])
             slant[k] = math.acos(min(abs(across), 1.0))

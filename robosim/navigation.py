@@ -63,7 +63,7 @@ def make_navigator(
     """
     robot = calibrated_robot(config)
     mapping = MapperConfig(
-        # What hangs higher than the mast and the camera on it does not stop the robot.
+        # Obstacles higher than the mast and the camera on it do not stop the robot.
         band=Band(high_m=robot.mast_m + 0.1),
         moving=MovingConfig(tracks=config.movers.any and config.movers.tracking),
     )

@@ -232,7 +232,7 @@ TerminalPart = Annotated[Part, TERMINAL, TERMINAL.option()]
 EstimatorPart = Annotated[Part, ESTIMATOR, ESTIMATOR.option()]
 ClassifierPart = Annotated[Part, CLASSIFIER, CLASSIFIER.option()]
 MaterialPart = Annotated[Part, MATERIAL.option()]
-#: The same for options of a command that has one of those already, so that its help lists the names once.
+#: Parts for options of a command that has one of those already, so that its help lists the names once.
 NextMaterialPart = Annotated[Part, MATERIAL.option(metavar="MATERIAL")]
 ReaderPart = Annotated[Part, READER.option("auto")]
 LogReaderPart = Annotated[Part, LOG_READER.option("auto")]

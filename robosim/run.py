@@ -1,4 +1,4 @@
-"""One episode with a progress display and output files."""
+"""Run of an episode with a progress display and output files."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

@@ -46,7 +46,7 @@ from wireless.estimates import PathEstimates
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorConfig:
-    """What is simulated, and how faithfully."""
+    """Simulated sensors and robot, and their fidelity."""
 
     physics: PhysicsPart = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
@@ -82,7 +82,7 @@ class SimulatorConfig:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What the robot senses after an action."""
+    """Measurements of the robot after an action."""
 
     rgb: UInt8[np.ndarray, "h w 3"]
     depth: Float[np.ndarray, "h w"]
@@ -92,11 +92,11 @@ class Observation:
     paths: PathEstimates | None = None
     """Estimated radio paths from the target, arrivals in the robot's frame; None without a radio."""
     anchors: Mapping[str, PathEstimates] = field(default_factory=dict)
-    """The same from other transmitters, by name; none without a radio."""
+    """Paths from other transmitters, by name; none without a radio."""
     target: Float[np.ndarray, "2"] | None = None
     """Where the camera sees the target: x ahead, y left [m]; None if it does not."""
     laser: LaserScan | None = None
-    """What the lidar measured; None without one."""
+    """Scan of the lidar; None without one."""
     time_s: float | None = None
     """Time since the last observation [s]; None where nothing moves but the robot."""
     action: Command | None = None
@@ -104,7 +104,7 @@ class Observation:
 
 
 class Simulator:
-    """One robot in one building."""
+    """Simulation of a robot in a building."""
 
     def __init__(
         self,
@@ -139,7 +139,7 @@ class Simulator:
         self.anchors: dict[str, RadioLink] = {}
         self._anchor_rngs: dict[str, np.random.Generator] = {}
         self.motion: Motion | None = None
-        """What the last action caused; None before the first."""
+        """Motion by the last action; None before the first."""
         self._recogniser: Recogniser | None = None
         if uses_camera:
             self._recogniser = RECOGNISER.make(
@@ -272,8 +272,8 @@ class Simulator:
             if self._recogniser is not None and self._target is not None:
                 ahead = np.array([self.config.image.ahead_m, 0.0])
                 place = between(self.pose, np.array([*self._target, 0.0]))[:2] - ahead
-                found = self._recogniser.find(frame._replace(depth=measured), place)
-                target = None if found is None else found + ahead
+                marker = self._recogniser.find(frame._replace(depth=measured), place)
+                target = None if marker is None else marker + ahead
         time_s = None if self.movers is None or self.motion is None else self.motion.duration_s
         return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser, time_s, action)
 

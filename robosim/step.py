@@ -1,4 +1,4 @@
-"""One step of an episode: what was sensed, estimated and decided, and what is true.
+"""Step of an episode: measurements, estimates, decision, and ground truth.
 
 Mapper and goal policy are given parts of `sensed` and `estimated`, never a `Step`, so that none of them can use the
 truth. Code that draws, records or judges an episode is given steps: from the running loop (`robosim.episode`), or from
@@ -23,7 +23,7 @@ from wireless.paths import LinkState, Paths
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Decision:
-    """What was decided in a step."""
+    """Decision in a step."""
 
     goal: Float[np.ndarray, "2"]
     """Where to go, in `map` [m]."""
@@ -32,7 +32,7 @@ class Decision:
     path: Float[np.ndarray, "n 2"]
     """Corners of the planned path, from the robot on [m]; empty if there is none."""
     command: Command
-    """What to do next."""
+    """Command for the next step."""
     estimates: Estimates
     """Map, pose and link that it was decided by."""
     belief: Belief | None = None
@@ -41,7 +41,7 @@ class Decision:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """What is true at a step, and hidden from the robot."""
+    """Ground truth at a step, hidden from the robot."""
 
     pose: Float[np.ndarray, "3"]
     """x [m], y [m], yaw [rad] in `map`."""
@@ -61,7 +61,7 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """One step: what the robot senses, what it decides by its estimates, and the truth, which it does not know."""
+    """Step: measurements, estimates and decision of the robot, and the ground truth, which it does not know."""
 
     number: int
     """Actions done before it."""

@@ -2,7 +2,7 @@
 
 Loops are compiled at their first call and cached on disk (`robosim.support.compiled`). While one process compiles a
 loop, others wait for it. Therefore the two processes call the loops in different orders. Of an episode `views_of` and
-`trace_links` take most time, and the second needs the result of the first. One process compiles the first; the other
+`trace_links` take most time, and the second needs the result of the first. A process compiles the first; the other
 interprets it, which is fast for two rooms, and compiles the second.
 
 Left out: loops that only training and calibration call.
@@ -42,7 +42,7 @@ def warm_up(report: Callable[[int], None] = lambda count: None, *, episode: bool
     n_processes = min(2, len(os.sched_getaffinity(0)))
     pool = Processes(n_processes)
     try:
-        pending = {pool.submit(call_loops, part, episode=episode) for part in range(n_processes)}
+        pending = {pool.submit(call_loops, half, episode=episode) for half in range(n_processes)}
         while pending:
             done, pending = wait(pending, _REPORT_S, FIRST_EXCEPTION)
             for future in done:
@@ -56,12 +56,12 @@ def warm_up(report: Callable[[int], None] = lambda count: None, *, episode: bool
     return _count_cached() - before
 
 
-def call_loops(part: int = 0, *, episode: bool = False) -> None:
+def call_loops(half: int = 0, *, episode: bool = False) -> None:
     """Call every loop, or those of the default episode: first those of the episode (part 0), or the others (1)."""
     logging.disable(logging.WARNING)
     gc.disable()  # searches for garbage take a sixth of the time in which numba compiles
     if episode:
-        _call_default_episode(part)
+        _call_default_episode(half)
         return
     work: list[Callable[[], None]] = [
         _trace_meshes,
@@ -71,21 +71,21 @@ def call_loops(part: int = 0, *, episode: bool = False) -> None:
         _search_otherwise,
         lambda: _call_default_episode(0),
     ]
-    for call in work if part else reversed(work):
+    for call in work if half else reversed(work):
         call()
 
 
-def _call_default_episode(part: int) -> None:
+def _call_default_episode(half: int) -> None:
     """Search by the defaults; first comes what buildings and transmitters need (part 0), or links (1)."""
     # Here, so that both processes import the simulator at the same time.
     from robosim.building.building import make_building
     from robosim.episode_config import EpisodeConfig
 
-    if part == 1:
+    if half == 1:
         with patch.object(Loop, "__call__", _interpret), np.errstate(all="ignore"):
             _trace(make_building(_two_rooms()))
     building = make_building(_two_rooms())
-    if part == 0:
+    if half == 0:
         _trace(building)
     for goal in ("explore", "fused"):
         _search(EpisodeConfig(goal=goal))

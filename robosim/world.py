@@ -84,7 +84,7 @@ class World:
         return {name: self.robots[name].step(command)[0] for name, command in commands.items()}
 
     def truth(self, name: str) -> Truth:
-        """What is true of a robot after its last command."""
+        """Return the ground truth of a robot after its last command."""
         robot, radio, movers = self.robots[name], self.robots[name].radio, self.robots[name].movers
         truth = Truth(pose=robot.pose, motion=robot.motion)
         if radio is not None:

@@ -20,7 +20,7 @@ WAIT_S = 1.0
 
 
 class Action(IntEnum):
-    """What the robot can do in one decision."""
+    """Command of the robot in one decision."""
 
     FORWARD = 0
     """Go forward by `FORWARD_M`."""
@@ -36,9 +36,9 @@ class Action(IntEnum):
 
 #: The actions of the published system.
 PUBLISHED = (Action.FORWARD, Action.LEFT, Action.RIGHT)
-#: All that move the robot.
+#: Actions that move the robot.
 MOVES = (*PUBLISHED, Action.BACKWARD)
-#: What is done without a turn.
+#: Actions without a turn.
 STEPS = (Action.FORWARD, Action.BACKWARD)
 
 
@@ -53,7 +53,7 @@ class Velocity(NamedTuple):
     """Time until the next command [s]."""
 
 
-#: What a robot does in one decision.
+#: Command of a robot in one decision.
 Command = Action | Velocity
 
 

@@ -129,7 +129,7 @@ class GridFrame:
         return GridFrame(origin_xy=origin_xy, resolution_m=self.resolution_m, shape=shape)
 
     def padded(self, left: int, right: int, below: int, above: int) -> "GridFrame":
-        """The same lattice with whole cells added on its four sides."""
+        """Return the lattice with whole cells added on its four sides."""
         x, y = self.origin_xy
         ny, nx = self.shape
         return GridFrame(
@@ -151,7 +151,7 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
 
 
 def enlarged(old: np.ndarray, shape: tuple[int, int], left: int, below: int) -> np.ndarray:
-    """A grid of a larger shape (rows, columns), 0 around the old one; what is 0 in it takes no memory."""
+    """Return a grid of a larger shape (rows, columns), 0 around the old one; zeros take no memory."""
     new = zeros((*shape, *old.shape[2:]), old.dtype)
     for y in range(0, old.shape[0], 64):
         for x in range(0, old.shape[1], 512):
@@ -171,18 +171,18 @@ class MovingThing:
     velocity: Float[np.ndarray, "2"]
     """Velocity [m/s]."""
     covariance: Float[np.ndarray, "4 4"]
-    """Of position and velocity [m2, m2/s, m2/s2]."""
+    """Covariance of position and velocity [m2, m2/s, m2/s2]."""
     stood_s: float
     """Time that it has stood at its place [s]."""
     unseen_s: float
     """Time since it was last seen [s]."""
     number: int
-    """The same in all estimates."""
+    """Number of the track, constant in all estimates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapEstimate:
-    """What a mapper believes at one decision.
+    """Estimate of a mapper at one decision: map and pose.
 
     The arrays are read-only views of the mapper's own and change with its next update: copy what must last.
     """

@@ -18,7 +18,7 @@ Outline = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Hull:
-    """What must not touch obstacles."""
+    """Outline of the robot that must not touch obstacles."""
 
     radius_m: float
     """Radius of the disk; of a polygon half its width [m]."""

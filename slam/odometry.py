@@ -43,7 +43,7 @@ class ActionError:
     mean: Annotated[Vector, Range(-1, 1, "m and rad")] = (0.0, 0.0, 0.0)
     """Its constant part [m, m, rad]."""
     covariance: Matrix = ((1.6e-5, 0.0, 0.0), (0.0, 1.6e-5, 0.0), (0.0, 0.0, 9e-6))
-    """Of its random part [m^2, m rad, rad^2]; 4 mm and 0.17 degrees without calibration."""
+    """Covariance of its random part [m^2, m rad, rad^2]; 4 mm and 0.17 degrees without calibration."""
     motion: Annotated[Vector | None, Range(-100, 100, "m and rad")] = None
     """True mean displacement of the action on open floor: x, y [m], yaw [rad]. None without calibration."""
 
@@ -72,19 +72,19 @@ class OdometryConfig:
     """Errors of measured displacements, action by action."""
 
     forward: ActionError = field(default_factory=ActionError)
-    """Of a step forward."""
+    """Error of a step forward."""
     left: ActionError = field(default_factory=ActionError)
-    """Of a turn to the left."""
+    """Error of a turn to the left."""
     right: ActionError = field(default_factory=ActionError)
-    """Of a turn to the right."""
+    """Error of a turn to the right."""
     backward: ActionError | None = None
-    """Of a step back. None where it was not measured: the reverse of a step forward."""
+    """Error of a step back. None where it was not measured: the reverse of a step forward."""
     runs: Annotated[int, Range(0, 1_000_000_000, "runs")] = 0
     """Measured actions of each kind that the numbers above come from; 0 if they are guessed."""
     guess_position_std_m: Annotated[float, Range(0, 10, "m")] = 0.02
     """How far guessed constants may be off [m]."""
     guess_yaw_std_rad: Annotated[float, Range(0, 10, "rad")] = 0.005
-    """The same for the turn [rad]."""
+    """How far guessed turns may be off [rad]."""
 
     @property
     def of_actions(self) -> tuple[ActionError, ...]:
@@ -107,7 +107,7 @@ def calibrated(
 
     Args:
         errors: Measured minus true displacement of each run of an action, x, y [m] and yaw [rad] in the robot's frame
-            before it; what is true comes from a motion capture, a total station, marks on the floor, or a simulator.
+            before it; ground truth comes from a motion capture, a total station, marks on the floor, or a simulator.
             A step back may be missing.
         motions: The true displacements, if what the actions do is to be known too.
 

@@ -14,7 +14,7 @@ Angle = TypeVar("Angle", float, np.ndarray)
 
 
 def wrap(angle_rad: Angle) -> Angle:
-    """The same angle, or angles, in [-pi, pi)."""
+    """Wrap angles to [-pi, pi)."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 

@@ -30,7 +30,7 @@ BandName = Literal["ble", "wifi-2.4", "wifi-5", "wifi-6", "uwb-6.5", "28ghz", "6
 
 @dataclass(frozen=True)
 class Band:
-    """What differs between bands."""
+    """Radio band: its carrier and everything else that differs between bands."""
 
     frequency_hz: float
     """Carrier frequency."""

@@ -23,8 +23,10 @@ from typing import Literal
 import numpy as np
 import pyarrow as pa
 from jaxtyping import Complex, Float, Shaped
+from numpy.typing import ArrayLike
 
 from wireless.antennas.mounting import MountedArray
+from wireless.geometry.array_types import to_array
 from wireless.paths import Paths
 
 #: Taps before the first and after the last delay: the square sum of a sinc beyond is 3 % of the whole.
@@ -49,7 +51,7 @@ class Channel:
         *,
         tx: MountedArray | None = None,
         rx: MountedArray | None = None,
-        doppler_hz: Float[np.ndarray, " n"] | None = None,
+        doppler_hz: ArrayLike | None = None,
     ) -> "Channel":
         """The channel of traced paths at the time they were traced, 0.
 
@@ -64,7 +66,9 @@ class Channel:
         return cls(
             paths=paths,
             coefficient=np.einsum("nrp,npq,ntq->nrt", received, paths.gain, sent),
-            doppler_hz=np.zeros(len(paths)) if doppler_hz is None else doppler_hz,
+            doppler_hz=np.broadcast_to(
+                to_array(0.0 if doppler_hz is None else doppler_hz, "doppler_hz"), len(paths)
+            ),
         )
 
     def at(self, time_s: float) -> "Channel":
@@ -95,12 +99,13 @@ class Channel:
         coefficient[at], delay_s[at] = self.coefficient, self.paths.delay_s
         return np.ascontiguousarray(np.moveaxis(coefficient, 2, -1)), delay_s
 
-    def cfr(self, offset_hz: Float[np.ndarray, " f"]) -> Complex[np.ndarray, "n_tx n_rx rx_ports tx_ports f"]:
+    def cfr(self, offset_hz: ArrayLike) -> Complex[np.ndarray, "n_tx n_rx rx_ports tx_ports f"]:
         """Frequency response, at frequencies counted from the carrier: `subcarriers` gives those of OFDM.
 
-        `cfr(f)[i, j, :, :, k]` is the MIMO matrix of link i, j at the k-th frequency.
+        `cfr(f)[i, j, :, :, k]` is the MIMO matrix of link i, j at the k-th frequency; a single number counts as one.
         """
-        return self._filtered(lambda delay_s: np.exp(-2j * np.pi * offset_hz * delay_s), len(offset_hz))
+        offsets_hz = np.atleast_1d(to_array(offset_hz, "offset_hz"))
+        return self._filtered(lambda delay_s: np.exp(-2j * np.pi * offsets_hz * delay_s), len(offsets_hz))
 
     def taps(
         self, bandwidth_hz: float, first: int | None = None, last: int | None = None

@@ -1,4 +1,4 @@
-"""What a receiver makes out of a measurement: a few paths of each link, the strongest first.
+"""Path estimates of a receiver from a measurement: a few paths of each link, the strongest first.
 
 The SNR of a path is that of the link budget: transmit power, gain of the path, directivities of a transmit beam and
 of a receive array that look straight at it, over the noise in the signal's bandwidth. So it gives the gain of the
@@ -47,7 +47,7 @@ class PathEstimates:
         return self._listing().html()
 
     def __getitem__(self, links: slice) -> "PathEstimates":
-        """Some of the links."""
+        """Return the estimates of a slice of the links."""
         return replace(self, **{f.name: getattr(self, f.name)[links] for f in fields(self)})
 
     def _summary(self) -> str:
@@ -79,19 +79,19 @@ class PathEstimates:
         rx_heading_rad: float | Float[np.ndarray, " links"] = 0.0,
         tx_heading_rad: float | Float[np.ndarray, " links"] = 0.0,
     ) -> "PathEstimates":
-        """The same with azimuths in the scene's frame.
+        """Return these estimates with azimuths in the scene's frame.
 
         Args:
             rx_heading_rad: Azimuth in the scene of the receiver's own +x, as the receiver believes it.
             tx_heading_rad: Likewise of the transmitter.
         """
-        found = np.arange(self.aoa_rad.shape[1]) < self.count[:, None]
+        is_path = np.arange(self.aoa_rad.shape[1]) < self.count[:, None]
         turn_rx = np.broadcast_to(np.asarray(rx_heading_rad, float), len(self))[:, None]
         turn_tx = np.broadcast_to(np.asarray(tx_heading_rad, float), len(self))[:, None]
         return replace(
             self,
-            aoa_rad=np.where(found, wrapped(self.aoa_rad + turn_rx), 0.0),
-            aod_rad=np.where(found, wrapped(self.aod_rad + turn_tx), 0.0),
+            aoa_rad=np.where(is_path, wrapped(self.aoa_rad + turn_rx), 0.0),
+            aod_rad=np.where(is_path, wrapped(self.aod_rad + turn_tx), 0.0),
         )
 
 
@@ -103,5 +103,5 @@ def measured(
 
 
 def wrapped(angle_rad: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """The same angles in [-pi, pi)."""
+    """Wrap angles to [-pi, pi)."""
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi

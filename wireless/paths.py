@@ -25,10 +25,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.axes import axes_in_metres
 from robosim.support.reading import reading
+from wireless.geometry.array_types import to_array
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 
 #: Keys of the metadata of a table of paths.
 _SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")
-#: What the columns of a table of paths are, by how their names begin: the unit, and the meaning.
+#: Unit and meaning of the columns of a table of paths, by how their names begin.
 _MEANING = {
     "tx_": ("m", "place of the transmitter"),
     "tx": ("", "number of the transmitter, from 0"),
@@ -85,7 +87,7 @@ class LinkCategory(IntEnum):
 
 
 class Interaction(IntEnum):
-    """What happens to a path at a point; numbers as in DeepMIMO."""
+    """Interaction of a path at a point; numbers as in DeepMIMO."""
 
     NONE = 0
     REFLECTION = 1
@@ -169,12 +171,12 @@ class Paths:
         return number
 
     def select(self, which: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> "Paths":
-        """Some of the paths, of the same links: a mask, or numbers in any order."""
+        """Return the paths of a mask, or of numbers in any order, with the same links."""
         return replace(self, **{f.name: getattr(self, f.name)[which] for f in fields(self)[3:]})
 
-    def strongest(self, most: int = 1) -> "Paths":
+    def strongest(self, n_max: int = 1) -> "Paths":
         """At most so many paths of each link."""
-        among = self.rank < most
+        among = self.rank < n_max
         return self if among.all() else self.select(among)
 
     def between(self, tx: int, rx: int) -> "Paths":
@@ -189,9 +191,9 @@ class Paths:
     def doppler_hz(
         self,
         *,
-        tx_velocity: Float[np.ndarray, "3"] | Float[np.ndarray, "n_tx 3"] | None = None,
-        rx_velocity: Float[np.ndarray, "3"] | Float[np.ndarray, "n_rx 3"] | None = None,
-        point_velocity: Float[np.ndarray, "n m 3"] | None = None,
+        tx_velocity: ArrayLike | None = None,
+        rx_velocity: ArrayLike | None = None,
+        point_velocity: ArrayLike | None = None,
     ) -> Float[np.ndarray, " n"]:
         """Doppler shift of each path, positive where it becomes shorter.
 
@@ -199,8 +201,8 @@ class Paths:
         their walls and edges so that the length does not change to first order.
 
         Args:
-            tx_velocity: Velocity of the transmitters, or of each [m/s]; None for none.
-            rx_velocity: Velocity of the receivers, or of each.
+            tx_velocity: Velocity of the transmitters, 3 numbers, or of each, n_tx x 3 [m/s]; None for none.
+            rx_velocity: Velocity of the receivers, or of each, likewise.
             point_velocity: Velocity of what each path meets, such as a body, at each of its points; NaN or anything
                 beyond the last.
         """
@@ -210,17 +212,17 @@ class Paths:
             (rx_velocity, self.rx, self.aoa_az, self.aoa_el),
         ):
             if velocity is not None:
-                own = np.atleast_2d(velocity)
+                end_velocity = np.atleast_2d(to_array(velocity, "velocity"))
                 toward = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=1)
-                rate += (own[end if len(own) > 1 else 0] * toward).sum(axis=1)
+                rate += (end_velocity[end if len(end_velocity) > 1 else 0] * toward).sum(axis=1)
         if point_velocity is not None:
-            corner = self.corners()
+            moves, corner = to_array(point_velocity, "point_velocity"), self.corners()
             for i in range(self.point.shape[1]):
-                some = self.order > i
+                has_corner = self.order > i
                 for other in (i, i + 2):
-                    leg = corner[some, other] - corner[some, i + 1]
+                    leg = corner[has_corner, other] - corner[has_corner, i + 1]
                     length = np.maximum(np.linalg.norm(leg, axis=1), 1e-300)  # two reflections in one point
-                    rate[some] += (point_velocity[some, i] * leg).sum(axis=1) / length
+                    rate[has_corner] += (moves[has_corner, i] * leg).sum(axis=1) / length
         return rate * self.frequency_hz / speed_of_light
 
     def corners(self) -> Float[np.ndarray, "n m2 3"]:
@@ -264,7 +266,7 @@ class Paths:
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw all paths from above, coloured by power gain, and the terminals that they join.
 
-        Those of one link: `paths.between(0, 3).plot()`.
+        For a single link: `paths.between(0, 3).plot()`.
 
         Args:
             axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
@@ -294,19 +296,19 @@ class Paths:
 
     def _listing(self) -> Listing:
         """The first paths as a table."""
-        some = self.select(np.arange(min(len(self), MOST_ROWS)))
-        angles = [np.degrees(value) for value in (some.aoa_az, some.aoa_el, some.aod_az, some.aod_el)]
+        listed = self.select(np.arange(min(len(self), MOST_ROWS)))
+        angles = [np.degrees(value) for value in (listed.aoa_az, listed.aoa_el, listed.aod_az, listed.aod_el)]
         rows = [
             (
-                str(some.tx[i]),
-                str(some.rx[i]),
-                " ".join(Interaction(kind).name[0] for kind in some.interaction[i, : some.order[i]])
+                str(listed.tx[i]),
+                str(listed.rx[i]),
+                " ".join(Interaction(kind).name[0] for kind in listed.interaction[i, : listed.order[i]])
                 or "direct",
-                f"{some.power_db[i]:.1f}",
-                f"{1e9 * some.delay_s[i]:.2f}",
+                f"{listed.power_db[i]:.1f}",
+                f"{1e9 * listed.delay_s[i]:.2f}",
                 *(f"{angle[i]:.1f}" for angle in angles),
             )
-            for i in range(len(some))
+            for i in range(len(listed))
         ]
         heads = (
             "tx",
@@ -417,9 +419,9 @@ def _as_text(positions: Float[np.ndarray, "n 3"]) -> str:
 
 def _positions(scene: dict[bytes, bytes], who: str) -> Float[np.ndarray, "n 3"]:
     content = b64decode(scene[f"{who}_position_m".encode()], validate=True)
-    found = np.frombuffer(content, "<f8").astype(float).reshape(-1, 3)
-    check_within(found, f"{who}_position_m", -FAR, FAR)
-    return found
+    positions = np.frombuffer(content, "<f8").astype(float).reshape(-1, 3)
+    check_within(positions, f"{who}_position_m", -FAR, FAR)
+    return positions
 
 
 def _matrix(table: pa.Table, name: str, kind: pa.DataType, width: int) -> np.ndarray:

@@ -63,12 +63,12 @@ _THROUGH_M = 1e-6
 _TIDY_M = 1e-7
 
 
-def material_of(given: Part, field: str) -> str | Material:
+def material_of(material: Part, field: str) -> str | Material:
     """A radio material: a name of `wireless.em.materials`, or the layers of a file or part; `field` is for messages."""
-    if MATERIAL.is_name(given):
-        check_material(given, field)
-        return str(given)
-    made: Material = MATERIAL.make(given, field=field)
+    if MATERIAL.is_name(material):
+        check_material(material, field)
+        return str(material)
+    made: Material = MATERIAL.make(material, field=field)
     return made
 
 
@@ -114,7 +114,7 @@ class BuildingConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Storey:
-    """One storey of a building."""
+    """Storey of a building."""
 
     building: "Building"
     """The storey alone, its floor at z = 0."""
@@ -158,12 +158,12 @@ class Building(Faces):
         """The building without what is placed in it."""
         if not self.furnishings:
             return self
-        own = self.face_kind != PLACED
+        is_structure = self.face_kind != PLACED
         return replace(
             self,
-            mesh=self._part(own),
-            face_kind=self.face_kind[own],
-            face_material=self.face_material[own],
+            mesh=self._part(is_structure),
+            face_kind=self.face_kind[is_structure],
+            face_material=self.face_material[is_structure],
             furnishings=(),
         )
 
@@ -270,7 +270,7 @@ def make_building(
     Args:
         plan: Free cells and the position of their walls.
         config: Heights, tolerance and materials; None for the defaults.
-        furnishings: What is placed in it in addition to the plan's furnishings.
+        furnishings: Things placed in it in addition to the plan's furnishings.
 
     Raises:
         MapError: If the plan has no free area, or what is placed is not between floor and ceiling or wholly outside.
@@ -359,10 +359,10 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
     )
 
 
-def _check_place(bare: Building, one: Furnishing) -> None:
+def _check_place(bare: Building, furnishing: Furnishing) -> None:
     """Raise MapError for a mesh that reaches through floor or ceiling, or does not stand on free floor."""
-    low, high = one.bodies.vertices[:, 2].min(), one.bodies.vertices[:, 2].max()
-    at = f"{one.source or bare.plan.name}: {one.name} at ({one.at[0]:g}, {one.at[1]:g}) m"
+    low, high = furnishing.bodies.vertices[:, 2].min(), furnishing.bodies.vertices[:, 2].max()
+    at = f"{furnishing.source or bare.plan.name}: {furnishing.name} at ({furnishing.at[0]:g}, {furnishing.at[1]:g}) m"
     if low < -_THROUGH_M:
         raise MapError(
             f"{at} reaches {-low:.3g} m below the floor, expected z = 0 or more. Give it z_m: {-low:.4g}."
@@ -372,7 +372,7 @@ def _check_place(bare: Building, one: Furnishing) -> None:
             f"{at} reaches to {high:.3g} m, expected at most the ceiling at {bare.height_m:g} m. Check its unit_m and "
             "up, or raise the ceiling: height_m."
         )
-    outline = shapely.convex_hull(shapely.multipoints(one.bodies.vertices[:, :2]))
+    outline = shapely.convex_hull(shapely.multipoints(furnishing.bodies.vertices[:, :2]))
     inside = outline.intersection(bare.free)
     if inside.is_empty:
         near = bare.nearest_free(outline, 0.0)
@@ -399,8 +399,8 @@ def _coloured_walls(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"
 def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, " n_rings"]:
     """Mask of rings around islands of at most this area without free space inside."""
     parts = shapely.get_parts(free)
-    rings, part = shapely.get_rings(parts, return_index=True)
-    island = np.append(False, part[1:] == part[:-1])  # the first ring of each part is its outer one
+    rings, polygon = shapely.get_rings(parts, return_index=True)
+    island = np.append(False, polygon[1:] == polygon[:-1])  # the first ring of each part is its outer one
     filled = shapely.polygons(rings)
     holds, _ = shapely.STRtree(shapely.point_on_surface(parts)).query(filled, predicate="contains")
     island[holds] = False

@@ -52,7 +52,7 @@ def together(polygons: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
 
 
 def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
-    """Straight pieces of the boundary of free space: both ends x, y [m], with free space on the left."""
+    """Straight pieces of the boundary of free space: two ends x, y [m], with free space on the left."""
     rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(free)))
     points, ring = shapely.get_coordinates(rings, return_index=True)
     starts = np.flatnonzero(ring[1:] == ring[:-1])

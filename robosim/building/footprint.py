@@ -52,8 +52,10 @@ def _each(bodies: Bodies) -> list[tuple[Float[np.ndarray, "n 3 3"], bool, bool]]
     order = np.argsort(bodies.body, kind="stable")
     ends = np.cumsum(np.bincount(bodies.body))[:-1]
     return [
-        (triangles[some], bool(closed), bool(oriented))
-        for some, closed, oriented in zip(np.split(order, ends), bodies.closed, bodies.oriented, strict=True)
+        (triangles[members], bool(closed), bool(oriented))
+        for members, closed, oriented in zip(
+            np.split(order, ends), bodies.closed, bodies.oriented, strict=True
+        )
     ]
 
 

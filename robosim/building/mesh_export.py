@@ -5,8 +5,8 @@ point (x, y, z) of `map` becomes (x, z, -y), as viewers expect.
 
 A Mitsuba scene is an XML file with one PLY file per radio material (z up, as in Sionna RT's own scenes) and a
 BSDF of the plugin `itu-radio-material` for each, of Recommendation ITU-R P.2040, which Sionna RT registers with
-Mitsuba and DiffeRT reads by itself. Both programs know slabs of these materials only: a half-space becomes a slab too
-thick to be seen through, layers become the slab of their outer material that reflects most like them, drywall
+Mitsuba and DiffeRT reads by itself. The two programs know slabs of these materials only: a half-space becomes a slab
+too thick to be seen through, layers become the slab of their outer material that reflects most like them, drywall
 becomes plasterboard, whose newer fit is 2.73 instead of 2.94. `itu_slab` computes what that changes.
 
 Left out: textures; coordinates are stored with 32 bits, as these formats do.
@@ -172,10 +172,10 @@ def _scene(building: Faces) -> trimesh.Scene:
     for number, furnishing in enumerate(building.furnishings, 1):
         mesh = trimesh.Trimesh(furnishing.bodies.vertices, furnishing.bodies.faces, process=False)
         parts.append((f"{number} {furnishing.name}", mesh, np.array([*furnishing.colour, 255], np.uint8)))
-    for name, part, colour in parts:
-        if len(part.faces):
-            part.visual = trimesh.visual.ColorVisuals(
-                part, vertex_colors=np.tile(colour, (len(part.vertices), 1))
+    for name, shape, colour in parts:
+        if len(shape.faces):
+            shape.visual = trimesh.visual.ColorVisuals(
+                shape, vertex_colors=np.tile(colour, (len(shape.vertices), 1))
             )
-            scene.add_geometry(part, node_name=name, geom_name=name)
+            scene.add_geometry(shape, node_name=name, geom_name=name)
     return scene

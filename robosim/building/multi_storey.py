@@ -104,33 +104,35 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     ]
     free = [building.free for building in alone]
     opening = [
-        _opening(plan.label, number, one, free[number], free[number + 1])
-        for number, one in enumerate(plan.storeys[:-1])
+        _opening(plan.label, number, storey, free[number], free[number + 1])
+        for number, storey in enumerate(plan.storeys[:-1])
     ]
     free, opening = _noded(free, opening)
     nothing = shapely.MultiPolygon()
     parts: list[_Part] = []
-    slab = [one.slab_material and material_of(one.slab_material, "slab_material") for one in plan.storeys]
-    for i, one in enumerate(plan.storeys):
+    slab = [
+        storey.slab_material and material_of(storey.slab_material, "slab_material") for storey in plan.storeys
+    ]
+    for i, storey in enumerate(plan.storeys):
         low = plan.floor_m(i)
-        high = low + one.height_m
+        high = low + storey.height_m
         below, above = ([nothing, *opening, nothing])[i : i + 2]
-        own, under = slab[i], slab[i - 1] if i else None
+        over, under = slab[i], slab[i - 1] if i else None
         parts += [
             _walls(alone[i], free[i], low, high),
             _level(free[i], below, low, FLOOR, under or config.building.material("floor")),
-            _level(free[i], above, high, CEILING, own or config.building.material("ceiling")),
+            _level(free[i], above, high, CEILING, over or config.building.material("ceiling")),
         ]
         if i < len(opening):
             rim = _upright(wall_segments(opening[i]), high, plan.floor_m(i + 1))
-            of_rim = own or material_of(config.slab_material, "slab_material")
+            of_rim = over or material_of(config.slab_material, "slab_material")
             parts.append((rim, np.full(len(rim), WALL), [of_rim] * len(rim)))
     corner, kind = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:2])
     vertices, faces, triangle = make_shell(corner)
-    material = [one for _, _, some in parts for one in some]
+    material = [entry for _, _, names in parts for entry in names]
     materials = tuple(dict.fromkeys(material))
-    number_of = {one: number for number, one in enumerate(materials)}
-    of_face = np.array([number_of[one] for one in material], np.uint8)
+    number_of = {entry: number for number, entry in enumerate(materials)}
+    of_face = np.array([number_of[entry] for entry in material], np.uint8)
     logger.info("%s: %d storeys, %d faces", plan.name, len(plan.storeys), len(faces))
     bare = Storeys(
         plan=plan,
@@ -183,7 +185,11 @@ def _opening(
 
 def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
     """The parts of an area that are not negligible."""
-    parts = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and one.area > _LEAST_M2]
+    parts = [
+        polygon
+        for polygon in shapely.get_parts(area)
+        if polygon.geom_type == "Polygon" and polygon.area > _LEAST_M2
+    ]
     return shapely.MultiPolygon(list(shapely.orient_polygons(parts)))
 
 
@@ -238,7 +244,11 @@ def _level(
 ) -> _Part:
     """Floor or ceiling of a storey but for the opening in it."""
     area = shapely.difference(free, hole) if not hole.is_empty else free
-    solid = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and not one.is_empty]
+    solid = [
+        polygon
+        for polygon in shapely.get_parts(area)
+        if polygon.geom_type == "Polygon" and not polygon.is_empty
+    ]
     if not solid:
         return np.empty((0, 3, 3)), np.empty(0, np.int64), []
     xy = triangulated(shapely.MultiPolygon(solid))
@@ -253,8 +263,8 @@ def _parted(
 ) -> Float[np.ndarray, "k 3 2"]:
     """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out."""
     side = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    triangles = triangles[np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) > _ON_M * side]
+    edge, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    triangles = triangles[np.abs(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0]) > _ON_M * side]
     places = shapely.STRtree(shapely.points(points))
     while True:
         ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
@@ -303,8 +313,8 @@ def make_shell(
     links = coo_array((np.ones(len(start), bool), (ends[0], ends[1][mate])), shape=(len(start),) * 2)
     n, label = connected_components(links, directed=False)
     vertices = np.empty((n, 3))
-    _, one, again = np.unique(place, return_index=True, return_inverse=True)
-    vertices[label] = corner.reshape(-1, 3)[one[again]]
+    _, representative, again = np.unique(place, return_index=True, return_inverse=True)
+    vertices[label] = corner.reshape(-1, 3)[representative[again]]
     return vertices, label.reshape(-1, 3), proper
 
 

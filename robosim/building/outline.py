@@ -12,7 +12,7 @@ quadrant or back, are a wall. Fewer are furniture and noise, whose corners touch
 ``"cell_centre"`` plans have their walls through the centres of the outermost free cells, on the borders that
 `cv2.findContours` follows (Suzuki and Abe 1985; free space 8-connected). A passage one cell wide then has
 its two walls on one line: it is closed, has no area and is missing in `free_cells`, but `closed_passages` has
-both its walls, which block radio paths.
+and its walls, which block radio paths.
 
 By default staircases of ``"cell_edge"`` plans become straight walls (`robosim.building.straight`); walls through
 centres stay as they are, as what was published with them was made with each of their steps. A tolerance of zero
@@ -73,7 +73,8 @@ def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.Mul
 def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
     """Ends (column, row), in cell coordinates, of the walls in passages too narrow for `free_cells`.
 
-    Both walls of such a passage stand on each of these segments. Only plans with walls through cell centres have any.
+    The two walls of such a passage stand on each of these segments. Only plans with walls through cell centres have
+    any.
     """
     if plan.wall_line == "cell_edge":
         return np.empty((0, 2, 2))

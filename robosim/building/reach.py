@@ -126,7 +126,7 @@ class Reach:
         row, column = np.unravel_index(int(depth.argmax()), depth.shape)
         return self.plan.to_map(np.array([column + 0.5, row + 0.5]))
 
-    def swept(self, part: int) -> Bool[np.ndarray, "ny nx"]:
+    def swept(self, component: int) -> Bool[np.ndarray, "ny nx"]:
         """Free cells within the building that some place of the hull within a part covers: the area that it can visit.
 
         Of a part that is wholly outside, the cells there.
@@ -135,7 +135,7 @@ class Reach:
         reach_m = self.radius_m + cell_m
         along = np.arange(-int(reach_m / cell_m) - 1, int(reach_m / cell_m) + 2) * 1.0
         disk = (np.hypot(along, along[:, None]) * cell_m <= reach_m).astype(np.uint8)
-        covered = (cv2.dilate((self.parts == part).astype(np.uint8), disk) > 0) & self.floor
+        covered = (cv2.dilate((self.parts == component).astype(np.uint8), disk) > 0) & self.floor
         inside = covered & ~self.outside
         return inside if inside.any() else covered
 
@@ -172,10 +172,10 @@ class Reach:
             best = float(travel[cell]) + gap_m
         return best
 
-    def cut_off(self, part: int) -> list[CutOff]:
+    def cut_off(self, component: int) -> list[CutOff]:
         """Rooms that the hull cannot enter from a part, largest first."""
         # A rim of cells that are not free, so that floor at the plan's edge is as deep as it looks.
-        labels, n = ndimage.label(np.pad(self.floor & ~self.outside & ~self.swept(part), 1))
+        labels, n = ndimage.label(np.pad(self.floor & ~self.outside & ~self.swept(component), 1))
         depth_m = (
             cv2.distanceTransform((labels > 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
             * self.plan.resolution_m
@@ -221,7 +221,7 @@ def reach(
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
     floor, overhung = plan.free, np.zeros(plan.shape, bool)
     if building.furnishings:
-        floor, open_above = (_on(plan, plan.free, one) for one in (free, building.floor(building.height_m)))
+        floor, open_above = (_on(plan, plan.free, area) for area in (free, building.floor(building.height_m)))
         overhung = floor & ~open_above
     return Reach(plan, hull, rank[labels], free, outside, floor, overhung)
 
@@ -289,16 +289,16 @@ def _nearest_cell(
         near = cells[
             corner[0] : max(round(row) + around + 1, 0), corner[1] : max(round(column) + around + 1, 0)
         ]
-        found = np.argwhere(near) + corner
-        gaps = np.hypot(found[:, 0] - row, found[:, 1] - column)
-        # What is farther than the window's edge may have a nearer one beyond that edge.
+        near_cells = np.argwhere(near) + corner
+        gaps = np.hypot(near_cells[:, 0] - row, near_cells[:, 1] - column)
+        # A place farther than the window's edge may have a nearer one beyond that edge.
         if near.shape == cells.shape or (len(gaps) and gaps.min() <= around - 1):
             break
         around *= 4
     if not len(gaps):
         return (0, 0), math.inf
     best = int(np.argmin(gaps))
-    return (int(found[best, 0]), int(found[best, 1])), float(gaps[best]) * plan.resolution_m
+    return (int(near_cells[best, 0]), int(near_cells[best, 1])), float(gaps[best]) * plan.resolution_m
 
 
 def _on(

@@ -11,7 +11,7 @@ The longest segments go first. A single step is a corner of the building and sta
 the places where straight walls would cross. Neighbouring walls are drawn on to where they meet.
 
 The two sides of a slanted wall one cell thick touch at each of its steps, and one outline may pass a corner twice
-there. Both sides become straight lines like any others (`robosim.building.outline`); other points where walls touch
+there. The two sides become straight lines like any others (`robosim.building.outline`); other points where walls touch
 stay.
 
 The time is nearly proportional to the length of the outlines: the farthest ends of segments rise along an outline, so
@@ -399,14 +399,14 @@ def _reach(
             continue
         edges += 1
         level += side if stepped else 0
-        some = _clip(preimage[:count], edges, 1.0, level - 0.5, half)
-        some = _clip(half[:some], edges, -1.0, -level - 0.5, new)
-        if some > _CORNERS // 2:
-            some = _distinct(new[:some])
-        if some < 3:
+        n_corners = _clip(preimage[:count], edges, 1.0, level - 0.5, half)
+        n_corners = _clip(half[:n_corners], edges, -1.0, -level - 0.5, new)
+        if n_corners > _CORNERS // 2:
+            n_corners = _distinct(new[:n_corners])
+        if n_corners < 3:
             break
         preimage, new = new, preimage
-        count, end, stepped = some, i + sense, False
+        count, end, stepped = n_corners, i + sense, False
     area, slope, offset = 0.0, 0.0, 0.0
     for i in range(2, count):
         a0, a1 = preimage[i - 1, 0] - preimage[0, 0], preimage[i - 1, 1] - preimage[0, 1]

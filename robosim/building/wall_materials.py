@@ -1,4 +1,4 @@
-"""Materials of walls: those that a plan has cell by cell, and layers of a wall from a YAML file.
+"""Materials of walls: materials that a plan has cell by cell, and layers of a wall from a YAML file.
 
 A wall has the material of the cells behind it. Walls are cut where that changes, so that each has one material. All
 is in cell coordinates (column, row).

@@ -2,7 +2,9 @@
 
 Columns beacon, beacon_x_m, beacon_y_m, beacon_z_m, x_m, y_m and power_dbm are required, z_m and heading_rad are
 optional, and others are ignored. Positions are in the frame of the plan. An empty power or nan is a reading that was
-not received, and so is a row that is missing. Powers of a beacon at the same place and heading are averaged.
+not received, and so is a row that is missing. Receivers that write a number instead, such as 100, 0, -127 or 127, are
+read with that number as an option only: powers are more than -127 dBm and less than 0. Powers of a beacon at the same
+place and heading are averaged.
 """
 
 from dataclasses import dataclass
@@ -19,8 +21,8 @@ COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "po
 _REMEDY = f"Give a CSV file with columns {','.join(COLUMNS)} and, if known, z_m,heading_rad: a row for each reading."
 #: Positions are no larger [m], nor times [s], nor headings, which may count turns but are not in degrees [rad].
 _MOST, _OTHERS = 1e5, {"time_s": 1e12, "heading_rad": 100.0}
-#: Powers are within these [dBm].
-_POWERS_DBM = (-200.0, 100.0)
+#: Received powers are between these, which are not among them [dBm].
+_POWERS_DBM = (-127.0, 0.0)
 #: Side of the squares of floor that alternately belong to the fit and are held out [m].
 BLOCK_M = 1.0
 #: Fewest readings of a beacon in either half.
@@ -54,8 +56,8 @@ def is_table_of_powers(path: Path) -> bool:
         return "power_dbm" in file.readline(10_000).decode("utf-8-sig", "replace").strip().split(",")
 
 
-def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
-    """Read a table of received powers (.csv); places without z_m are at a height.
+def read_measured_powers(path: Path, height_m: float, not_received: float | None = None) -> MeasuredPowers:
+    """Read a table of received powers (.csv); places without z_m are at a height, `not_received` is no power.
 
     Raises:
         FileError: If the file is damaged, a column is missing, a value is not understood, a beacon has several
@@ -68,7 +70,9 @@ def read_measured_powers(path: Path, height_m: float) -> MeasuredPowers:
         readings: dict[tuple[float, ...], dict[str, list[float]]] = {}
         for line, row in rows:
             name = beacon_name(row, line)
-            values = {column: number_of(row, column, line) for column in (*COLUMNS[1:], *optional)}
+            values = {
+                column: number_of(row, column, line, not_received) for column in (*COLUMNS[1:], *optional)
+            }
             at = values["beacon_x_m"], values["beacon_y_m"], values["beacon_z_m"]
             if beacons.setdefault(name, at) != at:
                 raise ValueError(f"line {line}: beacon {name!r} is at {at}, and at {beacons[name]} before")
@@ -106,10 +110,19 @@ def beacon_name(row: dict[str, str], line: int) -> str:
     return name
 
 
-def number_of(row: dict[str, str], column: str, line: int) -> float:
-    """A number of a row; ValueError if it is none. Only powers may be empty, which is NaN."""
+def number_of(row: dict[str, str], column: str, line: int, not_received: float | None = None) -> float:
+    """A number of a row; ValueError if it is none. Only powers may be empty, or `not_received`, which is NaN."""
     if column == "power_dbm":
-        is_empty = (row[column] or "").strip().lower() in ("", "nan")
-        return np.nan if is_empty else csv_number(row, column, line, *_POWERS_DBM)
+        if (row[column] or "").strip().lower() in ("", "nan"):
+            return np.nan
+        power_dbm = csv_number(row, column, line, -np.inf, np.inf)
+        if power_dbm == not_received:
+            return np.nan
+        if not _POWERS_DBM[0] < power_dbm < _POWERS_DBM[1]:
+            raise ValueError(
+                f"line {line}: {column} is {power_dbm:g}, expected between {_POWERS_DBM[0]:g} and {_POWERS_DBM[1]:g} "
+                f"dBm: if it means that nothing was received, leave it empty, or give --not-received {power_dbm:g}"
+            )
+        return power_dbm
     bound = _OTHERS.get(column, _MOST)
     return csv_number(row, column, line, -bound, bound)

@@ -8,7 +8,7 @@ two, f b / z, so all errors of the shift grow with z squared. In this order, for
 - Spread along the view: Nguyen's 1.2 mm + 1.9 mm/m^2 (z - 0.4 m)^2, and more at grazing angles.
 - Rounding: the shift is measured in steps, so depths are multiples in 1 / z.
 - Missing returns (0): what only one of the two places sees, which next to a near edge is f b (1 / z_near - 1 / z_far)
-  pixels of the background; surfaces hit at a grazing angle; what is too near or too far.
+  pixels of the background; surfaces hit at a grazing angle; surfaces too near or too far.
 
 Left out: errors that neighbours share, glass, mirrors, dark and sunlit surfaces, more than one camera.
 Reference: Nguyen, Izadi and Lovell, Modeling Kinect sensor noise for improved 3D reconstruction and tracking, 3DIMPVT

@@ -176,10 +176,10 @@ class MarkerRecogniser:
 
     def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
         """Place of the target x ahead, y left [m] of the camera; None if its marker is not found."""
-        found, ids, _ = self._detector.detectMarkers(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY))
+        outlines, ids, _ = self._detector.detectMarkers(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY))
         if ids is None:
             return None
-        for corners, marker in zip(found, ids.ravel(), strict=True):
+        for corners, marker in zip(outlines, ids.ravel(), strict=True):
             if marker != self._target.marker_id:
                 continue
             side = self._by_depth(frame.depth, corners[0]) or self._by_size(corners[0])

@@ -41,6 +41,7 @@ def calibrate_materials(
     ceiling: Annotated[float, Range(0.1, 100, "m")] = 2.5,
     wall_thickness: Annotated[float, Range(1e-3, 2, "m")] = 0.1,
     sensitivity_dbm: Annotated[float | None, Range(-200, 100, "dBm")] = None,
+    not_received: float | None = None,
     reading: Reading = NO_OPTIONS,
     out: Path | None = None,
 ) -> None:
@@ -71,6 +72,7 @@ def calibrate_materials(
         ceiling: Height of the ceiling, for powers [m].
         wall_thickness: Thickness of walls, for powers [m].
         sensitivity_dbm: Lowest power that the receiver reports [dBm]; no limit if not given.
+        not_received: Number in power_dbm that means that nothing was received, such as 100.
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
     """
@@ -95,7 +97,7 @@ def calibrate_materials(
                 thickness_m=wall_thickness,
                 sensitivity_dbm=sensitivity_dbm,
             )
-            _fit_powers(floor_plan, read_measured_powers(measured, height), config, folder)
+            _fit_powers(floor_plan, read_measured_powers(measured, height, not_received), config, folder)
             console.print(
                 f"Next: robosim trace {plan} --material {quote(str(folder / 'wall.yaml'))} "
                 f"--frequency-ghz {frequency_ghz:g}"

@@ -24,6 +24,7 @@ COMMANDS = {
     "plan": "scenes:plan",
     "trace": "links:trace",
     "dataset": "links:dataset",
+    "robot": "robot:robot",
     "generate": "scenes:generate",
     "collect": "collect:collect",
     "collect-searches": "collect:collect_searches",

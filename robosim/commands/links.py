@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.text import Text
-from tyro.conf import OmitArgPrefixes, Positional
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 from robosim.commands.option_help import option_name
 from robosim.commands.output import console, emit_result
@@ -45,7 +45,7 @@ PLAN_ONLY = ("material", "tolerance", "wall_thickness", "wall_gap", "floor_ceili
 def trace(
     plan: Positional[str],
     *,
-    tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
+    tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction] = (),
     grid: float | None = None,
     rx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction] = (),
     along: Path | None = None,
@@ -54,6 +54,8 @@ def trace(
     tx_antenna: Annotated[str, ADVANCED] = "isotropic",
     rx_antenna: Annotated[str, ADVANCED] = "isotropic",
     storey: int | None = None,
+    scene_material: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, ADVANCED] = (),
+    inspect: FlagCreatePairsOff[bool] = False,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     band: BandName = "28ghz",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -90,6 +92,10 @@ def trace(
         rx_antenna: Antenna of receivers with --csi; likewise.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
+        scene_material: Material of a scene by its name there, instead of its own, such as paint=glass: a material of
+            ITU-R P.2040, 0.1 m thick, a wall of layers or a .yaml file; can be given several times.
+        inspect: Print what is read of a scene, and trace nothing: shapes, triangles, and the permittivity, conductivity
+            and thickness of materials at the carrier frequency.
         polarisation: Polarisation of all antennas; both takes the mean.
         band: Radio band, which sets the defaults of carrier frequency and transmit power.
         radio: Which paths are traced.
@@ -107,6 +113,21 @@ def trace(
     config = radio.config(polarisation)
     file = expanded(plan)
     is_scene = is_mitsuba(file)
+    materials = None
+    if (scene_material or inspect) and not is_scene:
+        raise ValueError(
+            f"{plan} is a floor plan, but scene_material or inspect is for scenes. Leave it out."
+        )
+    if is_scene:
+        from robosim.commands.scene_report import inspect_scene, scene_materials
+
+        materials = scene_materials(scene_material)
+        if inspect:
+            return inspect_scene(file, materials, config.frequency_hz)
+    if not tx:
+        raise ValueError(
+            "tx is missing, expected a transmitter. Give --tx X,Y, which can be given several times."
+        )
     if is_scene:
         _check_scene(plan, grid, rx, along, storey, radio, reading)
     if not storey:  # heights of other floors are known when the plan is read
@@ -131,14 +152,14 @@ def trace(
     with console.status("reading the scene ..." if is_scene else "reading the plan ..."):
         place = None if is_scene else read_storey(plan, storey, reading)
     if along is not None:
-        site = radio_site(place or file, config)
+        site = radio_site(place or file, config, materials)
         samples = trace_along(site, folder, tx=tx, trajectory=along, rate_hz=rate, console=console)
         emit_result({"plan": site.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
         console.print(f"Wrote channel_{_numbers(len(tx))}.npz in {folder}")
         return
     if alone or place is None:
-        site = radio_site(place or file, config)
+        site = radio_site(place or file, config, materials)
         paths = trace_link(site, folder, tx=tx, rx=rx, console=console)
         if responses is not None:
             write_csi(folder, responses, len(tx), rx=None, plots=plots)

@@ -22,6 +22,7 @@ def locate(
     map_from: Path | None = None,
     scans: Annotated[Path | None, ADVANCED] = None,
     beyond: Annotated[float | None, Range(0.05, 100, "m")] = None,
+    not_received: float | None = None,
     how: Annotated[OmitArgPrefixes[BeaconConfig], arg(name="")] = _DEFAULTS,
     reading: Reading = NO_OPTIONS,
     out: Path | None = None,
@@ -43,6 +44,7 @@ def locate(
         scans: Scans for a log that is a TUM file; see robosim slam.
         beyond: Distance from the floor at which a beacon is less probable by a factor of e [m]; 0.3 with a plan,
             otherwise 3.
+        not_received: Number in power_dbm that means that nothing was received, such as 100.
         how: What is known of powers.
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
@@ -59,7 +61,7 @@ def locate(
             "plan and map_from are both given: give the plan, or the log that a map is made from."
         )
     floor_plan = None if plan is None else read(plan, reading)
-    powers = read_power_route(route, needs_time=map_from is not None)
+    powers = read_power_route(route, needs_time=map_from is not None, not_received=not_received)
     if map_from is not None:
         log = read_log(map_from, scans)
         floor_plan, powers = map_route(log, powers, stages_tracked(log.name, console))

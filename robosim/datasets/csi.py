@@ -47,8 +47,8 @@ def parse_csi(text: str, frequency_hz: float, polarisation: str, antennas: dict[
         ValueError: If a text is not understood, or the subcarriers reach down to 0 Hz.
         FileError: If a pattern file is missing or damaged.
     """
-    found = re.fullmatch(r"(\d{1,6})x(\d+(?:\.\d+)?)(Hz|kHz|MHz|GHz)", text, re.ASCII)
-    count, spacing_hz = (int(found[1]), float(found[2]) * _UNITS[found[3]]) if found else (0, 0.0)
+    match = re.fullmatch(r"(\d{1,6})x(\d+(?:\.\d+)?)(Hz|kHz|MHz|GHz)", text, re.ASCII)
+    count, spacing_hz = (int(match[1]), float(match[2]) * _UNITS[match[3]]) if match else (0, 0.0)
     if not (1 <= count <= _MOST and 0 < count * spacing_hz < 2 * frequency_hz):
         raise ValueError(
             f"csi is {shown(text)}, expected a number of subcarriers (1 to {_MOST}) and their spacing, such as "

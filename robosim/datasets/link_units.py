@@ -252,10 +252,10 @@ def prepare_site(site: LinkPlan, config: RadioConfig, grid_m: float) -> tuple[Ra
 def _receiver(estimator: Part, tx: Part, rx: Part, sounding: SoundingConfig) -> tuple[Sounder, PathEstimator]:
     """The sounder and the estimator, cached for the next unit."""
     sounder = Sounder(TERMINAL.make(tx, field="tx"), TERMINAL.make(rx, field="rx"), sounding)
-    found: PathEstimator = ESTIMATOR.make(estimator, sounder, field="estimator")
-    if isinstance(found, SageEstimator):
-        found.workers = 1
-    return sounder, found
+    path_estimator: PathEstimator = ESTIMATOR.make(estimator, sounder, field="estimator")
+    if isinstance(path_estimator, SageEstimator):
+        path_estimator.workers = 1
+    return sounder, path_estimator
 
 
 def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> PathEstimates:

@@ -44,7 +44,7 @@ from robosim.support.workers import Workers
 from wireless.formats.link_records import COLUMNS, read_columns
 from wireless.paths import LinkState
 
-#: Spawn key of transmitters' places; those of units are their numbers.
+#: Spawn key of transmitters' places; spawn keys of units are their numbers.
 _PLACES = 1 << 31
 Unit = tuple[LinkPlan, int]
 
@@ -102,7 +102,7 @@ def _site(plan: Place, config: LinkSetConfig) -> LinkPlan:
 
 
 def _settings(sites: list[LinkPlan], config: LinkSetConfig) -> dict[str, Any]:
-    """All that the data depend on, as JSON types."""
+    """Return the settings that the data depend on, as JSON types."""
     return {
         "version": package_version(),
         "config": plain_config(config),
@@ -150,7 +150,7 @@ def _manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[s
                     "tx": tx + 1,
                     "file": path.relative_to(out).as_posix(),
                     "rows": len(state),
-                    "states": {one.name.lower(): int(counts[one]) for one in LinkState},
+                    "states": {category.name.lower(): int(counts[category]) for category in LinkState},
                 }
             )
     libraries = ("numpy", "numba", "pyarrow", "scipy", "shapely")
@@ -162,7 +162,8 @@ def _manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[s
         },
         "rows": sum(unit["rows"] for unit in units),
         "states": {
-            one.name.lower(): sum(unit["states"][one.name.lower()] for unit in units) for one in LinkState
+            category.name.lower(): sum(unit["states"][category.name.lower()] for unit in units)
+            for category in LinkState
         },
         "units": units,
         "columns": {

@@ -14,7 +14,7 @@ from robosim.datasets.collect import SHARD, read_shard
 from robosim.support.installation import missing_extra
 from robosim.support.reading import FileError, shown
 from wireless.linkstate.data import read_links
-from wireless.linkstate.tokens import COLUMNS, found
+from wireless.linkstate.tokens import COLUMNS, is_path
 
 try:
     import torch
@@ -55,11 +55,11 @@ class LinkDataset(Dataset[dict[str, Tensor]]):
                 )
             links = links[links.within(tuple(links.names.index(name) for name in buildings))]
         self.columns = links.measured
-        """Quantities of a path: aoa and aod [rad], snr [dB], delay [s], peak; those that were measured."""
+        """Quantities of a path: aoa and aod [rad], snr [dB], delay [s], peak; only measured ones."""
         tokens = links.tokens[..., [COLUMNS.index(name) for name in self.columns]]
         self._columns = {
             "paths": torch.from_numpy(np.nan_to_num(tokens)),
-            "mask": torch.from_numpy(found(links.tokens)),
+            "mask": torch.from_numpy(is_path(links.tokens)),
             "state": torch.from_numpy(links.state.astype(np.int64)),
             "building": torch.from_numpy(links.building.astype(np.int64)),
             "position": torch.from_numpy(links.position),
@@ -70,7 +70,7 @@ class LinkDataset(Dataset[dict[str, Tensor]]):
         return len(self._columns["state"])
 
     def __getitem__(self, index: int) -> dict[str, Tensor]:
-        """One link."""
+        """Return the tensors of a link."""
         return {name: column[index] for name, column in self._columns.items()}
 
 
@@ -124,7 +124,7 @@ class FrameDataset(Dataset[dict[str, Tensor]]):
         return int(self._ends[-1])
 
     def __getitem__(self, index: int) -> dict[str, Tensor]:
-        """One frame."""
+        """Return the tensors of a frame."""
         if not -len(self) <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")
         index %= len(self)

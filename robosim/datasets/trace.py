@@ -3,7 +3,7 @@
 The grid is traced into one file, `paths.parquet`, in units of one transmitter and some consecutive receivers. A unit is
 written whole or not at all, so that a run resumes with the same result as an uninterrupted one. Complete units are
 joined, by transmitter and receiver. The memory needed is that of a few thousand links. Worker processes make the
-building from the plan and cache it; those of a cluster need no common folder. The other files are made from
+building from the plan and cache it; workers of a cluster need no common folder. The other files are made from
 `paths.parquet`, one transmitter at a time.
 """
 
@@ -133,9 +133,9 @@ def _trace_unit(
     paths = scene.trace(site.transmitters[txs], grid.position[first:end], workers=1)
     tables = []
     for j, tx in enumerate(txs):
-        some = paths.select(paths.tx == j)
+        of_tx = paths.select(paths.tx == j)
         buffer = io.BytesIO()
-        replace(some, tx_position=site.transmitters[tx : tx + 1], tx=np.zeros_like(some.tx)).write_parquet(
+        replace(of_tx, tx_position=site.transmitters[tx : tx + 1], tx=np.zeros_like(of_tx.tx)).write_parquet(
             buffer
         )
         tables.append(buffer.getvalue())
@@ -202,7 +202,7 @@ def trace_plan(
             "tx_m": transmitters,
             "receivers": len(grid.position),
             "links": len(transmitters) * len(grid.position),
-            "states": {one.name.lower(): int(states[one]) for one in LinkCategory},
+            "states": {category.name.lower(): int(states[category]) for category in LinkCategory},
             "engine": scene.engine,
             "deepmimo": scenario_name(plan.name),
             "config": to_dict(config),

@@ -75,13 +75,13 @@ def plot_grid(
         "rays": lambda axes: draw_rays(axes, building, *link, tx_power_dbm),
     }
     files = [folder / f"{name}{suffix}.png" for name in (*draw, "overview")]
-    for file, one in zip(files[:-1], draw.values(), strict=True):
+    for file, draw_on in zip(files[:-1], draw.values(), strict=True):
         figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
-        one(axes)
+        draw_on(axes)
         save_figure(figure, file)
     figure, axes_of_all = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
-    for one, axes in zip(draw.values(), axes_of_all.ravel(), strict=True):
-        one(axes)
+    for draw_on, axes in zip(draw.values(), axes_of_all.ravel(), strict=True):
+        draw_on(axes)
     save_figure(figure, files[-1])
     return files
 
@@ -132,19 +132,19 @@ def choose_link(paths: Paths, tx: int) -> int:
     """A receiver with instructive rays: out of sight, with many paths that turn at distant places."""
     count = paths.count()[tx]
     hidden = paths.link_state()[tx] != LinkState.LOS
-    worth = np.where(hidden, count, 0) if (count[hidden] > 0).any() else count
+    score = np.where(hidden, count, 0) if (count[hidden] > 0).any() else count
     mine = paths.select(paths.tx == tx)
     turns = mine.interaction != Interaction.NONE
     rx, point = np.repeat(mine.rx, turns.sum(axis=1)), mine.point[turns][:, :2]
-    number = np.maximum(np.bincount(rx, minlength=len(worth)), 1)
-    mean = [np.bincount(rx, weights=x, minlength=len(worth)) / number for x in point.T]
+    number = np.maximum(np.bincount(rx, minlength=len(score)), 1)
+    mean = [np.bincount(rx, weights=x, minlength=len(score)) / number for x in point.T]
     off = point - np.column_stack(mean)[rx]
     xx, yy, xy = (
-        np.bincount(rx, weights=off[:, i] * off[:, j], minlength=len(worth)) / number
+        np.bincount(rx, weights=off[:, i] * off[:, j], minlength=len(score)) / number
         for i, j in ((0, 0), (1, 1), (0, 1))
     )
     spread = xx * yy - xy**2  # of an area, which places along one line do not have
-    return int(np.argmax(np.where(2 * worth >= worth.max(), spread, -1.0)))
+    return int(np.argmax(np.where(2 * score >= score.max(), spread, -1.0)))
 
 
 def draw_power(
@@ -180,7 +180,7 @@ def draw_state(
     frequency_hz: float | None = None,
 ) -> None:
     """Link states with their shares; a given frequency is in the title, with the heights."""
-    colours = ListedColormap([css(STATE_COLOURS[one]) for one in LinkCategory])
+    colours = ListedColormap([css(STATE_COLOURS[state]) for state in LinkCategory])
     reached = np.where(category == LinkCategory.OUTAGE, np.nan, category)
     _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 5), 5))
     _shade_free(axes, building)
@@ -189,9 +189,14 @@ def draw_state(
     _mark(axes, tx_position)
     share = 100 * np.bincount(category, minlength=5) / len(category)
     states = [
-        Patch(facecolor=css(STATE_COLOURS[one]), edgecolor=WALL, lw=0.4, label=f"{name} ({share[one]:.0f} %)")
-        for one, name in STATE_NAMES.items()
-        if share[one] > 0 and one != LinkCategory.OUTAGE
+        Patch(
+            facecolor=css(STATE_COLOURS[state]),
+            edgecolor=WALL,
+            lw=0.4,
+            label=f"{name} ({share[state]:.0f} %)",
+        )
+        for state, name in STATE_NAMES.items()
+        if share[state] > 0 and state != LinkCategory.OUTAGE
     ]
     outage = _nothing_handle(f"outage ({share[LinkCategory.OUTAGE]:.0f} %)")
     _legend(axes, building, [_tx_handle(), *states, outage])
@@ -212,8 +217,8 @@ def draw_arrival(
     step_m = float(np.hypot(*(grid.edges[0, 1] - grid.edges[0, 0])))
     every = max(1, round(ARROW_SHARE * max(_extent(building)) / step_m))
     cell = grid.cell[first.rx]
-    some = np.all(cell % every == every // 2, axis=1)
-    at, angle = grid.position[first.rx][some, :2], first.aoa_az[some]
+    is_drawn = np.all(cell % every == every // 2, axis=1)
+    at, angle = grid.position[first.rx][is_drawn, :2], first.aoa_az[is_drawn]
     for colour, width in (("white", 0.025), ("black", 0.011)):
         axes.quiver(
             *at.T, np.cos(angle), np.sin(angle), color=colour, angles="xy", pivot="mid", scale_units="xy",
@@ -290,9 +295,9 @@ def _shade_free(axes: Axes, building: Building) -> None:
     """Hatch the free floor, which remains visible where no path arrives."""
     outlines = [
         PathOutline.make_compound_path(
-            *(PathOutline(shapely.get_coordinates(ring), closed=True) for ring in shapely.get_rings(part))
+            *(PathOutline(shapely.get_coordinates(ring), closed=True) for ring in shapely.get_rings(polygon))
         )
-        for part in building.free.geoms
+        for polygon in building.free.geoms
     ]
     axes.add_collection(PathCollection(outlines, zorder=0, **_NO_PATH))
 

@@ -38,7 +38,7 @@ class VideoWriter:
         self._stream = self._file.add_stream("libx264", rate=Fraction(fps), options=options)
         self._stream.width, self._stream.height = size
         self._stream.pix_fmt = "yuv420p"
-        # One thread: two would race the simulation for the cores, and the bytes would depend on their number.
+        # A single thread: two would race the simulation for the cores, and the bytes would depend on their number.
         self._stream.codec_context.thread_count = 1
 
     def add(self, frame: UInt8[np.ndarray, "h w 3"]) -> None:

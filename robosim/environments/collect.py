@@ -30,7 +30,7 @@ from slam.actions import PUBLISHED
 Driver = Literal["route", "random"]
 #: Folder of the data set within that of the run, by the convention of Minari.
 DATASET = "data"
-#: What it holds, and the remedy where it holds something else.
+#: Content of the folder, and the remedy where it holds something else.
 _WHAT, _REMEDY = "searches of this command", "Choose another --out, or remove the folder to collect again."
 
 
@@ -116,7 +116,7 @@ def _check_metadata(path: Path, expected: dict[str, Any], most_steps: int) -> No
 
 
 def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number: int) -> Any:
-    """One search, as Minari's buffer."""
+    """Drive a search, and return it as Minari's buffer."""
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
     search = env.unwrapped

@@ -24,7 +24,7 @@ class SearchConfig:
     """Observations, rewards and tasks of the search for a target."""
 
     observe: tuple[Sense, ...] = ("depth", "odometry", "radio")
-    """What the robot observes: see `robosim.environments.senses`."""
+    """Observations of the robot: see `robosim.environments.senses`."""
     depth: DepthScale = "picture"
     """Depth images: picture has 8 bits, as networks for pictures take them; metres are 32-bit numbers."""
     actions: Actions = "discrete"

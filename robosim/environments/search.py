@@ -114,7 +114,7 @@ class Search:
         self.task: Task
         """Start and target of the current search."""
         self.sensed: Observation
-        """What the robot senses, in full; observations of the environment are made from it."""
+        """Measurements of the robot, in full; observations of the environment are made from it."""
         self._interpreter: Interpreter | None = None
 
     def reset(
@@ -345,5 +345,5 @@ def velocity_scale(simulator: SimulatorConfig) -> Float[np.ndarray, "2"]:
 
 
 def discrete_actions(simulator: SimulatorConfig) -> tuple[Action, ...]:
-    """Actions by number: those of the published system, and a wait where others move."""
+    """Return actions by number: the actions of the published system, and a wait where others move."""
     return (*PUBLISHED, Action.WAIT) if simulator.movers.any else PUBLISHED

@@ -181,10 +181,10 @@ class Place:
         """Return a world of another robot, alone in the building."""
         return self._world.clone()
 
-    def classifier(self, part: Part) -> Classifier:
+    def classifier(self, classifier: Part) -> Classifier:
         """The link-state classifier, one for all robots: its results for tables are cached with it."""
-        if self._classifier is None or self._classifier[0] != part:
-            self._classifier = part, CLASSIFIER.make(part, field="link_states")
+        if self._classifier is None or self._classifier[0] != classifier:
+            self._classifier = classifier, CLASSIFIER.make(classifier, field="link_states")
         return self._classifier[1]
 
     def travel_m(self, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "ny nx"]:

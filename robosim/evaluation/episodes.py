@@ -111,7 +111,7 @@ MILESTONES = (250, 500, 1000)
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One episode to run."""
+    """Episode to run."""
 
     task: SuiteTask
     plan_file: Path

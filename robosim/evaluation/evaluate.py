@@ -5,9 +5,9 @@ episode), `timing.parquet` (seconds by stage; all else is the same for the same 
 its pictures.
 
 Episodes depend on the plans, the tasks and the configuration. A run that differs in any of these from the folder is
-rejected (`robosim.support.run_folder`); one that adds policies, repetitions, tasks or plans resumes. Code and versions
-of packages are stored with each episode: a mixture is reported, not rejected, since most changes of code change no
-result.
+rejected (`robosim.support.run_folder`); a run that adds policies, repetitions, tasks or plans resumes. Code and
+versions of packages are stored with each episode: a mixture is reported, not rejected, since most changes of code
+change no result.
 """
 
 import hashlib
@@ -54,7 +54,7 @@ _PACKAGES = (
 
 
 def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
-    """All that the episodes of a folder depend on."""
+    """Return the settings that the episodes of a folder depend on."""
     episode = plain(to_dict(config))
     for varied in ("goal", "seed"):
         episode.pop(varied)

@@ -27,7 +27,7 @@ BARS = ("oracle", "shortest")
 
 @dataclass(frozen=True)
 class Compared:
-    """One task, with all episodes of one repetition of it."""
+    """Task, with all episodes of a repetition of it."""
 
     plan: str
     task: int
@@ -63,14 +63,20 @@ def compared(rows: Sequence[Mapping[str, Any]]) -> list[Compared]:
         rival = min(seekers or others, key=lambda i: steps_to_arrival(rows[i]), default=None)
         loss = math.nan if subject_row is None or rival is None else _loss(rows[subject_row], rows[rival])
         comparisons.append(Compared(plan, task, repeat, subject_row, rival, tuple(episodes), loss))
-    return sorted(comparisons, key=lambda one: _order(one, rows))
+    return sorted(comparisons, key=lambda comparison: _order(comparison, rows))
 
 
-def _order(one: Compared, rows: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
-    """Failures that another avoids, failures, then by loss; what was not run comes last."""
-    failed = one.subject is not None and not rows[one.subject]["arrived"]
-    place = (not math.isinf(one.loss), not failed, one.subject is None)
-    return *place, math.inf if math.isnan(one.loss) else -one.loss, one.plan, one.task, one.repeat
+def _order(comparison: Compared, rows: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
+    """Return the sort key: failures that another avoids, failures, then by loss; tasks not run come last."""
+    failed = comparison.subject is not None and not rows[comparison.subject]["arrived"]
+    place = (not math.isinf(comparison.loss), not failed, comparison.subject is None)
+    return (
+        *place,
+        math.inf if math.isnan(comparison.loss) else -comparison.loss,
+        comparison.plan,
+        comparison.task,
+        comparison.repeat,
+    )
 
 
 def steps_to_arrival(row: Mapping[str, Any]) -> float:
@@ -78,8 +84,8 @@ def steps_to_arrival(row: Mapping[str, Any]) -> float:
     return math.inf if row["arrived_at_step"] is None else float(row["arrived_at_step"])
 
 
-def _loss(own: Mapping[str, Any], rival: Mapping[str, Any]) -> float:
-    steps, others = steps_to_arrival(own), steps_to_arrival(rival)
+def _loss(row: Mapping[str, Any], rival: Mapping[str, Any]) -> float:
+    steps, others = steps_to_arrival(row), steps_to_arrival(rival)
     return math.nan if math.isinf(steps) and math.isinf(others) else steps / max(others, 1.0)
 
 
@@ -103,7 +109,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Summary:
-    """One policy on the tasks of one class, or on all."""
+    """Scores of a policy on the tasks of a class, or on all."""
 
     policy: str
     difficulty: str

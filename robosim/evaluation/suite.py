@@ -11,8 +11,8 @@ The file is YAML or JSON; plans lie relative to it, or are shipped ones by name:
     tasks:
     - {plan: house, start: [1.0, 2.0, 90.0], target: [7.5, -3.0]}
 
-`reader` may name who reads the plans: one of `robosim.parts.READER`, or `module:Name`, which runs code and is rejected
-outside of `robosim.support.parts.code_allowed` (the option `--allow-code`).
+`reader` may name the reader of the plans: a name of `robosim.parts.READER`, or `module:Name`, which runs code and is
+rejected outside of `robosim.support.parts.code_allowed` (the option `--allow-code`).
 """
 
 import json
@@ -53,7 +53,7 @@ _TASKS = re.compile(rb"""^\{?[ \t]*["']?tasks["']?[ \t]*:|[,{]\s*["']tasks["']\s
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteTask:
-    """One search: where the robot starts and where the target stands."""
+    """A search: where the robot starts and where the target stands."""
 
     plan: str
     """Name of the plan in the suite."""

@@ -43,7 +43,7 @@ GOAL_COLOURS = {
 
 
 def trajectories_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
-    """One or two episodes of a task on one map, each with its link states and kinds of goals below."""
+    """Draw one or two episodes of a task on one map, each with its link states and kinds of goals below."""
     size, (low, high) = _extent(episodes)
     figure, (plan, below) = plt.subplots(
         2, 1, figsize=size, height_ratios=[size[1] - _BELOW_INCHES, _BELOW_INCHES], layout="constrained"

@@ -270,7 +270,7 @@ class Space:
         self._canvas = canvas
         self._radius = passage_m / 2 / canvas.resolution_m
         self._window = canvas.window(np.vstack(floors + holes), passage_m)
-        self._free = canvas.free[self._window]  # a view: what is made solid here is so on the canvas
+        self._free = canvas.free[self._window]  # a view: cells made solid here are so on the canvas
         self._region = canvas.cells(floors, self._window) & self._free
         self._doorways = canvas.cells(thresholds, self._window)
         self._gates = [canvas.cells([hole], self._window) & self._free for hole in holes]

@@ -29,7 +29,7 @@ from robosim.support.checks import SEED, Range, check_choice, check_number, chec
 AGENT_RADIUS_M = 0.1
 #: Rim of wall around the building; beyond it all is unknown [m].
 OUTER_WALL_M = 0.25
-#: What the raster may take from each side of a door [m].
+#: Width that the raster may take from each side of a door [m].
 RASTER_M = 0.06
 
 

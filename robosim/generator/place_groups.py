@@ -21,10 +21,10 @@ from robosim.plans.furnishings.pieces import make_piece
 
 
 class Part(NamedTuple):
-    """One piece of a group, in the group's frame: x along the wall, y into the room."""
+    """Piece of a group, in the group's frame: x along the wall, y into the room."""
 
     piece: str
-    """One of `robosim.plans.furnishings.pieces.PIECES`."""
+    """Key of `robosim.plans.furnishings.pieces.PIECES`."""
     sizes: dict[str, Any]
     """Sizes of the piece, `width_m` and `depth_m` among them."""
     x_m: float

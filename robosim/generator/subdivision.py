@@ -1,6 +1,6 @@
 """Cutting a rectangle into rooms by straight cuts, the largest piece first.
 
-Often a corridor is laid through it before; some pieces are left out at the end, which gives L-, U- and T-shaped
+Often a corridor is laid through it before; pieces may be left out at the end, which gives L-, U- and T-shaped
 buildings and solid blocks. Pieces reach to the middle of the walls between them.
 
 Reference for rooms by cutting rectangles: Marson and Musse, "Automatic real-time generation of floor plans

@@ -127,7 +127,7 @@ class BuildingScene:
 
 
 def facing_free(rings: Rings) -> list[Float[np.ndarray, "_ 2"]]:
-    """The same outlines, closed and wound so that free space is on the left of each side [m]."""
+    """Return the outlines, closed and wound so that free space is on the left of each side [m]."""
     closed = [
         np.asarray(ring, float)
         if len(ring) and np.array_equal(ring[0], ring[-1])

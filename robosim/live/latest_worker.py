@@ -75,7 +75,7 @@ class LatestWorker(Generic[T]):
 
 
 def close_all(workers: Sequence[LatestWorker[Any]], timeout_s: float = 2.0) -> None:
-    """Close workers and wait for all of them together; one that does not return in time ends by itself."""
+    """Close workers and wait for all of them together; a worker that does not return in time ends by itself."""
     for worker in workers:
         worker.close()
     end = monotonic() + timeout_s

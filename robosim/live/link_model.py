@@ -68,7 +68,7 @@ class LinkModel(RadioScene):
         self._grids: dict[float, ReceiverGrid] = {}
 
     def with_config(self, config: RadioConfig) -> "LinkModel":
-        """The same plan with other settings; only other settings of the building build the walls again."""
+        """Return the model with other settings; only other settings of the building build the walls again."""
         if config.building != self.config.building:
             return LinkModel(self.plan, config)
         other = copy(self)
@@ -129,7 +129,7 @@ class LinkModel(RadioScene):
 #: Files that refer to no others; a .yaml names an image, which is not uploaded.
 MESHES, OTHERS = (".stl", ".obj", ".ply", ".glb", ".off"), (".npy", ".json")
 ENDINGS = (*IMAGES, *MESHES, *OTHERS)
-#: Those of them without a scale.
+#: Endings of files without a scale.
 SCALED = (*IMAGES, ".npy")
 #: Largest file [bytes]: the page's connection carries so much at once.
 MOST_BYTES = 50_000_000

@@ -57,7 +57,7 @@ def export(recordings: Sequence[Recording], path: Path) -> None:
 
 
 def export_page(recordings: Sequence[Recording]) -> str:
-    """One or two recordings side by side as a page.
+    """Return a page with one or two recordings side by side.
 
     Raises:
         ValueError: If viser is not installed.

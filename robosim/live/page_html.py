@@ -65,7 +65,7 @@ def page_head(title: str, about: str) -> str:
 
 
 def sentence(text: str, *, bad: bool = False) -> str:
-    """One line of text; red if it reports an error."""
+    """Return a line of text; red if it reports an error."""
     colour = f' style="color:{_BAD}"' if bad else ""
     return block(f"<span{colour}>{escape(text)}</span>")
 

@@ -144,7 +144,7 @@ class SearchPanel:
         origin = np.array(event.ray_origin)
         place = intersect_level(origin, origin + np.array(event.ray_direction), 0.0)
         if end is not None and place is not None:
-            # Of buildings side by side, the nearest one was clicked.
+            # The nearest of buildings side by side was clicked.
             buildings = self.player.buildings or [self._radio.building]
             nearest = min(buildings, key=lambda building: float(np.hypot(*(building.middle - place))))
             self.set_place(end, place - nearest.offset)

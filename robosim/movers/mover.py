@@ -18,18 +18,18 @@ from robosim.support.checks import Range, checked
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Body:
-    """One thing that moves; by default a person, with the mean of half breadth and half depth of the body."""
+    """A moving body; by default a person, with the mean of half breadth and half depth of the body."""
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.17
     """Radius of the cylinder that stops a robot [m]."""
     height_m: Annotated[float, Range(0.05, 10, "m")] = 1.7
     """Height above the floor [m]."""
     look: Literal["person", "cylinder"] = "person"
-    """What cameras and lidars see of it."""
+    """Shape that cameras and lidars see."""
 
 
 class Surroundings(NamedTuple):
-    """What a mover finds when an episode begins."""
+    """Surroundings of a mover when an episode begins."""
 
     building: Building
     robot: Float[np.ndarray, "3"]
@@ -43,7 +43,7 @@ class Mover(Protocol):
 
     @property
     def bodies(self) -> Sequence[Body]:
-        """What moves, always the same."""
+        """Return the moving bodies, always in the same order."""
 
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
         """Begin at time 0; all that is random is drawn from a generator."""
@@ -66,8 +66,8 @@ class Group:
 
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
         """Begin with all of them."""
-        for mover, own in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
-            mover.reset(surroundings, own)
+        for mover, mover_rng in zip(self._movers, rng.spawn(len(self._movers)), strict=True):
+            mover.reset(surroundings, mover_rng)
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses of all of them; see `robosim.movers.mover.Mover`."""

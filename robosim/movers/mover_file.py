@@ -54,6 +54,11 @@ class DoorConfig:
     open_s: tuple[tuple[float, float], ...] = ()
     """Intervals in which it is open, begin and end [s]; closed at other times."""
 
+    def __post_init__(self) -> None:
+        for begin, end in self.open_s:
+            if not begin < end:
+                raise ValueError(f"open_s is {begin:g} to {end:g} s, expected a begin before the end.")
+
 
 class Door:
     """A leaf that swings about its hinge."""
@@ -67,7 +72,14 @@ class Door:
         ) * count
 
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
-        """As open as it is at time 0."""
+        """As open as it is at time 0; ValueError if the hinge is outside of the building."""
+        (x, y), width_m = self.config.door, self.config.width_m
+        west, south, east, north = surroundings.building.free.bounds
+        if not (west - width_m <= x <= east + width_m and south - width_m <= y <= north + width_m):
+            raise ValueError(
+                f"door is at ({x:g}, {y:g}) m, outside of the building from ({west:g}, {south:g}) to "
+                f"({east:g}, {north:g}) m."
+            )
         self._time_s, self._share = 0.0, float(self._is_open(0.0))
         self._space_m = surroundings.robot_radius_m + _POST_M + _SPACE_M
 

@@ -1,4 +1,4 @@
-"""All that moves by itself during an episode: its clock, its contacts with the robot, and its surfaces."""
+"""Movers: all that moves by itself during an episode: its clock, its contacts with the robot, and its surfaces."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ _GREY = (150, 150, 155)
 @dataclass(frozen=True, kw_only=True)
 @checked
 class MoversConfig:
-    """What moves in the building, apart from the robot."""
+    """Movers in the building, apart from the robot."""
 
     people: Annotated[int, Range(0, 1000, "people")] = 0
     """People who walk from place to place."""

@@ -95,7 +95,7 @@ def person_colours(rng: np.random.Generator) -> UInt8[np.ndarray, "n 3"]:
     parts = 2 * [trousers, trousers, shoe, shirt, skin] + [trousers, shirt, skin, skin, hair]
     sides = 0.85 + 0.15 * np.cos(2 * math.pi * (np.arange(_SIDES) + 0.5) / _SIDES)
     shade = np.concatenate([sides, sides, np.ones(2 * (_SIDES - 2))])
-    return np.concatenate([np.outer(shade, part) for part in parts]).astype(np.uint8)
+    return np.concatenate([np.outer(shade, colour) for colour in parts]).astype(np.uint8)
 
 
 def cylinder_triangles(radius_m: float, height_m: float) -> Float[np.ndarray, "n 3 3"]:

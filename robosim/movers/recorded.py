@@ -14,7 +14,7 @@ from pyarrow import csv
 
 from robosim.movers.mover import Body, Surroundings
 from robosim.support.checks import FARTHEST
-from robosim.support.reading import reading
+from robosim.support.reading import reading, shown
 from robosim.support.tum import read_tum
 from wireless.support.columns import numbers, parquet_table, values
 
@@ -36,16 +36,24 @@ class Track(NamedTuple):
 class Recorded:
     """Bodies that follow recorded tracks."""
 
-    def __init__(self, tracks: Sequence[Track], body: Body) -> None:
+    def __init__(self, tracks: Sequence[Track], body: Body, name: str = "recording") -> None:
         self.bodies: Sequence[Body] = (body,) * len(tracks)
-        self._tracks = tracks
+        self._tracks, self._name = tracks, name
 
     def resized(self, body: Body) -> "Recorded":
-        """The same tracks by bodies of another size."""
-        return Recorded(self._tracks, body)
+        """Return the tracks with bodies of another size."""
+        return Recorded(self._tracks, body, self._name)
 
     def reset(self, surroundings: Surroundings, rng: np.random.Generator) -> None:
-        """Nothing to do: time 0 of the recording is that of the episode."""
+        """Time 0 of the recording is that of the episode; ValueError if all of it is outside of the building."""
+        low, high = np.reshape(surroundings.building.free.bounds, (2, 2))
+        places = np.vstack([track.poses[:, :2] for track in self._tracks])
+        if not ((places >= low) & (places <= high)).all(axis=1).any():
+            first, last = places.min(axis=0).round(2), places.max(axis=0).round(2)
+            raise ValueError(
+                f"{self._name}: its places are from {first} to {last} m, outside of the building from {low.round(2)} "
+                f"to {high.round(2)} m. Give them in the plan's frame."
+            )
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses at a time; see `robosim.movers.mover.Mover`."""
@@ -61,7 +69,7 @@ def read_trajectory(path: Path) -> Recorded:
     """Another robot on a trajectory (.tum), from its first time on; FileError if the file is damaged."""
     times, poses = read_tum(path)
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return Recorded([Track(times - times[0], poses)], _ROBOT)
+    return Recorded([Track(times - times[0], poses)], _ROBOT, shown(path))
 
 
 def read_crowd(path: Path) -> Recorded:
@@ -98,7 +106,7 @@ def read_crowd(path: Path) -> Recorded:
                 raise ValueError(f"id {name} has two rows at time {again:g}")
             yaw = _facing(xy) if heading is None else np.unwrap(heading[samples])
             tracks.append(Track(times, np.column_stack([xy, yaw])))
-    return Recorded(tracks, Body())
+    return Recorded(tracks, Body(), shown(path))
 
 
 def _facing(xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:

@@ -97,7 +97,7 @@ class Walkers:
         speed = rng.normal(self._config.speed_mps, self._config.speed_std_mps, n)
         self._speed = np.maximum(speed, 0.3 * self._config.speed_mps)
         self._goal = rng.integers(len(self._routes.places), size=n)
-        # Some stand at first.
+        # Several people stand at first.
         self._wait_s = rng.exponential(self._config.wait_s, n) * (rng.random(n) < 0.5)
         self._best_m, self._stuck_s = np.full(n, np.inf), np.zeros(n)
         self._robot = np.array([*surroundings.robot[:2], 0.0, 0.0, surroundings.robot_radius_m + _SPACE_M])
@@ -231,7 +231,7 @@ def _walk(
     robot: Float[np.ndarray, "5"],
     radius: float,
 ) -> Float[np.ndarray, " n"]:
-    """One step of all people, one after the other; returns the travel that is left to each.
+    """Move all people by a step, one after the other; returns the travel that is left to each.
 
     `robot` is x, y [m], velocity x, y [m/s], radius [m].
     """

@@ -172,7 +172,7 @@ def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
 
 def _plans_inside(folder: Path) -> str:
     # A hint is not worth reading a whole disk.
-    inside = _plans_in(folder, most=_FILES_OF_A_HINT)
+    inside = _plans_in(folder, max_files=_FILES_OF_A_HINT)
     if not inside:
         return ""
     more = f" and {len(inside) - 5} more" if len(inside) > 5 else ""
@@ -200,12 +200,12 @@ def find_plans(plans: Sequence[str | Path], reader: Part = "auto") -> list[Path]
     return files
 
 
-def _plans_in(folder: Path, most: int | None = None) -> list[Path]:
-    """Floor plans in a folder and its subfolders, sorted, among the first `most` files."""
+def _plans_in(folder: Path, max_files: int | None = None) -> list[Path]:
+    """Floor plans in a folder and its subfolders, sorted, among the first `max_files` files."""
     marks = {".yaml": b"image:", ".yml": b"image:", ".json": b'"verts"', ".out": b""}
     return sorted(
         p
-        for p in islice(folder.rglob("*"), most)
+        for p in islice(folder.rglob("*"), max_files)
         if p.suffix in marks and p.is_file() and _holds(p, marks[p.suffix])
     )
 

@@ -29,7 +29,7 @@ Ring = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoreyPlan:
-    """One storey, and the slab over it."""
+    """Storey, and the slab over it."""
 
     plan: FloorPlan
     """Where its walls are."""
@@ -85,14 +85,22 @@ class StoreysPlan:
 
     def floor_m(self, storey: int) -> float:
         """Height of a storey's floor above that of the lowest [m]."""
-        return float(sum(one.height_m + one.slab_m for one in self.storeys[:storey]))
+        return float(sum(lower.height_m + lower.slab_m for lower in self.storeys[:storey]))
 
     def digest(self) -> str:
         """A text that changes with everything that a building depends on."""
         seen = hashlib.sha256()
-        for one in self.storeys:
+        for storey in self.storeys:
             seen.update(
-                repr((one.plan.digest(), one.height_m, one.slab_m, one.slab_material, one.openings)).encode()
+                repr(
+                    (
+                        storey.plan.digest(),
+                        storey.height_m,
+                        storey.slab_m,
+                        storey.slab_material,
+                        storey.openings,
+                    )
+                ).encode()
             )
         return seen.hexdigest()[:16]
 
@@ -107,7 +115,7 @@ class StoreysPlan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneStorey:
-    """One storey of a building with the others around it."""
+    """Storey of a building with the others around it."""
 
     building: StoreysPlan
     """All storeys."""
@@ -117,8 +125,8 @@ class OneStorey:
     """Its own plan, named after building and number."""
 
     def __post_init__(self) -> None:
-        own = self.building.storeys[self.number].plan
-        object.__setattr__(self, "plan", replace(own, name=self.name))
+        plan = self.building.storeys[self.number].plan
+        object.__setattr__(self, "plan", replace(plan, name=self.name))
 
     @property
     def name(self) -> str:

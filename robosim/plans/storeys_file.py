@@ -64,9 +64,9 @@ def read_storeys(path: Path) -> StoreysPlan:
             raise ValueError(f"storeys has {len(building.storeys)} entries, expected 1 to {MOST_STOREYS}")
     plans: dict[str, FloorPlan] = {}
     storeys = []
-    for number, one in enumerate(building.storeys):
+    for number, entry in enumerate(building.storeys):
         try:
-            storeys.append(_storey(path.parent, one, plans))
+            storeys.append(_storey(path.parent, entry, plans))
             if sum(plan.occupancy.size for plan in plans.values()) > _MOST_CELLS:
                 raise ValueError(f"its plan and those below have more than {_MOST_CELLS:.2g} cells")
         except ValueError as error:
@@ -80,18 +80,18 @@ def read_storeys(path: Path) -> StoreysPlan:
     return plan
 
 
-def _storey(folder: Path, given: _Storey, plans: dict[str, FloorPlan]) -> StoreyPlan:
-    """One entry of the list; its plan is read once and added to `plans`."""
-    file = folder / given.plan
-    if given.plan not in plans:
-        plans[given.plan] = read_plan(file if file.exists() else given.plan)
-    plan = plans[given.plan]
+def _storey(folder: Path, entry: _Storey, plans: dict[str, FloorPlan]) -> StoreyPlan:
+    """Return the storey of an entry of the list; its plan is read once and added to `plans`."""
+    file = folder / entry.plan
+    if entry.plan not in plans:
+        plans[entry.plan] = read_plan(file if file.exists() else entry.plan)
+    plan = plans[entry.plan]
     x, y, yaw = plan.origin
-    material = given.material
+    material = entry.material
     return StoreyPlan(
-        plan=replace(plan, origin=(x + given.offset[0], y + given.offset[1], yaw)),
-        height_m=given.height,
-        slab_m=given.slab,
+        plan=replace(plan, origin=(x + entry.offset[0], y + entry.offset[1], yaw)),
+        height_m=entry.height,
+        slab_m=entry.slab,
         slab_material=None if material is None else MATERIAL.name_in_data("material", material, folder),
-        openings=given.openings or (),
+        openings=entry.openings or (),
     )

@@ -52,7 +52,7 @@ _SEED = 28
 _POWER = 3.0
 #: The robot is stuck within this distance [m] for so many decisions.
 _STUCK_M, _STUCK_STEPS = 0.5, 40
-#: It also is if it has seen less new floor [m2] in so many decisions.
+#: The robot is also stuck if it has seen less new floor [m2] in so many decisions.
 _NEW_M2, _NEW_STEPS = 1.0, 100
 #: Frontiers that `fused` rates then, and how far beyond the map it expects the target [m].
 _CANDIDATES, _BEYOND_M = 60, 30.0

@@ -71,7 +71,7 @@ def range_density(
 
 
 class Likelihood:
-    """One measurement over all places of a grid."""
+    """Likelihood of a measurement over all places of a grid."""
 
     def __init__(
         self,

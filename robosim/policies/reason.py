@@ -49,7 +49,7 @@ SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
 ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
 UNKNOWN_REASON = Reason(kind=GoalKind.OTHER)
-#: Of an earlier goal that the loop detector (`slam.planning.loop_detector`) returns.
+#: Reason of an earlier goal that the loop detector (`slam.planning.loop_detector`) returns.
 LOOP_DETECTED = Reason(
     kind=GoalKind.PREVIOUS, because="two goals took turns, so the present one stays for a while"
 )

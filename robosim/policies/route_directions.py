@@ -63,7 +63,7 @@ class MapSurvey:
         return knowledge(self.estimate, next_to_m=_NEXT_TO_M)
 
     def routes(self, place: Float[np.ndarray, "2"]) -> RouteDirections:
-        """Routes between a place [m] and the cells; those of the last place are cached."""
+        """Routes between a place [m] and the cells; routes of the last place are cached."""
         key = np.asarray(place, float).tobytes()
         if self._routes is None or self._routes[0] != key:
             self._routes = key, route_directions(self.estimate, place, self.frame, self._beyond_m)
@@ -108,7 +108,7 @@ def cell_shares(
 ) -> Float32[np.ndarray, "ny nx"]:
     """Share of each cell of a coarser grid in which a mask of the map's cells is true."""
     ny, nx = estimate.frame.shape
-    # Both grids have the same axes.
+    # The two grids have the same axes.
     along = np.arange(max(ny, nx)) + 0.5
     of_row, of_column = frame.index(estimate.frame.to_points(np.column_stack([along, along])))
     rows, columns = _inside(of_row[:ny], frame.shape[0]), _inside(of_column[:nx], frame.shape[1])
@@ -191,7 +191,7 @@ def _propagate(
 
 @compiled
 def _fill_neighbours(time: np.ndarray, reached: np.ndarray, out: np.ndarray, back: np.ndarray) -> None:
-    """Copy directions into blocked cells next to reached ones: what hangs at a wall may lie in one."""
+    """Copy directions into blocked cells next to reached ones: a thing at a wall may lie in one."""
     ny, nx = time.shape
     for i in reached:
         iy, ix = i // nx, i % nx

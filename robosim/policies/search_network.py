@@ -42,7 +42,7 @@ _SECTORS, _RINGS_M = 8, (0.8, 2.0, 5.0)
 #: Logarithm of the number of visits that becomes 1.
 _TRAIL = 4.0
 _PLACE_M, _STEPS = 10.0, 1000.0
-#: What the inputs are of, and how many there are, in their order.
+#: Inputs and their sizes, in their order.
 _LAYOUT = {
     "distances": 2 * COLUMNS, "radio paths": 5 * PATHS + STATES, "motion": 3,
     "places visited": _SECTORS * len(_RINGS_M) + 3,
@@ -180,7 +180,7 @@ class SearchNetwork:
     def __call__(
         self, inputs: Float32[np.ndarray, "*batch inputs"], memory: Float32[np.ndarray, "*batch hidden"]
     ) -> Output:
-        """One step from the inputs of `SearchSenses` and the memory of the last step, `empty_memory` at first."""
+        """Compute a step from the inputs of `SearchSenses` and the memory of the last step, `empty_memory` at first."""
         batch = inputs.shape[:-1]
         output = self._run(inputs=inputs.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
         scores, value, after = np.split(

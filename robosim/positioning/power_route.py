@@ -2,7 +2,7 @@
 
 Columns beacon and power_dbm are required, and x_m and y_m or, with a log of the robot, time_s. Optional are heading_rad
 and, for comparison, beacon_x_m and beacon_y_m. Readings of a beacon are in the order of time, or have time_s. An empty
-power is a reading that was not received, and does not count.
+power, or a number given for it, is a reading that was not received, and does not count.
 """
 
 import logging
@@ -32,6 +32,8 @@ _REMEDY = (
 )
 #: Fewest readings of a beacon.
 _LEAST_READINGS = 10
+#: A lowest power that is often there, so far below the others, may mean that nothing was received [dB].
+_GAP_DB = 10.0
 _OPTIONAL = ("time_s", "x_m", "y_m", "heading_rad", "beacon_x_m", "beacon_y_m")
 
 
@@ -67,8 +69,8 @@ class PowerRoute:
         )
 
 
-def read_power_route(path: Path, *, needs_time: bool) -> PowerRoute:
-    """Read powers along a route (.csv); times are required, or positions.
+def read_power_route(path: Path, *, needs_time: bool, not_received: float | None = None) -> PowerRoute:
+    """Read powers along a route (.csv); times are required, or positions. `not_received` is no power.
 
     Raises:
         FileError: If the file is damaged, a column is missing, a value is not understood, a beacon has several places,
@@ -83,7 +85,7 @@ def read_power_route(path: Path, *, needs_time: bool) -> PowerRoute:
         for line, row in rows:
             name = beacon_name(row, line)
             number = {
-                column: number_of(row, column, line) if column in columns else np.nan
+                column: number_of(row, column, line, not_received) if column in columns else np.nan
                 for column in (*_OPTIONAL, "power_dbm")
             }
             at = np.array([number["beacon_x_m"], number["beacon_y_m"]])
@@ -98,6 +100,16 @@ def read_power_route(path: Path, *, needs_time: bool) -> PowerRoute:
         if not beacons:
             raise ValueError("there is no reading in it")
         table = np.array(values)
+        lowest, is_lowest = table[:, 4].min(), table[:, 4] == table[:, 4].min()
+        if 0.05 < is_lowest.mean() < 1 and table[~is_lowest, 4].min() > lowest + _GAP_DB:
+            logger.warning(
+                "%s: %.0f %% of power_dbm are %g, far below the others. If it means that nothing was received, give "
+                "--not-received %g",
+                path,
+                100 * is_lowest.mean(),
+                lowest,
+                lowest,
+            )
         order = np.argsort(table[:, 0], kind="stable")
         table, beacons = table[order], [beacons[i] for i in order]
         return PowerRoute(

@@ -88,7 +88,7 @@ class RadioLinkConfig:
     """Whether people reflect, too: one path off each of them that both ends see."""
 
     def in_band(self, name: str) -> "RadioLinkConfig":
-        """The same in a radio band of `wireless.bands`: another carrier, power, waveform, and antennas."""
+        """Return the configuration in a band of `wireless.bands`: other carrier, power, waveform, and antennas."""
         band = band_named(name)
         return replace(
             self,
@@ -117,7 +117,7 @@ def _receiver(
 
 
 class RadioLink:
-    """One transmitter in a building, and the receiver of a robot."""
+    """Link of a transmitter in a building, and the receiver of a robot."""
 
     def __init__(self, building: Building, config: RadioLinkConfig | None = None) -> None:
         """Prepare tracer and estimator; ValueError if the antennas do not fit under the ceiling."""
@@ -136,14 +136,14 @@ class RadioLink:
         self.paths: Paths | None = None
         """True paths of the last measurement, weakened by people."""
         self.blockage: Blockage | None = None
-        """What people do to each of them; None without people."""
+        """Blockage of each path by people; None without people."""
         self.range_m = math.nan
         """Measured range [m]; NaN without ranging or reception."""
         self._unblocked: Paths | None = None
         self._at = np.full(2, np.nan)
 
     def clone(self) -> "RadioLink":
-        """The same receiver's link with another transmitter; they take turns, without interference."""
+        """Return the receiver's link with another transmitter; they take turns, without interference."""
         other = copy(self)
         other._target, other.paths, other._unblocked = np.full(3, np.nan), None, None
         return other
@@ -212,13 +212,13 @@ class RadioLink:
 
     @property
     def table(self) -> RadioTable:
-        """Of the transmitter at its place."""
+        """Return the table of the transmitter at its place."""
         return self.tables.of(self._target)
 
     def _paths(self, at: Float[np.ndarray, "2"]) -> Paths:
-        found = None if self.config.engine == "live" else self.table.at(at)
+        paths = None if self.config.engine == "live" else self.table.at(at)
         # No node of the table is visible from a niche.
-        return self._trace(at) if found is None else found
+        return self._trace(at) if paths is None else paths
 
     @cached_property
     def _sight(self) -> Tracer:

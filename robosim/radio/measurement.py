@@ -44,7 +44,7 @@ _BAND = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """One measurement; the strongest path first."""
+    """A measurement; the strongest path first."""
 
     pose: Float[np.ndarray, "3"]
     """Estimated pose of the robot: x [m], y [m], yaw [rad] in `map`."""
@@ -59,7 +59,7 @@ class Measurement:
     delay_s: Float[np.ndarray, " n"]
     """Delay after the strongest path."""
     probability: Float[np.ndarray, "4"]
-    """Of each `LinkState`."""
+    """Probability of each `LinkState`."""
     range_m: float = math.nan
     """Range by round-trip time of the first path [m]; NaN if not measured."""
     range_sigma_m: float = math.nan
@@ -76,7 +76,7 @@ class Measurement:
         return np.flatnonzero(np.isfinite(self.aoa_rad))
 
     def power_only(self) -> "Measurement":
-        """The same as of one antenna: total SNR and gain, from an unknown direction (NaN) and in an unknown state."""
+        """Return the measurement of a single antenna: total SNR and gain, direction (NaN) and state unknown."""
         if not len(self.aoa_rad):
             return self
         unknown = np.full(1, np.nan)
@@ -171,7 +171,7 @@ class Interpreter:
         )
 
     def probability(self, paths: PathEstimates) -> Float[np.ndarray, "4"]:
-        """Of each link state, without a pose: as of a robot that looks along the map's x axis."""
+        """Return the probability of each link state, without a pose: for a robot that looks along the map's x axis."""
         if isinstance(self._classifier, TrueStates) or self._radio.config.engine == "table":
             return self._probability(paths, self._radio)
         return self._probability(paths.turned(rx_heading_rad=0.0), self._radio)
@@ -195,7 +195,7 @@ Interpret = Callable[[str, PathEstimates | None, Float[np.ndarray, "3"]], Measur
 _SIGMA_RAD = np.radians([0.1, 0.5, 10.0])
 #: Part of it that measurements share over metres.
 _SHARED_RAD = np.radians([0.0, 1.0, 5.0])
-#: The same for the logarithm of ranges, and the part that ranges of one place share.
+#: Deviations of the logarithm of ranges, and the part that ranges of one place share.
 _LOG_RANGE, _SHARED_LOG_RANGE = np.array([0.06, 0.3, 0.5]), 0.03
 #: Standard deviation of the additional length of a path over that of the strongest [m].
 _BEYOND_M = 0.05
@@ -215,11 +215,11 @@ def bearings_of(
     `known` are the places [m] in `map` of transmitters whose places are known.
     """
     bearings = []
-    for name, one in measured.items():
-        is_received = len(one.aoa_rad) > 0 and one.snr_db[0] >= _LEAST_SNR_DB
-        if is_received and np.isfinite([one.aoa_rad[0], one.gain_db[0]]).all():
-            bearings.append(_strongest(name, one, radio, known.get(name)))
-            bearings += _others(name, one, radio) if radio.frequency_hz >= OPAQUE_HZ else []
+    for name, measurement in measured.items():
+        is_received = len(measurement.aoa_rad) > 0 and measurement.snr_db[0] >= _LEAST_SNR_DB
+        if is_received and np.isfinite([measurement.aoa_rad[0], measurement.gain_db[0]]).all():
+            bearings.append(_strongest(name, measurement, radio, known.get(name)))
+            bearings += _others(name, measurement, radio) if radio.frequency_hz >= OPAQUE_HZ else []
     return bearings
 
 
@@ -248,9 +248,9 @@ def _strongest(
 
 
 def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
-    """Other strong, separate paths, well within the window of delays."""
+    """Return the other strong, separate paths, well within the window of delays."""
     most_m = speed_of_light * (radio.sounding.half_window - 1) * radio.sounding.sample_s
-    found = []
+    bearings = []
     for k in range(1, len(measured.aoa_rad)):
         beyond_m = speed_of_light * float(measured.delay_s[k])
         is_strong = measured.snr_db[k] >= _LEAST_OTHER_DB and np.isfinite(measured.aoa_rad[k])
@@ -266,8 +266,8 @@ def _others(name: str, measured: Measurement, radio: RadioLinkConfig) -> list[Be
             beyond_m=beyond_m,
             sigma_m=_BEYOND_M,
         )
-        found.append(bearing)
-    return found
+        bearings.append(bearing)
+    return bearings
 
 
 def _strongest_m(measured: Measurement, radio: RadioLinkConfig) -> float:

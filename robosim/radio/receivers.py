@@ -4,7 +4,7 @@ On most plans the grid starts half a step from the plan's lower-left corner, tur
 where its point lies in free space. In the published radio data of mmwRobotNav a receiver stands for a block of 3 x 3
 cells of 0.05 m, counted from the top left. It exists where the middle cell of its block is navigable, and its y is one
 cell lower than that cell's centre: such a plan with such a step gets exactly those receivers, so that results compare
-link by link. Some of them are on a wall or beyond it.
+link by link. A few of them are on a wall or beyond it.
 """
 
 from dataclasses import dataclass

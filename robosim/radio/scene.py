@@ -4,7 +4,7 @@ Positions are x, y [m] in `map`, or in the frame of the scene, and heights above
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
+from wireless.em.materials import Material
 from wireless.paths import Paths
 from wireless.tracing.mitsuba_scene import read_mitsuba
 from wireless.tracing.tracer import Tracer, TracerConfig
@@ -38,7 +39,7 @@ Place = FloorPlan | OneStorey
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RadioConfig:
-    """What is traced and how."""
+    """Radio to trace: carrier, antennas, physics and limits."""
 
     frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
@@ -65,7 +66,7 @@ class RadioSite(ABC):
     name: str
     """Its name in reports and files."""
     config: RadioConfig
-    """What is traced and how."""
+    """Radio to trace."""
     mesh: trimesh.Trimesh
     """All surfaces."""
     storeys: tuple[Storey, ...] = ()
@@ -118,7 +119,7 @@ class RadioSite(ABC):
         return self.tracer.trace(tx, rx, workers=workers)
 
     def remarks(self, transmitters: Float[np.ndarray, "n 3"]) -> list[str]:
-        """What to know of a trace from transmitters [m] before it starts."""
+        """Return remarks on a trace from transmitters [m] before it starts."""
         return []
 
     def draw(self, axes: "Axes3D", near: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
@@ -134,11 +135,16 @@ class RadioSite(ABC):
         return np.array([low, high])
 
 
-def radio_site(place: Place | Path, config: RadioConfig) -> RadioSite:
-    """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file."""
+def radio_site(
+    place: Place | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
+) -> RadioSite:
+    """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file.
+
+    `materials` replace those of a scene, by their names in it.
+    """
     match place:
         case Path():
-            return MeshScene(place, config)
+            return MeshScene(place, config, materials)
     return RadioScene(place, config)
 
 
@@ -149,9 +155,11 @@ class MeshScene(RadioSite):
         FileError: If a file is damaged, or a shape or material is not understood.
     """
 
-    def __init__(self, path: Path, config: RadioConfig):
+    def __init__(
+        self, path: Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
+    ):
         self.name, self.config = path.stem, config
-        self._scene = read_mitsuba(path)
+        self._scene = read_mitsuba(path, materials)
         self.mesh = self._scene.mesh
 
     @cached_property

@@ -63,7 +63,7 @@ class RadioTable:
     def trace(
         cls, building: Building, tracer: Tracer, place: Float[np.ndarray, "3"], step_m: float = STEP_M
     ) -> "RadioTable":
-        """Trace all nodes, as high as the place of the transmitter [m]; some tenths of a millisecond each."""
+        """Trace all nodes, as high as the place of the transmitter [m]; a few tenths of a millisecond each."""
         grid = regular_grid(building, step_m, float(place[2]))
         return cls(
             building=building, paths=tracer.trace(place[None], grid.position, workers=1), step_m=step_m
@@ -71,10 +71,10 @@ class RadioTable:
 
     def at(self, xy: Float[np.ndarray, "2"]) -> Paths | None:
         """Paths at a place [m], of one link; None where no node is visible, as in a niche next to the grid."""
-        found = self.nodes_around(xy)
-        if found is None:
+        nodes = self.nodes_around(xy)
+        if nodes is None:
             return None
-        node, weight = found
+        node, weight = nodes
         ref, level = _common(self._first, self._key, self._level, node, weight)
         rx = np.array([[xy[0], xy[1], self.paths.tx_position[0, 2]]])
         toward = self._source[ref] - rx
@@ -265,14 +265,14 @@ def _around(
         right, above = k % 2, k // 2
         if not (0 <= i + above < index.shape[0] and 0 <= j + right < index.shape[1]):
             continue
-        one = index[i + above, j + right]
-        if one < 0:
+        candidate = index[i + above, j + right]
+        if candidate < 0:
             continue
-        dx, dy = position[one, 0] - x, position[one, 1] - y
+        dx, dy = position[candidate, 0] - x, position[candidate, 1] - y
         meets, _ = nearest_wall(walls, x, y, dx, dy, 1.0)
         if meets <= 1.0:
             continue
-        node[k] = one
+        node[k] = candidate
         # Never 0: next to walls a node at the far side may be the only one.
         weight[k] = max((across if right else 1 - across) * (up if above else 1 - up), 1e-9)
     return node, weight
@@ -282,13 +282,13 @@ def _around(
 def _common(
     first: np.ndarray, key: np.ndarray, level: np.ndarray, node: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Paths that at least half of the weight has: one of each, of the heaviest node, and their mean level."""
-    most = 0
+    """Paths that at least half of the weight has: a single row each, of the heaviest node, and their mean level."""
+    n_max = 0
     for k in range(4):
         if node[k] >= 0:
-            most += first[node[k] + 1] - first[node[k]]
-    ref, keys = np.empty(most, np.int64), np.empty(most, np.int64)
-    total, mean = np.zeros(most), np.zeros(most)
+            n_max += first[node[k] + 1] - first[node[k]]
+    ref, keys = np.empty(n_max, np.int64), np.empty(n_max, np.int64)
+    total, mean = np.zeros(n_max), np.zeros(n_max)
     count = 0
     for k in np.argsort(-weight):
         if node[k] < 0:
@@ -302,5 +302,5 @@ def _common(
                 count += 1
             total[place] += weight[k]
             mean[place] += weight[k] * level[path]
-    found = np.flatnonzero(total[:count] >= 0.5)
-    return ref[found], mean[found] / total[found]
+    common = np.flatnonzero(total[:count] >= 0.5)
+    return ref[common], mean[common] / total[common]

@@ -45,14 +45,19 @@ def read_paths(
     delay = paths.delay_s[order] / sounder.config.sample_s
     which, sums, close = _separated(power, aoa, delay, sounder.config.half_window)
     snr = 10 * np.log10(np.maximum(sums, 1e-300)) + sounder.budget_db
-    found = (snr >= LEAST_SNR_DB) & (snr >= snr.max(initial=-np.inf) + LEAST_RELATIVE_DB)
+    is_detected = (snr >= LEAST_SNR_DB) & (snr >= snr.max(initial=-np.inf) + LEAST_RELATIVE_DB)
     # Drawn for all places, so that errors of a path do not depend on others.
     error = np.zeros((4, MOST)) if rng is None else rng.normal(size=(4, MOST))
-    which = which[found]
+    which = which[is_detected]
     n = len(which)
-    snr = snr[found] + SIGMA_DB * error[0, :n]
+    snr = snr[is_detected] + SIGMA_DB * error[0, :n]
     rank = np.argsort(-snr, kind="stable")
-    which, snr, sigma, error = which[rank], snr[rank], SIGMA_RAD[close[found][rank]], error[:, :n][:, rank]
+    which, snr, sigma, error = (
+        which[rank],
+        snr[rank],
+        SIGMA_RAD[close[is_detected][rank]],
+        error[:, :n][:, rank],
+    )
     estimates = PathEstimates(
         aoa_rad=_padded(wrapped(aoa[which] - heading_rad + sigma * error[1]), 0.0),
         aod_rad=_padded(wrapped(aod[which] + sigma * error[2]), 0.0),
@@ -107,7 +112,7 @@ def states_of(
     )
     read = [read_paths(paths, 0.0, sounder, None) if len(paths.power) else outage for paths in links]
     aoa, aod, snr, delay = (
-        np.concatenate([getattr(one, name) for one in read])
+        np.concatenate([getattr(estimates, name) for estimates in read])
         for name in ("aoa_rad", "aod_rad", "snr_db", "delay_s")
     )
     return classifier.predict(aoa, snr, **measured(aod_rad=aod, delay_s=delay))

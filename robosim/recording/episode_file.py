@@ -133,7 +133,7 @@ class RecordedEpisode:
     rings: list[Float[np.ndarray, "_ 2"]]
     """Outlines of the building's free space and of furniture [m]."""
     columns: Mapping[str, Any]
-    """One entry per step, and one at the end for poses, coverage and map; entries of any length as lists."""
+    """An entry per step, and one at the end for poses, coverage and map; entries of any length as lists."""
 
     def __len__(self) -> int:
         """Number of decisions."""

@@ -37,7 +37,7 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
                 on_sheet.append(frame)
     finally:
         writer.close()
-    # One legend for all.
+    # A single legend for all.
     tiled = _tiled([frame[:, :-LEGEND] for frame in on_sheet])
     legend = np.full((len(tiled), LEGEND, 3), 255, np.uint8)
     legend[: len(on_sheet[0])] = on_sheet[0][:, -LEGEND:]

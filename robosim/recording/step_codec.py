@@ -36,7 +36,7 @@ RAGGED: dict[str, tuple[int, ...]] = {
     "map": (0,), "path": (0, 2), "arrival": (0, 5), "rgb": (0,), "depth": (0,), "belief": (0,), "bodies": (0, 4),
     "laser": (0, 2), "laser_limits": (0, 3), "velocity": (0, 3),
 }  # fmt: skip
-#: Those of them that a file lacks where they are empty in all steps.
+#: Fields that a file lacks where they are empty in all steps.
 OPTIONAL = ("bodies", "laser", "laser_limits", "velocity")
 #: Link state without a radio.
 NO_RADIO = -1

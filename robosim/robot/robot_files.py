@@ -18,12 +18,22 @@ def read_robot(path: Path) -> RobotConfig:
         path, "a robot", "Give URDF, MJCF, or fields of RobotConfig, such as radius_m: 0.25"
     ) as file:
         content = file.read()
-        if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        if _is_xml(content):
             return read_model(path)
         parse = parse_json if path.suffix == ".json" else parse_yaml
         values = parse(content)
         _replace_sensors(values)
         return from_dict(RobotConfig, values)
+
+
+def is_description(path: Path) -> bool:
+    """Whether a file is a description in URDF or MJCF."""
+    with reading(path, "a robot") as file:
+        return _is_xml(file.read(1000))
+
+
+def _is_xml(content: bytes) -> bool:
+    return content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
 
 def _replace_sensors(values: Any) -> None:

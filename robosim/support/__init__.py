@@ -1,1 +1,1 @@
-"""What every command stands on: files written whole, progress, interrupts, stopwatches, shipped assets."""
+"""Support of every command: files written whole, progress, interrupts, stopwatches, shipped assets."""

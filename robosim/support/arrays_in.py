@@ -30,13 +30,13 @@ _MOST_DIRECTORY, _MOST_HEADER = 100_000, 10_000
 
 
 class Array(NamedTuple):
-    """What an array of a file must be."""
+    """Requirements of an array of a file."""
 
     kinds: str
     """Kinds of numbers that it may hold, by NumPy's letters and where it matters their bytes: "i u", "u2", "U"."""
     axes: str
     """Its axes as in type annotations, "n 3": numbers, and names that are of one length in all arrays of a file."""
-    most: float | None = None
+    max_abs: float | None = None
     """Its numbers are finite and at most so large; None for any."""
 
 
@@ -103,7 +103,7 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
     """
     axes = expected.axes.split()
     kinds = expected.kinds.split()
-    # Of an empty array the kind means nothing.
+    # The kind of an empty array means nothing.
     fits = not array.size or array.dtype.kind in kinds or array.dtype.str[1:] in kinds
     if not fits or array.ndim != len(axes):
         raise ValueError(
@@ -117,18 +117,18 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
         letters = array.reshape(-1).view(np.uint32)
         if letters.size and (letters.max() > 0x10FFFF or ((letters >= 0xD800) & (letters < 0xE000)).any()):
             raise ValueError(f"{name} is no text")
-    elif expected.most is not None and array.size:
+    elif expected.max_abs is not None and array.size:
         # NaN fails every comparison.
         low, high = float(array.min()), float(array.max())
-        if not (-expected.most <= low and high <= expected.most):
-            raise ValueError(f"{name} goes from {low:g} to {high:g}, expected at most {expected.most:g}")
+        if not (-expected.max_abs <= low and high <= expected.max_abs):
+            raise ValueError(f"{name} goes from {low:g} to {high:g}, expected at most {expected.max_abs:g}")
     return array
 
 
-def ragged(name: str, some: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
+def ragged(name: str, arrays: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
     """Arrays of any length as one of a name, and their lengths as `NAME_count`; `empty` is the shape of none."""
-    joined = np.concatenate(some) if len(some) else np.zeros(empty)
-    return {name: joined, f"{name}_count": np.array([len(one) for one in some], np.int64)}
+    joined = np.concatenate(arrays) if len(arrays) else np.zeros(empty)
+    return {name: joined, f"{name}_count": np.array([len(array) for array in arrays], np.int64)}
 
 
 def parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
@@ -154,7 +154,7 @@ def _check_directory(file: IO[bytes]) -> None:
     file.seek(0)
 
 
-#: What is read: Pillow knows some forty more, of which some call other programs.
+#: Formats that are read: Pillow knows about forty more, a few of which call other programs.
 FORMATS = ("PNG", "PPM", "BMP", "TIFF", "GIF", "JPEG", "WEBP")
 
 

@@ -59,7 +59,7 @@ class Range:
 ADVANCED = "advanced"
 #: Seeds of random numbers.
 SEED = Range(0, 2**63 - 1)
-#: What a command expects of the plans that it goes through.
+#: Expectation of a command of the plans that it goes through.
 PLANS = "floor plans, or folders of them"
 #: Levels of noise.
 LEVEL = Range(0, 100, "times what was published", "0 is no noise.")
@@ -90,11 +90,11 @@ class Check(Protocol):
 
 
 class _Rule(NamedTuple):
-    """What the annotation of a field declares."""
+    """Rule that the annotation of a field declares."""
 
     bounds: Range | None
     choices: tuple[Any, ...]
-    part: Check | None
+    part_check: Check | None
     whole: bool
     optional: bool
     several: bool
@@ -107,24 +107,24 @@ class _Rule(NamedTuple):
         values = value if self.several else (value,)
         if not isinstance(values, (tuple, list)) or self.size not in (None, len(values)):
             raise ValueError(f"{name} is {shown(value)}, expected {self.size or 'several'} values.")
-        for one in values:
-            if self.part is not None:
-                self.part.check(name, one)
+        for item in values:
+            if self.part_check is not None:
+                self.part_check.check(name, item)
             elif self.bounds is not None:
-                check_number(name, one, *self.bounds, whole=self.whole)
+                check_number(name, item, *self.bounds, whole=self.whole)
             else:
-                check_choice(name, one, self.choices)
+                check_choice(name, item, self.choices)
 
 
 def checked(cls: type[T]) -> type[T]:
     """Decorate a class, below `@dataclass`: check what its fields declare, then run its own `__post_init__`."""
-    own = getattr(cls, "__post_init__", None)
+    post_init = getattr(cls, "__post_init__", None)
 
     def __post_init__(self: Any) -> None:
         for name, rule in _rules(self.__class__).items():
             rule.check(name, getattr(self, name))
-        if own is not None:
-            own(self)
+        if post_init is not None:
+            post_init(self)
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     return cls
@@ -143,21 +143,21 @@ def check_arguments(function: Any, arguments: Mapping[str, Any]) -> None:
 
 @cache
 def _rules(declared_by: Any) -> dict[str, _Rule]:
-    """What the fields of a class or the arguments of a function declare."""
+    """Return the rules that fields of a class or arguments of a function declare."""
     rules = {}
     for name, hint in get_type_hints(declared_by, include_extras=True).items():
         declared = getattr(hint, "__metadata__", ())
-        bounds = next((one for one in declared if isinstance(one, Range)), None)
-        part = next((one for one in declared if isinstance(one, Check)), None)
+        bounds = next((note for note in declared if isinstance(note, Range)), None)
+        part_check = next((note for note in declared if isinstance(note, Check)), None)
         kind = get_args(hint)[0] if declared else hint
         kinds = _alternatives(kind)
-        items = next((get_args(one) for one in kinds if get_origin(one) is tuple), ())
+        items = next((get_args(member) for member in kinds if get_origin(member) is tuple), ())
         optional, size = NoneType in kinds, len(items) if items and items[-1] is not ... else None
         kinds = (*kinds, *(each for item in items for each in _alternatives(item)))
-        choices = next((get_args(one) for one in kinds if get_origin(one) is Literal), ())
-        if bounds or part or choices:
+        choices = next((get_args(member) for member in kinds if get_origin(member) is Literal), ())
+        if bounds or part_check or choices:
             whole = int in kinds and float not in kinds
-            rules[name] = _Rule(bounds, choices, part, whole, optional, bool(items), size)
+            rules[name] = _Rule(bounds, choices, part_check, whole, optional, bool(items), size)
     return rules
 
 
@@ -167,7 +167,14 @@ def _alternatives(kind: Any) -> tuple[Any, ...]:
 
 
 def check_number(
-    name: str, value: Any, least: float, most: float, unit: str = "", hint: str = "", *, whole: bool = False
+    name: str,
+    value: Any,
+    least: float,
+    greatest: float,
+    unit: str = "",
+    hint: str = "",
+    *,
+    whole: bool = False,
 ) -> None:
     """See that a value is a number between two bounds, which count in.
 
@@ -175,9 +182,9 @@ def check_number(
         ValueError: If it is not.
     """
     is_number = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
-    if is_number and least <= value <= most:
+    if is_number and least <= value <= greatest:
         return
-    bounds = f"{'a whole number from ' if whole else ''}{Range(least, most, unit)}"
+    bounds = f"{'a whole number from ' if whole else ''}{Range(least, greatest, unit)}"
     raise ValueError(f"{name} is {shown(value)}, expected {bounds}.{' ' if hint else ''}{hint}")
 
 

@@ -53,7 +53,7 @@ _build_lock = threading.RLock()
 
 
 def compiled(function: F) -> F:
-    """The same function, compiled to machine code at its first call. Annotations are not used."""
+    """Return the function, compiled to machine code at its first call. Annotations are not used."""
     return cast(F, Loop(inspect.unwrap(function)))  # type checkers of tests wrap functions
 
 
@@ -155,8 +155,8 @@ def cache_folders() -> tuple[Path, ...]:
     named = os.environ.get(_CACHE_DIR)
     folders = [Path(named).absolute() / "robosim"] if named else []
     with suppress(RuntimeError):  # a user without a home directory
-        own = Path(os.environ.get("XDG_CACHE_HOME", ""))
-        folders.append((own if own.is_absolute() else Path.home() / ".cache") / "robosim")
+        user_folder = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        folders.append((user_folder if user_folder.is_absolute() else Path.home() / ".cache") / "robosim")
     return tuple(folders)
 
 
@@ -217,12 +217,12 @@ def source_digest(module: str) -> str:
     settings = (np.__version__, config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT)
     digest = hashlib.sha256(repr(settings).encode())
     packages = PACKAGES | {module.partition(".")[0]}
-    found, pending = {module}, [module]
+    modules, pending = {module}, [module]
     while pending:
-        new = {name for name in _imports(pending.pop()) if name.partition(".")[0] in packages} - found
-        found |= new
+        new = {name for name in _imports(pending.pop()) if name.partition(".")[0] in packages} - modules
+        modules |= new
         pending += new
-    for name in sorted(found):
+    for name in sorted(modules):
         file = getattr(sys.modules[name], "__file__", None)
         # A later time is of a machine whose clock differs.
         if file and _IMPORT_TIME_S < Path(file).stat().st_mtime <= time.time():
@@ -259,7 +259,7 @@ def _lock(folder: Path) -> Iterator[None]:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder / "lock", os.O_CREAT | os.O_RDWR)
-        # Not `flock`, which also excludes other threads: one of them may hold numba's lock and wait for this one.
+        # Not `flock`, which also excludes other threads: another thread may hold numba's lock and wait for this one.
         fcntl.lockf(lock, fcntl.LOCK_EX)
     try:
         yield

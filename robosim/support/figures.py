@@ -13,7 +13,7 @@ from robosim.support.files import whole_file
 
 #: Resolution of PNG files [dots per inch].
 DPI = 200
-#: What makes the same figure the same bytes, by format.
+#: Metadata that make the bytes of a figure reproducible, by format.
 _METADATA: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 

@@ -103,7 +103,7 @@ def npz_bytes(arrays: Mapping[str, Any], *, compressed: bool = True) -> bytes:
 
 
 def plain(value: Any) -> Any:
-    """The same value in JSON's own types; not-a-number becomes None."""
+    """Convert a value to JSON's own types; not-a-number becomes None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -59,8 +59,8 @@ def _value(name: str, hint: Any, value: Any) -> Any:
     if origin is Annotated:
         return _part(name, value) if inner[0] is Any else _value(name, inner[0], value)
     if origin in (Union, UnionType):
-        (one,) = (one for one in inner if one is not NoneType)
-        return None if value is None else _value(name, one, value)
+        (kind,) = (kind for kind in inner if kind is not NoneType)
+        return None if value is None else _value(name, kind, value)
     if origin is Literal:
         check_choice(name, value, inner)
         return value
@@ -102,11 +102,11 @@ def _part(name: str, value: Any) -> Any:
     if not isinstance(value, dict) or not names_code(value.get("part")):
         raise _error(name, value, "the name of a part")
     check_code_allowed(name, value["part"])
-    found = imported(name, value["part"])
+    target = imported(name, value["part"])
     rest = {key: each for key, each in value.items() if key != "part"}
-    if rest and not is_dataclass(found):
+    if rest and not is_dataclass(target):
         raise ValueError(f"{name} is {value['part']}, which has no settings")
-    return from_dict(found, rest, name) if rest else found
+    return from_dict(target, rest, name) if rest else target
 
 
 def _error(name: str, value: Any, expected: str) -> ValueError:

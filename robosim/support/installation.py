@@ -33,7 +33,7 @@ def package_version(name: str = "robosim") -> str:
 
 
 def install_command(extra: str) -> str:
-    """What to type to install an extra, for a checkout or for a wheel, whichever this program was installed from."""
+    """Return the command that installs an extra, from a checkout or a wheel, as this program was installed."""
     source = _source()
     if not source.is_dir():
         return f"pip install '{DISTRIBUTION}[{extra}]'"
@@ -57,7 +57,7 @@ def missing_extra(module: str, purpose: str) -> ImportError:
 
 
 def install_first(module: str) -> str:
-    """What to type before a command that needs a module, to install it; empty if it is installed."""
+    """Return the command that installs a module needed by another command; empty if it is installed."""
     if is_installed(module):
         return ""
     return f"{install_command(EXTRAS[module]) if module in EXTRAS else f'pip install {module}'}; "
@@ -75,11 +75,11 @@ def namesake() -> str | None:
     ours = any(point.value == "robosim.__main__:main" for point in other.entry_points)
     if ours or parent_process() is not None:
         return None
-    found = f"robosim {other.version} is installed, another project"
+    message = f"robosim {other.version} is installed, another project"
     if not any(file.parts[0] == "robosim" for file in other.files or ()):
-        return f"{found} than {DISTRIBUTION}, which is this one. Remove it: pip uninstall robosim"
+        return f"{message} than {DISTRIBUTION}, which is this one. Remove it: pip uninstall robosim"
     return (
-        f"{found}, whose files lie among those of {DISTRIBUTION} and replace them. "
+        f"{message}, whose files lie among those of {DISTRIBUTION} and replace them. "
         f"Remove it: pip uninstall -y robosim && pip install --force-reinstall --no-deps '{_source()}'"
     )
 

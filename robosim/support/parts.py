@@ -43,20 +43,20 @@ _persons = set[Path]()
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Kind:
-    """One kind of part."""
+    """Kind of part."""
 
     name: str
-    """What messages call it, such as "goal policy"."""
+    """Name in messages, such as "goal policy"."""
     shipped: Mapping[str, str]
-    """Those that come with this package, each as `module:Name` or a file."""
+    """Parts that come with this package, each as `module:Name` or a file."""
     has: tuple[str, ...]
     """Methods and attributes that a part of this kind must have."""
     made_from: str
-    """What a class or function is called with, in words."""
+    """Arguments that a class or function is called with, in words."""
     suffixes: tuple[str, ...] = ()
     """Endings of files that stand for a part, too."""
     from_file: str = ""
-    """What makes a part of such a file, as `module:Name`; it is called with the file's path first."""
+    """Function that makes a part of such a file, as `module:Name`; it is called with the file's path first."""
     protocol: str = ""
     """Class, as `module:Name`, whose attributes and methods are the defaults of those that a part lacks."""
 
@@ -66,7 +66,7 @@ class Kind:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the shipped ones."""
+        """Return the names of the shipped parts."""
         return tuple(self.shipped)
 
     def check(self, field: str, part: Part) -> None:
@@ -107,7 +107,7 @@ class Kind:
 
     @property
     def choices(self) -> str:
-        """What may be given, in words."""
+        """Return the possible values, in words."""
         files = [f"a {suffix} file" for suffix in self.suffixes]
         return f"{', '.join(self.shipped)}, {', '.join([*files, 'or module:Name of your own'])}"
 
@@ -168,7 +168,7 @@ class Kind:
             instance_from_str=lambda words: words[0],
             is_instance=lambda value: True,
             str_from_instance=lambda value: [part_name(value)],
-            # They would be all that may be given; a shell that completes words is to know them all the same.
+            # As choices these names would exclude all others; a shell that completes words still needs them.
             choices=tuple(shown_names) if any(word.startswith("--tyro-") for word in sys.argv) else None,
         )
 
@@ -242,7 +242,7 @@ def imported(field: str, name: str) -> Any:
     try:
         if not ours:
             _add_current_folder(module)
-        found = importlib.import_module(module)
+        target = importlib.import_module(module)
     except ModuleNotFoundError as error:
         raise ValueError(
             f"{field} is {shown(name)}, but there is no module {error.name!r} in {os.getcwd()}, nor where Python "
@@ -253,12 +253,12 @@ def imported(field: str, name: str) -> Any:
             f"{field} is {shown(name)}, but importing {module!r} fails: {error!r}{_in_file(error)}."
         ) from error
     for attribute in path.split("."):
-        if not hasattr(found, attribute):
-            near = get_close_matches(attribute, dir(found), n=1)
+        if not hasattr(target, attribute):
+            near = get_close_matches(attribute, dir(target), n=1)
             hint = f" Did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"{field} is {shown(name)}, but {module!r} has no {attribute!r}.{hint}")
-        found = getattr(found, attribute)
-    return found
+        target = getattr(target, attribute)
+    return target
 
 
 def _add_current_folder(module: str) -> None:

@@ -110,7 +110,7 @@ class _Process(NamedTuple):
 
 #: Processes that wait for more work; None where they end with the work for which they were started.
 _spare: list[_Process] | None = None
-#: One thread starts a process at a time, since starting changes environment and main module.
+#: A single thread starts a process at a time, since starting changes environment and main module.
 _starting = threading.Lock()
 
 
@@ -165,7 +165,7 @@ def _pickled(error: Exception) -> bytes:
         error.place_in_part = place  # type: ignore[attr-defined]
         content = pickle.dumps((False, error))
         pickle.loads(content)
-    except Exception:  # some errors cannot be unpickled
+    except Exception:  # a few errors cannot be unpickled
         plain = RuntimeError(f"{type(error).__name__}: {error}")
         plain.place_in_part = place  # type: ignore[attr-defined]
         content = pickle.dumps((False, plain))

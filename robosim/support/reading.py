@@ -21,7 +21,7 @@ _PATH, _REASON, _MESSAGE = 400, 300, 2000
 _COPY = "Copy or export it again."
 #: Libraries whose warnings of a damaged file would be printed in addition to our line.
 _TALKATIVE = ("trimesh", "PIL")
-#: Of this project.
+#: Packages of this project.
 PACKAGES = ("robosim", "slam", "wireless")
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -110,17 +110,17 @@ def shown(path: str | Path) -> str:
     return text if len(text) <= _PATH else f"...{text[-_PATH:]}"
 
 
-def one_line(text: str, most: int | None = _REASON) -> str:
+def one_line(text: str, max_letters: int | None = _REASON) -> str:
     """A text in one line of printable letters, cut short if it has too many of them."""
-    line = " ".join(text.split()) if most is not None else text
+    line = " ".join(text.split()) if max_letters is not None else text
     line = "".join(
         c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in line
     )
-    return line if most is None or len(line) <= most else f"{line[:most]}..."
+    return line if max_letters is None or len(line) <= max_letters else f"{line[:max_letters]}..."
 
 
 def reason_of(error: BaseException) -> str:
-    """What an error of a library says of a file, in a few words."""
+    """Return the reason of a library's error on a file, in a few words."""
     if isinstance(error, MemoryError):
         return "it needs more memory than there is"
     if isinstance(error, RecursionError):
@@ -158,16 +158,16 @@ def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind
 
 
 def _check(
-    found: os.stat_result, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]
+    status: os.stat_result, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]
 ) -> None:
     """Raise an error for anything but a regular file of a possible size."""
     for is_kind, words in _KINDS:
-        if is_kind(found.st_mode):
+        if is_kind(status.st_mode):
             raise kind(f"{name}: is {words}, expected {what} in a regular file.")
-    if not found.st_size:
+    if not status.st_size:
         raise kind(f"{name}: the file is empty, expected {what}. {remedy}")
-    if found.st_size > most_bytes:
-        raise kind(f"{name}: {found.st_size} bytes, expected {what} of at most {most_bytes}.")
+    if status.st_size > most_bytes:
+        raise kind(f"{name}: {status.st_size} bytes, expected {what} of at most {most_bytes}.")
 
 
 def _named(error: FileError, path: Path) -> FileError:

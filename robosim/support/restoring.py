@@ -58,5 +58,5 @@ def restore_optimiser(optimiser: torch.optim.Optimizer, state: Mapping[str, Any]
 
 
 def _options(group: Mapping[str, Any]) -> dict[str, Any]:
-    """What does not change in the course of a training."""
+    """Return the options that do not change in the course of a training."""
     return {name: value for name, value in group.items() if name not in ("params", "lr", "initial_lr")}

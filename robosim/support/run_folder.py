@@ -132,7 +132,7 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
 
 
 def _stored(folder: Path) -> dict[str, Any] | None:
-    """What `settings.json` says, if it is one of ours."""
+    """Return the content of `settings.json`, if this package wrote it."""
     try:
         there = read_json(folder / SETTINGS, "settings", keys=("command", "settings"))
         return there if isinstance(there["command"], str) and isinstance(there["settings"], dict) else None
@@ -161,7 +161,7 @@ def _results(folder: Path) -> Iterator[Path]:
 
 
 def _difference(there: Any, now: Any, grows: tuple[str, ...] = (), name: str = "") -> str:
-    """What differs, by the names of the innermost settings; empty if nothing does."""
+    """Return the differences, by the names of the innermost settings; empty if there are none."""
     if isinstance(there, dict) and isinstance(now, dict):
         parts = []
         for key in {**there, **now}:
@@ -169,7 +169,7 @@ def _difference(there: Any, now: Any, grows: tuple[str, ...] = (), name: str = "
                 continue
             path = f"{name}.{key}" if name else str(key)
             parts.append(_difference(there.get(key), now.get(key), grows, path))
-        return ", ".join(part for part in parts if part)
+        return ", ".join(text for text in parts if text)
     return "" if there == now else f"{name} {_short(there)} there, {_short(now)} now"
 
 

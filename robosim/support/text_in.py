@@ -77,11 +77,16 @@ def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
 def csv_rows(
     content: bytes, needed: Sequence[str]
 ) -> tuple[Iterator[tuple[int, dict[str, str]]], Sequence[str]]:
-    """Rows of a CSV table, each with its line, and its columns; ValueError if one that is `needed` is missing."""
+    """Rows of a CSV table, each with its line, and its columns.
+
+    ValueError if a column is there twice, or is `needed` and missing.
+    """
     table = csv.DictReader(io.StringIO(content.decode("utf-8-sig")))
     columns = table.fieldnames or ()
     if missing := [name for name in needed if name not in columns]:
         raise ValueError(f"column {missing[0]!r} is missing")
+    if twice := [name for name in columns if name and columns.count(name) > 1]:
+        raise ValueError(f"column {twice[0]!r} is there twice, expected once")
     return ((table.line_num, row) for row in table), columns
 
 

@@ -112,8 +112,8 @@ class Workers:
 
     def in_order(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> list[Any]:
         """Results in the order of their calls; see `run`."""
-        found = dict(self.run(function, calls))
-        return [found[number] for number in sorted(found)]
+        results = dict(self.run(function, calls))
+        return [results[number] for number in sorted(results)]
 
     def _window(self) -> int:
         """Number of calls in progress: they take seconds, so that none has to wait in a process."""

@@ -1,1 +1,1 @@
-"""What a robot is to do, how much of the building it has seen, and the record of how it went."""
+"""Tasks of a robot, coverage of the building, and the record of an episode."""

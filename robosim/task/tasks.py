@@ -1,7 +1,7 @@
 """Tasks of a target search: where the robot starts, and where the target stands.
 
-Both are places that the robot's hull can reach, one from the other. The shortest drive between them is stored
-with the task, since success weighted by path length (SPL, Anderson et al. 2018) is measured against it.
+Start and target are places that the robot's hull can reach, one from the other. The shortest drive between them is
+stored with the task, since success weighted by path length (SPL, Anderson et al. 2018) is measured against it.
 """
 
 import logging
@@ -34,7 +34,7 @@ class Anchor:
     """A transmitter that is not the target; its name distinguishes it from the target and from others."""
 
     name: str
-    """What it is called."""
+    """Name of the transmitter."""
     place: Float[np.ndarray, "2"]
     """Where it stands in `map` [m]."""
     known: bool = True
@@ -43,7 +43,7 @@ class Anchor:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One search in one building."""
+    """A search in a building."""
 
     start: Float[np.ndarray, "3"]
     """Pose of the robot at first: x [m], y [m], yaw [rad] in `map`."""
@@ -83,7 +83,7 @@ def make_task(
 ) -> Task:
     """A task with what is given, the rest drawn evenly over the floor.
 
-    What is drawn lies at least `min_path_m` and at most `max_path_m` of driving from the other end. In a building
+    The drawn place lies at least `min_path_m` and at most `max_path_m` of driving from the other end. In a building
     without two such places the farthest pair found is taken, and a warning logged. A robot begins where it has room to
     turn, as far as there is such a place.
 

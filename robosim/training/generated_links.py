@@ -32,7 +32,7 @@ from wireless.tracing.tracer import Tracer
 
 #: Transmitters of a home, receivers of each, grid [m] and height of both [m].
 TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5
-#: Least distance of a transmitter from walls [m], as in public data; some receivers are behind a wall.
+#: Least distance of a transmitter from walls [m], as in public data; a few receivers are behind a wall.
 TX_CLEARANCE_M = 0.04
 #: Seed of the first home, far from usual seeds.
 FIRST_SEED = 1_000_220

@@ -85,14 +85,14 @@ def _runs(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _open_from(names: list[str], i: int) -> list[int]:
     """Places of open pieces in patterns that begin at step i."""
-    found = []
+    places = []
     for pattern in OPEN:
         words = pattern.split()
         if len(names) > len(words) and all(
             names[(i + j) % len(names)] == word.lower() for j, word in enumerate(words)
         ):
-            found += [(i + j) % len(names) for j, word in enumerate(words) if word.isupper()]
-    return found
+            places += [(i + j) % len(names) for j, word in enumerate(words) if word.isupper()]
+    return places
 
 
 #: Distance between receivers [m].
@@ -177,20 +177,20 @@ def adopted(paths: Paths, cell: Int[np.ndarray, "n_rx 2"]) -> Bool[np.ndarray, "
     full = fully_traced(cell)
     there = full[paths.rx]
     known = np.unique(_number(cell)[paths.rx[there]] * n_sequences + sequence[there])
-    found = there.copy()
+    is_adopted = there.copy()
     for step in _steps():
         near = cell + step
         wanted = _number(near)[paths.rx] * n_sequences + sequence
-        found |= ~there & fully_traced(near)[paths.rx] & np.isin(wanted, known)
-    return found
+        is_adopted |= ~there & fully_traced(near)[paths.rx] & np.isin(wanted, known)
+    return is_adopted
 
 
 def _steps() -> Int[np.ndarray, "k 2"]:
     """Rows and columns to the receivers around, and to the receiver itself."""
-    one = np.arange(-REACH, REACH + 1)
-    return np.stack(np.meshgrid(one, one, indexing="ij"), axis=-1).reshape(-1, 2)
+    offset = np.arange(-REACH, REACH + 1)
+    return np.stack(np.meshgrid(offset, offset, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _number(cell: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
-    """One number for each cell."""
+    """Return a number for each cell."""
     return (cell[:, 0] + _WIDE // 2) * _WIDE + cell[:, 1] + _WIDE // 2

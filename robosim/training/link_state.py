@@ -1,7 +1,7 @@
 """Train classifiers of link states on public measurements: on folds with held-out buildings, then on all buildings.
 
 Each network of each fold is a job, and so is each network of the final classifier, which is trained on all buildings.
-Jobs run in processes of one thread. The same jobs in the same folder continue after their last finished epoch, and give
+Jobs run in processes of one thread. Jobs run again in their folder continue after their last finished epoch, and give
 the same weights for any number of processes. Held-out buildings give the scores and the temperature; the temperature
 for the scores of a building comes from other buildings.
 """
@@ -42,7 +42,7 @@ _NAMES = ("outage", "LOS", "first-order", "higher-order")
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One network."""
+    """Job of training a network."""
 
     name: str
     data: Path
@@ -58,12 +58,12 @@ class Job:
 
 @dataclass(frozen=True, kw_only=True)
 class LinkStateTraining:
-    """What is trained, on what, and how it is scored."""
+    """Training of link-state networks: model, data and scores."""
 
     data: Path
     """Folder of measurements, or a data set."""
     test: Path | None
-    """Such a folder to score the final classifier on."""
+    """Folder of measurements, or a data set, to score the final classifier on."""
     recipe: Recipe
     """Inputs that were not measured are left out; the seed is increased by the number of the member."""
     n_folds: int | None
@@ -109,7 +109,7 @@ def train_link_state(
             f"{counted(len(links.state), 'link')} of {counted(len(links.names), 'building')} in {training.data}"
         )
     )
-    # The same networks may be used with more folds, members and tests.
+    # These networks may be used with more folds, members and tests.
     trained_on = {
         "data": f"{training.data.name}: {', '.join(links.names)}",
         "links": len(links.state),
@@ -193,7 +193,7 @@ def _jobs(training: LinkStateTraining, parts: list[tuple[int, ...]], out: Path) 
 
 
 def _classifier(recipe: Recipe, networks: list[Any], links: Links) -> LinkStateClassifier:
-    """Of trained networks, for the states in their data."""
+    """Return the classifier of trained networks, for the states in their data."""
     return LinkStateClassifier(
         [weights_of(network) for network in networks],
         model=recipe.model,

@@ -31,7 +31,7 @@ from slam.networks.files import mapper_files, pose_files
 from slam.networks.pose_network import INPUTS, SIDE
 from slam.poses import between
 
-#: One of so many homes is held out.
+#: Every so many homes, one is held out.
 HOLD_OUT = 10
 T = TypeVar("T")
 

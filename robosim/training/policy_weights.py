@@ -65,7 +65,7 @@ def median_call_ms(call: Callable[[], object], n_calls: int) -> float:
 
 
 class Checkpoint:
-    """One file, written whole at every save."""
+    """Checkpoint file, written whole at every save."""
 
     def __init__(self, path: Path) -> None:
         """Say where."""

@@ -114,12 +114,14 @@ class Training:
         self.best: dict[str, Tensor] | None = None
 
     def run_epoch(self) -> None:
-        """One epoch of walks and learning, with an evaluation of the weights if it is due."""
+        """Run an epoch of walks and learning, with an evaluation of the weights if it is due."""
         start, recipe, epoch = process_time(), self.recipe, self.epoch
-        own = epoch >= recipe.imitation
+        has_surrogate = epoch >= recipe.imitation
         # The guide drives in the whole first epoch, and not after half of the imitation.
-        guided = 0.0 if own else max(0.0, 1 - epoch / max(1, recipe.imitation / 2))
-        advice = recipe.advice * 0.5 ** ((epoch - recipe.imitation) / recipe.half_life) if own else 1.0
+        guided = 0.0 if has_surrogate else max(0.0, 1 - epoch / max(1, recipe.imitation / 2))
+        advice = (
+            recipe.advice * 0.5 ** ((epoch - recipe.imitation) / recipe.half_life) if has_surrogate else 1.0
+        )
         rng = np.random.default_rng([recipe.seed, epoch, 1])
         robots = Robots(
             Walks(
@@ -145,7 +147,7 @@ class Training:
                     replace(segment, reward=recipe.reward_scale * segment.reward),
                     recipe.ppo,
                     advice=advice,
-                    own=own,
+                    has_surrogate=has_surrogate,
                     rng=rng,
                 )
             )

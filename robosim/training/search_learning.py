@@ -99,25 +99,34 @@ def learn(
     config: PpoConfig,
     *,
     advice: float,
-    own: bool,
+    has_surrogate: bool,
     rng: np.random.Generator,
 ) -> dict[str, float]:
     """Improve the weights by one segment; a batch of the configuration counts robots.
 
-    `advice` is the weight of the cross entropy with the guide's actions; `own` adds the surrogate, for which the policy
-    must have driven all the time.
+    `advice` is the weight of the cross entropy with the guide's actions; `has_surrogate` adds the surrogate, for
+    which the policy must have driven all the time.
 
     Returns:
         Means over the segment: `advice` (cross entropy), `value` (squared error), `entropy`, `agreed` (share of the
         guide's actions that are the most likely ones).
     """
-    advantage, worth = advantages(segment, config)
+    advantage, returns = advantages(segment, config)
     counted = advantage[segment.counts]
     advantage = (advantage - counted.mean()) / (counted.std() + 1e-6)
     robots, columns = segment.inputs.shape[1], dict[str, list[float]]()
     for _ in range(config.passes):
         for group in np.array_split(rng.permutation(robots), max(1, round(robots / config.batch))):
-            loss, means = _loss(weights, segment, advantage, worth, group, config, advice=advice, own=own)
+            loss, means = _loss(
+                weights,
+                segment,
+                advantage,
+                returns,
+                group,
+                config,
+                advice=advice,
+                has_surrogate=has_surrogate,
+            )
             descend(loss, weights, optimiser)
             for name, value in means.items():
                 columns.setdefault(name, []).append(value)
@@ -128,12 +137,12 @@ def _loss(
     weights: Mapping[str, Tensor],
     segment: Segment,
     advantage: np.ndarray,
-    worth: np.ndarray,
+    returns: np.ndarray,
     group: np.ndarray,
     config: PpoConfig,
     *,
     advice: float,
-    own: bool,
+    has_surrogate: bool,
 ) -> tuple[Tensor, dict[str, float]]:
     """The loss of some robots' steps, and its parts."""
 
@@ -146,10 +155,10 @@ def _loss(
     log_odds = torch.log_softmax(scores, dim=-1)[counts]
     advised, taken = of(segment.advised)[counts], of(segment.taken)[counts]
     imitation = -log_odds.gather(1, advised[:, None]).mean()
-    error = (value[counts] - of(worth, torch.float32)[counts]).square().mean()
+    error = (value[counts] - of(returns, torch.float32)[counts]).square().mean()
     entropy = -(log_odds.exp() * log_odds).sum(dim=-1).mean()
     loss = advice * imitation + config.value * error - config.entropy * entropy
-    if own:
+    if has_surrogate:
         before, gain = of(segment.log_odds, torch.float32)[counts], of(advantage, torch.float32)[counts]
         ratio = torch.exp(log_odds.gather(1, taken[:, None])[:, 0] - before)
         loss = loss - surrogate(ratio, gain, config.clip)

@@ -220,7 +220,7 @@ def evaluate_driver(
 
 
 def drive(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = False) -> Scores:
-    """One search of each robot by a network, "guide" or "random" (three of five actions forward)."""
+    """Drive a search of each robot by a network, "guide" or "random" (three of five actions forward)."""
     robots, rng = Robots(walks, again=False), np.random.default_rng([walks.seed, 2])
     n, memory = robots.count, empty_memory(robots.count)
     driven, bumps, steps, arrived = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, bool)

@@ -5,7 +5,7 @@ not suffice. Nodes are the poses that whole actions lead to; of those in one cel
 used. A node costs its actions, and more where they pass close to obstacles; the rest is estimated by the planner's
 field, which knows walls but no headings. The search ends at a node from which the rest is shorter by a horizon.
 
-Left out: what lies beyond the horizon, and turns that the field does not foresee.
+Left out: everything beyond the horizon, and turns that the field does not foresee.
 Reference: hybrid A* of Dolgov, Thrun, Montemerlo and Diebel, Path planning for autonomous vehicles in unknown
 semi-structured environments, IJRR 29(5), 2010.
 """
@@ -34,7 +34,7 @@ _HORIZON, _END = 8.0, 1.0
 _GREED = 1.5
 #: Space around the hull above which nothing is added [m], what is added without any [decisions], and the least [m].
 _WIDE_M, _TIGHT, LEAST_M = 0.05, 2.0, -0.005
-#: What a step back costs extra [decisions].
+#: Additional cost of a step back [decisions].
 _BACK = 4.0
 
 
@@ -59,8 +59,8 @@ def find_actions(
     """
     (x, y), cell_m = field.frame.origin_xy, field.frame.resolution_m
     grid = float(x), float(y), float(cell_m)
-    found = _search(pose, motion, hull.corners, clearance.surfaces, field.cost_m / forward_m, grid)
-    return [MOVES[k] for k in found]
+    numbers = _search(pose, motion, hull.corners, clearance.surfaces, field.cost_m / forward_m, grid)
+    return [MOVES[k] for k in numbers]
 
 
 def is_clear(
@@ -73,7 +73,7 @@ def is_clear(
     """Whether actions from a pose leave the hull clear of obstacles, or no nearer than it is."""
     poses = [pose]
     for action in actions:
-        poses += [compose(pose, part / PARTS * motion[action]) for part in range(1, PARTS + 1)]
+        poses += [compose(pose, step / PARTS * motion[action]) for step in range(1, PARTS + 1)]
         pose = poses[-1]
     places = np.array(poses)
     space = clearance.space(hull, places[:, :2], places[:, 2])
@@ -112,8 +112,8 @@ def _search(
             price = 1.0 + (_BACK if k == 3 else 0.0)
             c, s = math.cos(yaw), math.sin(yaw)
             last = here if node == 0 else LEAST_M
-            for part in range(1, PARTS + 1):
-                share = part / PARTS
+            for step in range(1, PARTS + 1):
+                share = step / PARTS
                 dx, dy = share * motion[k, 0], share * motion[k, 1]
                 nx, ny, nyaw = x + c * dx - s * dy, y + s * dx + c * dy, yaw + share * motion[k, 2]
                 gap = gap_of_outline(nx, ny, nyaw, corners, surfaces, _WIDE_M)
@@ -147,7 +147,7 @@ def _search(
 
 @compiled
 def _left_at(x: float, y: float, left: np.ndarray, grid: tuple[float, float, float]) -> float:
-    """What is left from a place: that of its cell; inf beyond the grid."""
+    """Return the remaining cost from a place, which is that of its cell; inf beyond the grid."""
     x0, y0, cell = grid
     ix, iy = math.floor((x - x0) / cell), math.floor((y - y0) / cell)
     if not (0 <= iy < left.shape[0] and 0 <= ix < left.shape[1]):

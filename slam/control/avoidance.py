@@ -33,7 +33,7 @@ class AvoidanceConfig:
     distance_m: Annotated[float, Range(0, 5, "m")] = 0.15
     """Distance that a step keeps between hull and person [m]."""
     squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
-    """The same after some waits, for places where there is no more space [m]."""
+    """Distance after several waits, for places where there is no more space [m]."""
     waits: Annotated[int, Range(1, 1000, "waits")] = 2
     """Waits in which the distance falls to `squeeze_m`."""
     deviations: Annotated[float, Range(0, 5)] = 0.5
@@ -92,9 +92,9 @@ class Avoidance:
         distance_m = config.squeeze_m + share_left * (config.distance_m - config.squeeze_m)
         least_m = self._hull_m + config.body_m + distance_m
         std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)
-        # Of somebody who has just come into view the velocity is not known yet.
+        # The velocity of a person who has just come into view is not known yet.
         unsure_mps = config.deviations * std_mps if thing.unseen_s == 0 and std_mps > _UNSURE_MPS else 0.0
-        # It goes on, or stops at any time.
+        # A moving thing goes on, or stops at any time.
         for time_s in (share * config.step_s, np.zeros(4)):
             there = thing.xy + time_s[:, None] * thing.velocity
             going_m = np.hypot(*(estimate.pose[:2] + share[:, None] * step - there).T)

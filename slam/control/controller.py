@@ -51,7 +51,7 @@ class ControlConfig:
     turn_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = TURN_RAD
     """Nominal angle of a turn [rad]."""
     push_price: Annotated[float, Range(0, 1e6, "decisions")] = 2.0
-    """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
+    """Additional cost of each turn that pushes the hull against an obstacle [decisions]."""
     reverses: bool = True
     """Whether the robot may step back to where it can turn without pushing, or forward only."""
     arrived_m: Annotated[float, Range(0, 10, "m")] = 0.15
@@ -251,10 +251,10 @@ class Controller:
             and self._course
             and is_clear(pose, list(self._course), self.motion, self.hull, plan.clearance)
         ):
-            found = find_actions(
+            actions = find_actions(
                 pose, self.motion, self.hull, plan.clearance, plan.field, forward_m=self.config.forward_m
             )
-            self._course, self._course_goal = deque(found[:_COURSE]), plan.asked_xy
+            self._course, self._course_goal = deque(actions[:_COURSE]), plan.asked_xy
         return self._course
 
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
@@ -280,7 +280,7 @@ class Controller:
     def _manoeuvre(
         self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
     ) -> Manoeuvre:
-        """What goes before some turns, see `slam.control.manoeuvre`."""
+        """Return the manoeuvre before turns, see `slam.control.manoeuvre`."""
         config = self.config
         return easier(
             pose,
@@ -388,8 +388,8 @@ class Controller:
         headings = self._turned(pose)[:, 2]
         room = plan.clearance.free_run_m(pose[:2], headings, self.hull)
         decisions = np.abs(self._turns) + self._pushing(pose, plan.clearance)
-        worth = np.minimum(room, 1.0) - 0.02 * decisions - 0.1 * self._reluctance(pose, headings)
-        action = first_of(int(self._turns[int(np.argmax(worth))]))
+        score = np.minimum(room, 1.0) - 0.02 * decisions - 0.1 * self._reluctance(pose, headings)
+        action = first_of(int(self._turns[int(np.argmax(score))]))
         if action is Action.FORWARD:
             self._escape_steps -= 1
         return action

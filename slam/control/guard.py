@@ -34,8 +34,8 @@ class Guard:
         here_m = float(near.space(self._hull, estimate.pose[:2], float(estimate.pose[2])))
         space_m = max(min(here_m - _ERROR_M, _MARGIN_M), -_ERROR_M)
         ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], self._hull, space_m)
-        found = np.zeros(len(PUBLISHED), bool)
-        found[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
+        is_bump = np.zeros(len(PUBLISHED), bool)
+        is_bump[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
         for action, motion in self._turns.items():
-            found[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull)[1]
-        return found
+            is_bump[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull)[1]
+        return is_bump

@@ -1,6 +1,6 @@
 """Manoeuvre before turns that would push the hull against something: leave the niche or the wall, and turn there.
 
-A base whose hull is no disk sweeps a larger circle as it turns. One that does not turn about its middle moves on a
+A base whose hull is no disk sweeps a larger circle as it turns. A base that does not turn about its middle moves on a
 circle as it turns on the spot: a LoCoBot by 2 cm to its left with each turn of 11 degrees to the left, once round a
 circle of 20 cm. A turn pushes if it brings the hull nearer to an obstacle than the room that it needs, as in a gap
 hardly wider than the hull. A few turns, and steps back or forward in the heading reached, may lead to a place with
@@ -36,7 +36,7 @@ class Manoeuvre(NamedTuple):
     """Actions that make a turn."""
 
     before: list[Action]
-    """What to do first; nothing if the robot may as well turn where it is."""
+    """Actions before the turns; empty if the robot may as well turn where it is."""
     rest: int
     """Turns left then; positive to the left."""
 
@@ -88,10 +88,10 @@ def easier(
         steps: Which steps it may make.
         around: Whether it turns to look around, so as much there as here.
     """
-    found = Manoeuvre([], turns)
+    cheapest = Manoeuvre([], turns)
     least = push_price * float(pushes_of(pose, turns, clearance, motion, hull)[-1])
     if not least:
-        return found
+        return cheapest
     for sign in (1, -1):
         turned = swung(pose, motion[first_of(sign)], _MOST_ASIDE)
         pushed = push_price * pushes_of(pose, sign * _MOST_ASIDE, clearance, motion, hull)
@@ -106,8 +106,8 @@ def easier(
                         whole += push_price * pushes_of(there, rest, clearance, motion, hull)[-1]
                     if whole < least:
                         least = whole
-                        found = Manoeuvre([first_of(sign)] * count + [step] * number, rest)
-    return found
+                        cheapest = Manoeuvre([first_of(sign)] * count + [step] * number, rest)
+    return cheapest
 
 
 def pushes_of(
@@ -135,8 +135,8 @@ def _along(
     pose: Float[np.ndarray, "3"], step: Float[np.ndarray, "3"], clearance: Clearance, hull: Hull
 ) -> Float[np.ndarray, "n 3"]:
     """Poses after one, two, ... steps, as far as the hull stays clear of obstacles."""
-    part = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
-    points = to_map(pose, part * step[:2])
+    fraction = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
+    points = to_map(pose, fraction * step[:2])
     room = clearance.space(hull, points, float(pose[2]))
     clear = np.minimum.accumulate(room[1:])[PARTS - 1 :: PARTS] > min(room[0] - _ERROR_M, _CLEAR_M)
     places = points[PARTS::PARTS][: int(clear.sum())]

@@ -51,9 +51,9 @@ class VelocityController:
         if robot.outline_m:  # a disk can always turn
             speeds = np.append(speeds, -speeds[1])
         v, w = np.meshgrid(speeds, np.concatenate([-rates[:0:-1], rates]), indexing="ij")
-        # What a wheel is too slow for is reduced along the same arc, as the base does.
-        part = np.minimum(1.0, robot.max_speed_mps / (np.abs(v) + np.abs(w) * robot.track_m / 2))
-        self._v, self._w = (part * v).ravel(), (part * w).ravel()
+        # Commands that a wheel is too slow for are reduced along the same arc, as the base does.
+        scale = np.minimum(1.0, robot.max_speed_mps / (np.abs(v) + np.abs(w) * robot.track_m / 2))
+        self._v, self._w = (scale * v).ravel(), (scale * w).ravel()
         least_s = config.control_s + robot.max_speed_mps / robot.max_accel_mps2
         self._first = math.ceil(least_s / _STEP_S) - 1
         self._times = _STEP_S * np.arange(1, self._first + 2 + round(_BEYOND_S / _STEP_S))
@@ -176,8 +176,8 @@ class VelocityController:
         turns, steps_m = _STEP_S * (w + share * dw), _STEP_S * (v + share * dv)
         yaw = pose[2] + np.cumsum(turns, axis=1)
         x, y = (
-            start + np.cumsum(steps_m * part(yaw - turns / 2), axis=1)
-            for start, part in ((pose[0], np.cos), (pose[1], np.sin))
+            start + np.cumsum(steps_m * project(yaw - turns / 2), axis=1)
+            for start, project in ((pose[0], np.cos), (pose[1], np.sin))
         )
         return np.stack([x, y, yaw], axis=-1), np.cumsum(np.abs(steps_m), axis=1)
 
@@ -196,8 +196,8 @@ class VelocityController:
 
     def _turn(self, off: float) -> float:
         """Turn rate towards a heading at an angle [rad]."""
-        most = self._turn_rate_radps
-        return max(-most, min(most, off / self.config.control_s))
+        limit = self._turn_rate_radps
+        return max(-limit, min(limit, off / self.config.control_s))
 
     def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
         """Drive away: turn to the direction with most room, and go there."""

@@ -104,9 +104,9 @@ def evaluate(weights: Mapping[str, Any], features: Any, there: Any, xp: Any = np
         (..., n), -1e9 at padding, and (...).
     """
     count = there.sum(-2)[..., None, :]
-    own = xp.tanh(features @ weights["own.weight"] + weights["own.bias"])
-    mean = (own * there).sum(-2)[..., None, :] / count
-    both = xp.tanh(own @ weights["both.own"] + mean @ weights["both.mean"] + weights["both.bias"])
+    embedding = xp.tanh(features @ weights["own.weight"] + weights["own.bias"])
+    mean = (embedding * there).sum(-2)[..., None, :] / count
+    both = xp.tanh(embedding @ weights["both.own"] + mean @ weights["both.mean"] + weights["both.bias"])
     added = (both @ weights["added.weight"])[..., 0]
     logits = added - features[..., 0] * weights["prior"]
     pooled = (both * there).sum(-2) / count[..., 0, :]

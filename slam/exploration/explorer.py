@@ -79,7 +79,7 @@ class ExplorerConfig:
     candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 6
     """Frontiers for which decisions are counted exactly."""
     tour: Annotated[int, Range(1, 12, "frontiers")] = 10
-    """The same for "tour", whose work grows exponentially."""
+    """Number of frontiers that "tour" compares, whose work grows exponentially."""
     horizon: Annotated[float, Range(1, 1e6, "decisions")] = 60.0
     """Decisions until a visit of a tour by which its gain is worth 1/e."""
     visit: Annotated[float, Range(0, 1e6, "decisions")] = 4.0

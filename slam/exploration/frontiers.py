@@ -40,7 +40,7 @@ def find_frontiers(
     """Frontiers that the robot can get near to.
 
     Args:
-        box: What is known.
+        box: Box around the known cells.
         travel_time: Travel time from the robot, on cells twice as large as those of the box.
         min_cells: Shorter runs are ignored [cells].
         piece_m: Side of the tiles that cut long runs into pieces [m].
@@ -63,17 +63,17 @@ def find_frontiers(
     cost = travel_time.cost_m[cells[:, 0] // 2, cells[:, 1] // 2]
     near = cells[_first_least(cost, piece, new)] // 2
     goals_xy = box.frame.to_points(middle[:, ::-1] + 0.5)
-    found = []
+    frontiers = []
     for k, length_m in enumerate(lengths_m):
         least, place = float(travel_time.cost_m[tuple(near[k])]), near[k]
         if not math.isfinite(least):
             least, place = _cheapest_near(travel_time, middle[k] // 2)
         if math.isfinite(least):
             near_xy = travel_time.frame.to_points(place[::-1] + 0.5)
-            found.append(
+            frontiers.append(
                 Frontier(goal_xy=goals_xy[k], near_xy=near_xy, cost_m=least, length_m=float(length_m))
             )
-    return found
+    return frontiers
 
 
 def _middles(cells: Int[np.ndarray, "n 2"], new: Bool[np.ndarray, " n"]) -> Int[np.ndarray, "k 2"]:
@@ -95,9 +95,9 @@ def _cheapest_near(travel_time: TravelTime, cell: Int[np.ndarray, "2"]) -> tuple
     # The hull does not fit at walls, but may fit half a metre away.
     n = max(1, round(0.5 / travel_time.frame.resolution_m))
     y0, x0 = np.maximum(cell - n, 0)
-    part = travel_time.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
-    row, column = divmod(int(np.argmin(part)), part.shape[1])
-    return float(part.min()), np.array([y0 + row, x0 + column])
+    window = travel_time.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
+    row, column = divmod(int(np.argmin(window)), window.shape[1])
+    return float(window.min()), np.array([y0 + row, x0 + column])
 
 
 def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny nx"]:

@@ -4,7 +4,7 @@ A visit after t decisions is worth its gain times exp(-t / horizon). A small gai
 back for it later takes longer, and a far frontier counts for more if others are near it. Costs between frontiers come
 from the one travel-time field of the robot: two paths share their first part, and a straight leg onto the other path
 may be shorter. All orders of a few frontiers are compared, by dynamic programming over the sets of visited ones. The
-gain is the unseen area in sight; what is in sight of several frontiers is divided among them.
+gain is the unseen area in sight; area in sight of several frontiers is divided among them.
 Left out: frontiers that appear only after a visit.
 References: Held and Karp, A dynamic programming approach to sequencing problems, J. SIAM 10(1), 1962; Blum et al.,
 Approximation algorithms for orienteering and discounted-reward TSP, SIAM J. Computing 37(2), 2007.

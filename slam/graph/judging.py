@@ -32,7 +32,7 @@ class Judge:
     predicted: Float[np.ndarray, "3"]
     """Pose of the scan by odometry: x [m], y [m], yaw [rad]."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of that."""
+    """Covariance of the pose."""
 
     def __call__(self, match: Match) -> float:
         """Rating of a match by the scan and recent ones: more is better."""

@@ -45,7 +45,7 @@ _HEADING_RAD = math.radians(0.2)
 _MOST_UNPLACED = 60
 #: A known landmark may appear this many standard deviations, and this far [rad, m], from its expected place.
 _GATE, _JITTER_RAD, _JITTER_M = 4.0, math.radians(1.0), 0.1
-#: It is given up when it has not appeared over this distance [m].
+#: A landmark is given up when it has not appeared over this distance [m].
 _LOST_M = 3.0
 #: Tolerance of a distance from the strength in free space (logarithm).
 _WEAK = 0.1
@@ -62,7 +62,7 @@ class Transmitter:
     xy: Float[np.ndarray, "2"]
     """In `map` [m]."""
     covariance: Float[np.ndarray, "2 2"]
-    """Of that [m^2]."""
+    """Covariance of the position [m^2]."""
     sightings: int
     """Number of bearings."""
 
@@ -123,10 +123,10 @@ class Landmarks:
             self._distance_m += gap_m
         self._last, self._time = pose, self._time + 1
         firsts: dict[str, _Landmark] = {}
-        for one in bearings:
-            bearing, first = _from_uncertain(one, here, spread), firsts.get(one.source)
+        for measured in bearings:
+            bearing, first = _from_uncertain(measured, here, spread), firsts.get(measured.source)
             if bearing.beyond_m is None:
-                landmark = firsts[one.source] = self._source(graph, pose, bearing)
+                landmark = firsts[measured.source] = self._source(graph, pose, bearing)
                 first = None
             elif first is not None:
                 landmark = self._image(graph, pose, bearing, first)
@@ -140,26 +140,29 @@ class Landmarks:
     def merge(self, pose: int, other: int, at: Float[np.ndarray, "3"]) -> None:
         """Follow a pose of the graph that was merged with another, in whose frame it lies at `at`."""
         for landmarks in (*self._sources.values(), *self._images.values()):
-            for one in landmarks:
-                one.seen = [
+            for landmark in landmarks:
+                landmark.seen = [
                     seen._replace(node=other - (other > pose), at=compose(at, seen.at))
                     if seen.node == pose
                     else seen._replace(node=seen.node - (seen.node > pose))
-                    for seen in one.seen
+                    for seen in landmark.seen
                 ]
 
     def transmitters(self, graph: PoseGraph) -> dict[str, Transmitter]:
         """Estimated positions of sources: for each, the landmark that was in line of sight most often."""
-        found = {}
+        transmitters = {}
         for name, landmarks in self._sources.items():
-            best = max(landmarks, key=lambda one: (one.place is not None, one.in_sight, len(one.seen)))
+            best = max(
+                landmarks,
+                key=lambda landmark: (landmark.place is not None, landmark.in_sight, len(landmark.seen)),
+            )
             if best.place is not None:
-                found[name] = Transmitter(
+                transmitters[name] = Transmitter(
                     xy=graph.places[best.place].copy(),
                     covariance=graph.place_covariance(best.place),
                     sightings=len(best.seen),
                 )
-        return found
+        return transmitters
 
     def _take(self, graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
         """Add a sighting; a landmark constrains poses once its position is known."""
@@ -182,16 +185,18 @@ class Landmarks:
         """Landmark of a first path."""
         landmarks = self._sources[bearing.source]
         if bearing.place_xy is not None and bearing.direct >= _BELIEVED:
-            known = [one for one in landmarks if one.place_xy is not None]
+            known = [landmark for landmark in landmarks if landmark.place_xy is not None]
             if not known:
                 landmarks.append(_Landmark(place_xy=bearing.place_xy))
             return (known or landmarks)[-1]
-        rated = [(_unlike_place(graph, one, pose, bearing), k) for k, one in enumerate(landmarks)]
+        rated = [(_unlike_place(graph, landmark, pose, bearing), k) for k, landmark in enumerate(landmarks)]
         unlike, best = min(rated, default=(math.inf, 0))
         if unlike < 1.0:
             return landmarks[best]
         landmarks[:] = [
-            one for one in landmarks if one.place is not None or one.in_sight or self._lately(one)
+            landmark
+            for landmark in landmarks
+            if landmark.place is not None or landmark.in_sight or self._lately(landmark)
         ]
         landmarks.append(_Landmark())
         return landmarks[-1]
@@ -201,10 +206,14 @@ class Landmarks:
     ) -> _Landmark:
         """Mirror image of a further path."""
         landmarks = self._images[bearing.source]
-        landmarks[:] = [one for one in landmarks if self._lately(one)]
+        landmarks[:] = [landmark for landmark in landmarks if self._lately(landmark)]
         # Another path of this measurement may already belong to it.
-        free = [one for one in landmarks if one.seen[-1].time < self._time and one.seen[-1].first is first]
-        rated = [(_unlike_image(graph, one, pose, bearing), k) for k, one in enumerate(free)]
+        free = [
+            landmark
+            for landmark in landmarks
+            if landmark.seen[-1].time < self._time and landmark.seen[-1].first is first
+        ]
+        rated = [(_unlike_image(graph, landmark, pose, bearing), k) for k, landmark in enumerate(free)]
         unlike, best = min(rated, default=(math.inf, 0))
         if unlike < 1.0:
             return free[best]
@@ -238,18 +247,18 @@ def _one_place(graph: PoseGraph, seen: Sequence[_Seen]) -> Float[np.ndarray, "2"
     # Least squares of the distances of a point from lines of sight, each over the distance along it (Stansfield).
     if len(seen) < _ENOUGH:
         return None
-    seen_from = np.array([compose(graph.poses[one.node], one.at) for one in seen])
-    azimuth = seen_from[:, 2] + [one.bearing.bearing_rad for one in seen]
-    sigma = np.hypot([one.bearing.sigma_rad for one in seen], _HEADING_RAD)
+    seen_from = np.array([compose(graph.poses[sighting.node], sighting.at) for sighting in seen])
+    azimuth = seen_from[:, 2] + [sighting.bearing.bearing_rad for sighting in seen]
+    sigma = np.hypot([sighting.bearing.sigma_rad for sighting in seen], _HEADING_RAD)
     across = np.column_stack([-np.sin(azimuth), np.cos(azimuth)])
     across_m = (across * seen_from[:, :2]).sum(axis=1)
-    range_m = np.array([one.bearing.range_m for one in seen])
+    range_m = np.array([sighting.bearing.range_m for sighting in seen])
     away_m = range_m
     for _ in range(_STEPS):
         weighted = across / (sigma * away_m)[:, None]
         information = weighted.T @ weighted
-        least, most = np.linalg.eigvalsh(information)
-        if least < 1e-9 * most:
+        least, largest = np.linalg.eigvalsh(information)
+        if least < 1e-9 * largest:
             return None
         place = np.linalg.solve(information, weighted.T @ (across_m / (sigma * away_m)))
         away = place - seen_from[:, :2]

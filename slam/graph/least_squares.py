@@ -18,7 +18,7 @@ from slam.poses import wrap
 #: Squared error, in variances, at which a loop, or a number of a sighting, begins to lose its weight: 99.9 % of right
 #: ones are below (chi square of three degrees of freedom, and of one).
 _TRUSTED, _TRUSTED_ONE = 16.27, 10.83
-#: Least weight of what distances have in common: what says nothing of it leaves it where it is.
+#: Least weight of the scale that distances share: without information it stays unchanged.
 _LEAST = 1e-6
 #: The solver stops when no pose moves by more [m, rad].
 _STILL = 1e-4
@@ -32,13 +32,13 @@ class Constraint:
     """Where one pose lies in the frame of another."""
 
     first: int
-    """Whose frame it is."""
+    """Number of the pose whose frame it is."""
     second: int
-    """Whose pose it is."""
+    """Number of the pose that is constrained."""
     pose: Float[np.ndarray, "3"]
     """x [m], y [m], yaw [rad]."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of the pose, in the frame of `first` [m^2, m rad, rad^2]."""
+    """Covariance of the pose, in the frame of `first` [m^2, m rad, rad^2]."""
     loop: bool = False
     """Whether it may be wrong altogether."""
 
@@ -172,7 +172,7 @@ class System:
         return state
 
     def place_covariance(self, weights: Float[np.ndarray, " k"], place: int) -> Float[np.ndarray, "2 2"]:
-        """Of one place [m^2]."""
+        """Return the covariance of a place [m^2]."""
         hessian, _ = self._normal(self.state, weights)
         columns = np.zeros((len(self._free), 2))
         rows = self.state.poses.size + 2 * place + np.arange(2)
@@ -246,7 +246,7 @@ class System:
 
 
 def _factorised(hessian: csc_matrix) -> SuperLU:
-    """Of a symmetric, positive definite matrix."""
+    """Return the factorisation of a symmetric, positive definite matrix."""
     return splu(hessian, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 

@@ -71,9 +71,9 @@ class LoopCloser:
             if number not in (here, there)
         ]
         self.pending = [
-            one._replace(here=one.here - (one.here > number), there=one.there - (one.there > number))
-            for one in self.pending
-            if number not in (one.here, one.there)
+            loop._replace(here=loop.here - (loop.here > number), there=loop.there - (loop.there > number))
+            for loop in self.pending
+            if number not in (loop.here, loop.there)
         ]
 
     def pack(self, submap: Submap) -> None:
@@ -93,11 +93,11 @@ class LoopCloser:
         open_m = 3 * np.sqrt(uncertain[:, 0, 0] + uncertain[:, 1, 1])
         is_near = gap_m - open_m < 0.7 * (radius_m[: len(uncertain)] + radius_m[here])
         fits = self.together(uncertain)
-        found = []
-        for some, tries in ((~fits, _TRIES), (fits, _TRIES_OF_FITTING)):
-            near = np.flatnonzero(is_near & some)
-            found += [(here, int(there)) for there in near[np.argsort(gap_m[near], kind="stable")[:tries]]]
-        return found
+        pairs = []
+        for mask, tries in ((~fits, _TRIES), (fits, _TRIES_OF_FITTING)):
+            near = np.flatnonzero(is_near & mask)
+            pairs += [(here, int(there)) for there in near[np.argsort(gap_m[near], kind="stable")[:tries]]]
+        return pairs
 
     def together(self, spread: Float[np.ndarray, "n 3 3"]) -> Bool[np.ndarray, " n"]:
         """Which submaps are known to fit another, by the covariance between them."""
@@ -114,39 +114,41 @@ class LoopCloser:
     def _fit(self, here: int, there: int) -> float:
         """Fit two submaps; by how much a loop that is closed deviates from the poses [m], a radian as a metre.
 
-        One that had to be searched for deviates by any amount.
+        A loop that had to be searched for deviates by any amount.
         """
         covariance = self._graph.uncertainty(here)[there]
         if self._submaps[here].loops >= _ENOUGH and self.together(covariance[None])[0]:
             return 0.0
         predicted = between(self._graph.poses[here], self._graph.poses[there])
         submaps, config = (self._submaps[there], self._submaps[here]), self._config
-        found = fit(*submaps, predicted, covariance, config.match, config.submap_error)
+        alignment = fit(*submaps, predicted, covariance, config.match, config.submap_error)
         if self._submaps[here] is not self._fitted:
             self.pack(self._fitted)
             self._fitted = self._submaps[here]
         deviation = np.sqrt(np.diag(covariance))
         sure = math.hypot(deviation[0], deviation[1]) < _SURE_M and deviation[2] < _SURE_RAD
         least = self._config.agreement if sure else self._config.searched_agreement
-        if found is None or found.overlap < self._config.overlap or found.agreement < least:
+        if alignment is None or alignment.overlap < self._config.overlap or alignment.agreement < least:
             return 0.0
-        away = difference(found.pose, predicted, 1.0)
-        is_likely = bool(away @ np.linalg.solve(covariance + found.covariance, away) < _SAME)
+        away = difference(alignment.pose, predicted, 1.0)
+        is_likely = bool(away @ np.linalg.solve(covariance + alignment.covariance, away) < _SAME)
         if sure and not is_likely:
             return 0.0
-        new = Pending(here, there, found, is_likely)
+        new = Pending(here, there, alignment, is_likely)
         closed = [new] if sure else self.confirmed(new)
-        for one in closed:
-            self._close(one.here, one.there, one.fit)
+        for loop in closed:
+            self._close(loop.here, loop.there, loop.fit)
         if not closed:
             return 0.0
         return float(np.linalg.norm(away)) if sure else math.inf
 
-    def _close(self, here: int, there: int, found: Fit) -> None:
+    def _close(self, here: int, there: int, alignment: Fit) -> None:
         self._submaps[here].loops += 1
         self._graph.forget_loop(here, there)
         self._graph.hold(
-            Constraint(first=here, second=there, pose=found.pose, covariance=found.covariance, loop=True)
+            Constraint(
+                first=here, second=there, pose=alignment.pose, covariance=alignment.covariance, loop=True
+            )
         )
 
     def confirmed(self, new: Pending) -> list[Pending]:

@@ -84,7 +84,7 @@ class PoseGraph:
     def merge(self, pose: int, other: int) -> Float[np.ndarray, "3"]:
         """Remove a pose, which stays where it is relative to another. Numbers of later poses decrease by one.
 
-        What was measured from it now counts for the other, with the covariance between both in addition. Two poses keep
+        Its measurements now count for the other pose, with the covariance between both in addition. Two poses keep
         one displacement by odometry, the most certain, and get no loop if they have a constraint, so that places
         visited again add no constraints.
         Reference: Johannsson et al., Temporally scalable visual SLAM using a reduced pose graph, ICRA 2013.
@@ -153,7 +153,7 @@ class PoseGraph:
             return 0.0
         before = np.array(self.poses)
         system = self._system()
-        # What was not believed before remains so, unless the poses themselves change its weight.
+        # Constraints that were rejected before remain so, unless the poses themselves change its weight.
         seen = np.pad(
             self._seen_weights,
             ((0, 0), (0, len(self.sightings) - self._seen_weights.shape[1])),
@@ -186,7 +186,7 @@ class PoseGraph:
 
     def _system(self) -> System:
         poses, places = np.array(self.poses), np.array(self.places).reshape(-1, 2)
-        stretches = 1 + max((one.stretch for one in self.sightings), default=-1)
+        stretches = 1 + max((sighting.stretch for sighting in self.sightings), default=-1)
         shared = np.concatenate([self._shared, np.zeros(stretches - len(self._shared))])
         scales = np.concatenate([self._scales, np.zeros(len(places) - len(self._scales))])
         state = State(poses, places, shared, scales)
@@ -229,9 +229,9 @@ class PoseGraph:
             total += total[before]
             before = before[before]
         back = rotation(-poses[start, 2]) @ _lever(poses[:, :2] - poses[start, :2])
-        found = back @ total @ back.transpose(0, 2, 1)
-        self._uncertain[start] = found
-        return found
+        relative = back @ total @ back.transpose(0, 2, 1)
+        self._uncertain[start] = relative
+        return relative
 
 
 def chained(

@@ -66,9 +66,9 @@ class Submap:
             cell_m: Side of the fine cells [m].
         """
         self.poses: list[Float[np.ndarray, 3]] = []
-        """Of all scans."""
+        """Poses of all scans."""
         self.numbers: list[int] = []
-        """Of these among all scans of the trajectory."""
+        """Numbers of these scans among all scans of the trajectory."""
         self.loops = 0
         """Number of loops closed from it."""
         self.views: list[tuple[Float[np.ndarray, 3], View]] = []
@@ -115,9 +115,9 @@ class Submap:
         """Its surfaces as one scan in its own frame."""
         if self._outline is None:
             fine = self.surfaces.fine
-            some = np.linspace(0, len(fine.points) - 1, min(_FITTED, len(fine.points))).astype(int)
-            few = np.minimum(fine.weights[some], 1.0)
-            self._outline = ScanPoints(points=fine.points[some], normals=fine.normals[some], weights=few)
+            sample = np.linspace(0, len(fine.points) - 1, min(_FITTED, len(fine.points))).astype(int)
+            few = np.minimum(fine.weights[sample], 1.0)
+            self._outline = ScanPoints(points=fine.points[sample], normals=fine.normals[sample], weights=few)
         return self._outline
 
     def circle(self) -> tuple[float, float, float]:
@@ -149,7 +149,7 @@ def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[n
 
 
 def least_covariance(least_m: float) -> Float[np.ndarray, "3 3"]:
-    """What errs by so much, and by as much in its turn."""
+    """Return the covariance of a pose that errs by a distance, and by as much in its turn."""
     return np.diag([least_m, least_m, _TURN * least_m]) ** 2
 
 
@@ -163,12 +163,12 @@ def covariance_of(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """One submap fitted to another."""
+    """Alignment of a submap with another."""
 
     pose: Float[np.ndarray, "3"]
-    """Of the one in the frame of the other."""
+    """Pose of the submap in the frame of the other."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of that pose, in the frame of the other."""
+    """Covariance of that pose, in the frame of the other."""
     overlap: int
     """Surfaces of both that the other saw too."""
     agreement: float
@@ -176,7 +176,7 @@ class Fit:
 
 
 def fit(
-    one: Submap,
+    source: Submap,
     other: Submap,
     predicted: Float[np.ndarray, "3"],
     covariance: Float[np.ndarray, "3 3"],
@@ -186,7 +186,7 @@ def fit(
     """Fit one submap to another.
 
     Args:
-        one: The submap that is moved.
+        source: The submap that is moved.
         other: The submap in whose frame it is.
         predicted: Pose of the one in the frame of the other: x [m], y [m], yaw [rad].
         covariance: Of that pose.
@@ -196,31 +196,31 @@ def fit(
     Returns:
         The pose that contradicts least; None if nothing is near.
     """
-    outline = one.outline()
+    outline = source.outline()
     if len(outline.points) < matching.min_pairs:
         return None
     best: Fit | None = None
     for match in matches(other.levels, outline, predicted, covariance, matching, most_paired):
         if not match.paired.any():
             continue
-        overlap, agreement = _judged(one, other, match.pose)
-        own = covariance_of(match.information, outline, error * matching.sigma_m)
-        found = Fit(
+        overlap, agreement = _judged(source, other, match.pose)
+        least_covariance = covariance_of(match.information, outline, error * matching.sigma_m)
+        candidate = Fit(
             pose=match.pose,
-            covariance=_OFF**2 * own,
+            covariance=_OFF**2 * least_covariance,
             overlap=overlap,
             agreement=agreement,
         )
-        if best is None or found.overlap * found.agreement**4 > best.overlap * best.agreement**4:
-            best = found
+        if best is None or candidate.overlap * candidate.agreement**4 > best.overlap * best.agreement**4:
+            best = candidate
     return best
 
 
-def _judged(one: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[int, float]:
+def _judged(source: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[int, float]:
     """Surfaces of each that the other saw too, and the part of those it saw that it does not contradict."""
     back = between(pose, np.zeros(3))
     seen = contradicted = 0
-    for surfaces, viewer, place in ((one, other, pose), (other, one, back)):
+    for surfaces, viewer, place in ((source, other, pose), (other, source, back)):
         views = Views.of(_some_views(viewer.views))
         same, against = seen_by(views, to_map(place, surfaces.outline().points))
         seen += int(same.sum())
@@ -282,8 +282,8 @@ def _look(
     """Mark the points at which beams saw a surface, and those that they went through."""
     for view in range(len(poses)):
         pose = poses[view]
-        own = slice(bounds[view], bounds[view + 1])
-        bearing, reached = bearings[own], ranges[own]
+        beams = slice(bounds[view], bounds[view + 1])
+        bearing, reached = bearings[beams], ranges[beams]
         c, s = np.cos(pose[2]), np.sin(pose[2])
         for k in range(len(points)):
             dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]

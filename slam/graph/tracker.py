@@ -53,7 +53,7 @@ _VAGUE_RAD = math.radians(0.1)
 _ROUNDS = 3
 #: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
-#: The same at the end of a log, when poses are known well [m].
+#: Deviation of closed loops at the end of a log, when poses are known well [m].
 _UNSOLVED_AT_END_M = 0.2
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
@@ -112,7 +112,7 @@ class Tracker:
 
     @property
     def covariance(self) -> Float[np.ndarray, "3 3"]:
-        """Of the pose relative to recent surfaces, axes of `map` [m^2, m rad, rad^2]."""
+        """Return the covariance of the pose relative to recent surfaces, axes of `map` [m^2, m rad, rad^2]."""
         return self._in_map(self._spread)
 
     def match(self, scan: ScanPoints, view: View) -> Match:
@@ -120,8 +120,8 @@ class Tracker:
         prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
         # Wide enough for the scan: `accept` weighs it against the prediction.
         judge = self._judge(view, prior)
-        found = matches(self._around, scan, self.pose, prior, self.config.match, judge, _LOOSENED)
-        return found[0] if len(found) == 1 else max(found, key=judge)
+        candidates = matches(self._around, scan, self.pose, prior, self.config.match, judge, _LOOSENED)
+        return candidates[0] if len(candidates) == 1 else max(candidates, key=judge)
 
     def accept(self, match: Match, scan: ScanPoints, view: View) -> bool:
         """Take in a scan where it was matched.
@@ -148,10 +148,14 @@ class Tracker:
             # Fits that confirm the poses wait for each other.
             has_changed = self._settle(_UNSOLVED_M if self._loops.queue else _CONFIRMED_M)
         # Submaps around that are not known to fit are tried soon.
-        most = self.config.submap_scans
+        max_scans = self.config.submap_scans
         if self._apart and self._distance_m > _SOON_M:
-            most = min(_SOON, most)
-        if self._distance_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most or self._vague():
+            max_scans = min(_SOON, max_scans)
+        if (
+            self._distance_m >= self.config.submap_m
+            or len(self.submaps[-1].poses) >= max_scans
+            or self._vague()
+        ):
             has_changed |= self._begin()
         return has_changed
 
@@ -159,8 +163,8 @@ class Tracker:
         """Surfaces that a thin scan adds, together with recent ones, in the robot's frame."""
         self._recent.add(self._here, scan)
         views = Views.of([*self.submaps[-1].views, (self._here, view)])
-        found = self._recent.new_surfaces(partial(looked_through, views))
-        return found.at(between(self._here, np.zeros(3)))
+        surfaces = self._recent.new_surfaces(partial(looked_through, views))
+        return surfaces.at(between(self._here, np.zeros(3)))
 
     def _vague(self) -> bool:
         """Whether sources can improve the heading since the submap was begun."""
@@ -175,13 +179,17 @@ class Tracker:
     def _with_wall_images(self, bearings: Sequence[Bearing]) -> list[Bearing]:
         """Bearings with the additional uncertainty of walls along them."""
         points, normals, _ = self._around.fine.planes()
-        found = []
-        for one in bearings:
+        widened = []
+        for bearing in bearings:
             pulled_rad = (
-                _PULLED * mirror_image_angle_rad(one, self.pose, points, normals) if one.apart_rad else 0.0
+                _PULLED * mirror_image_angle_rad(bearing, self.pose, points, normals)
+                if bearing.apart_rad
+                else 0.0
             )
-            found.append(replace(one, sigma_rad=min(math.hypot(one.sigma_rad, pulled_rad), math.pi)))
-        return found
+            widened.append(
+                replace(bearing, sigma_rad=min(math.hypot(bearing.sigma_rad, pulled_rad), math.pi))
+            )
+        return widened
 
     def _drift(self) -> Float[np.ndarray, "3 3"]:
         """Covariance of the drift since the submap was begun, beyond that of matches."""
@@ -203,9 +211,9 @@ class Tracker:
         away = difference(match.pose, self.pose, 1.0)
         off_m, off_rad = math.hypot(away[0], away[1]) + _OFF_M, abs(away[2]) + _OFF_RAD
         off = np.diag([off_m, off_m, off_rad]) ** 2
-        found = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
+        match_covariance = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
         self._blind = self._blind + off
-        self._spread = np.linalg.inv(np.linalg.inv(found) + np.linalg.inv(self._spread + off))
+        self._spread = np.linalg.inv(np.linalg.inv(match_covariance) + np.linalg.inv(self._spread + off))
         self._place(match.pose)
         self._begin()
 
@@ -267,13 +275,13 @@ class Tracker:
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
         """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
-        found = np.zeros((self._n_scans, 3))
+        poses = np.zeros((self._n_scans, 3))
         for anchor, submap in zip(self.graph.poses, self.submaps, strict=True):
             if submap.poses:
-                own = np.array(submap.poses)
-                yaw = wrap(anchor[2] + own[:, 2])
-                found[submap.numbers] = np.column_stack([to_map(anchor, own[:, :2]), yaw])
-        return found
+                local = np.array(submap.poses)
+                yaw = wrap(anchor[2] + local[:, 2])
+                poses[submap.numbers] = np.column_stack([to_map(anchor, local[:, :2]), yaw])
+        return poses
 
     def _judge(self, view: View, prior: Float[np.ndarray, "3 3"]) -> Judge:
         """The judge of poses by the last scans."""
@@ -325,7 +333,7 @@ class Tracker:
                 waiting = {number - (number > self._n_judged) for number in waiting}
 
     def _covering(self, number: int) -> int | None:
-        """Of the submaps that fit one, that which shows most of it, if several others around show nearly all."""
+        """Return the submap that shows most of a submap, if several others around show nearly all."""
         points = self.submaps[number].outline().points
         loops = [c for c in self.graph.believed() if c.loop and number in (c.first, c.second)]
         fitting = {c.first + c.second - number for c in loops}

@@ -31,11 +31,11 @@ class TrackerConfig:
     together_m: Annotated[float, Range(0.001, 10, "m")] = 0.05
     """Submaps are matched if their position relative to the current one is known to this [m]."""
     together_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = math.radians(1.0)
-    """The same for their yaw [rad]."""
+    """Submaps are matched if their yaw relative to the current one is known to this [rad]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.01
     """Drift of matched poses, beyond the covariance of matches, per square root of a metre driven [m]."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.03)
-    """The same for their yaw [rad]."""
+    """Drift of their yaw per square root of a metre driven [rad]."""
     drift_turn_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.12)
     """Drift of their yaw per square root of a radian turned [rad]."""
     overlap: Annotated[int, Range(1, 1_000_000, "surfaces")] = 40
@@ -43,4 +43,4 @@ class TrackerConfig:
     agreement: Annotated[float, Range(0, 1)] = 0.8
     """Part of the surfaces seen by both that must not contradict, where odometry is precise."""
     searched_agreement: Annotated[float, Range(0, 1)] = 0.9
-    """The same if it had to be searched for."""
+    """Least agreement of a loop that had to be searched for."""

@@ -1,6 +1,6 @@
 """The network of the learned mapper for training in PyTorch; `slam.networks.map_network` runs it.
 
-Both have weights of the same names and shapes, and a test compares their outputs.
+Both networks have weights of the same names and shapes, and a test compares their outputs.
 """
 
 import itertools

@@ -184,7 +184,7 @@ def _batch(frames: Frames, recipe: Recipe, rng: np.random.Generator) -> tuple[Te
 def _learn(
     network: MapModule, optimiser: torch.optim.Optimizer, features: Tensor, obstacle: Tensor, seen: Tensor
 ) -> float:
-    """One step; the loss before it."""
+    """Take an optimiser step; return the loss before it."""
     network.train()
     optimiser.zero_grad(set_to_none=True)
     with torch.autocast("cpu", dtype=torch.bfloat16):
@@ -202,14 +202,14 @@ def validate(network: MapModule, frames: Frames, at_once: int = 64) -> dict[str,
     network.eval()
     scores, total = PatchScores(), 0.0
     for start in range(0, len(frames), at_once):
-        part = slice(start, start + at_once)
-        features = torch.from_numpy(frames.features[part].astype(np.float32) / 127)
+        batch = slice(start, start + at_once)
+        features = torch.from_numpy(frames.features[batch].astype(np.float32) / 127)
         logits = network(features.contiguous(memory_format=torch.channels_last))
-        obstacle = torch.from_numpy(frames.obstacle[part].astype(np.float32))
-        seen = torch.from_numpy(frames.seen[part].astype(np.float32))
+        obstacle = torch.from_numpy(frames.obstacle[batch].astype(np.float32))
+        seen = torch.from_numpy(frames.seen[batch].astype(np.float32))
         total += float(loss(logits, obstacle, seen)) * len(features)
         predicted = torch.sigmoid(logits[:, OBSTACLE]).numpy()
-        scores.add(predicted, frames.obstacle[part], frames.seen[part], frames.matters[part])
+        scores.add(predicted, frames.obstacle[batch], frames.seen[batch], frames.matters[batch])
     return {"loss": total / len(frames), **scores.result()}
 
 

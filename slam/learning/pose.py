@@ -107,7 +107,7 @@ class Pairs:
     scan: Int8[np.ndarray, "n 4 64 64"]
     """The first four channels of `slam.networks.features`, times 127."""
     belief: Int8[np.ndarray, "n 64 64"]
-    """What the map ahead of the pose before said: 127 for an obstacle, -127 for floor, 0 for unknown."""
+    """Map ahead of the previous pose: 127 for an obstacle, -127 for floor, 0 for unknown."""
     displacement: Float[np.ndarray, "n 3"]
     """True displacement from there to the frame: x, y [m], yaw [rad]."""
 

@@ -59,7 +59,7 @@ class Walk:
     log_odds: Float[np.ndarray, " n"]
     """Logarithm of the probability of that choice."""
     value: Float[np.ndarray, " n"]
-    """What was expected then."""
+    """Value that was expected at each choice."""
     at: Int[np.ndarray, " n"]
     """Decisions made before each choice."""
     coverage: Float[np.ndarray, " m"]
@@ -82,9 +82,9 @@ def advantages(walk: Walk, config: PpoConfig) -> tuple[Float[np.ndarray, " n"], 
     for k in range(n - 1, -1, -1):
         lasts = times[k + 1] - times[k]
         reward = gain[times[k] : times[k + 1]] @ config.discount ** np.arange(lasts)
-        worth = config.discount**lasts
-        error = reward + worth * (walk.value[k + 1] if k + 1 < n else after) - walk.value[k]
-        ahead = error + worth * config.trace * ahead
+        discount = config.discount**lasts
+        error = reward + discount * (walk.value[k + 1] if k + 1 < n else after) - walk.value[k]
+        ahead = error + discount * config.trace * ahead
         advantage[k] = ahead
     return advantage, advantage + walk.value
 
@@ -106,8 +106,8 @@ def improve(
     losses: list[list[float]] = []
     for _ in range(config.passes):
         losses = []
-        for part in np.array_split(rng.permutation(n), max(1, round(n / config.batch))):
-            loss, numbers = _loss(weights, {key: value[part] for key, value in data.items()}, config)
+        for batch in np.array_split(rng.permutation(n), max(1, round(n / config.batch))):
+            loss, numbers = _loss(weights, {key: value[batch] for key, value in data.items()}, config)
             descend(loss, weights, optimiser)
             losses.append(numbers)
     return dict(zip(("entropy", "clipped", "value_error"), np.mean(losses, axis=0).tolist(), strict=True))
@@ -120,7 +120,7 @@ def surrogate(ratio: Float[Tensor, " n"], advantage: Float[Tensor, " n"], clip: 
 
 
 def descend(loss: Tensor, weights: Mapping[str, Tensor], optimiser: torch.optim.Optimizer) -> None:
-    """One step of an optimiser, with the gradient clipped to length `LONGEST`."""
+    """Take a step of an optimiser, with the gradient clipped to length `LONGEST`."""
     optimiser.zero_grad()
     loss.backward()
     torch.nn.utils.clip_grad_norm_(list(weights.values()), LONGEST)
@@ -129,12 +129,12 @@ def descend(loss: Tensor, weights: Mapping[str, Tensor], optimiser: torch.optim.
 
 def _together(walks: Sequence[Walk], config: PpoConfig) -> dict[str, Tensor]:
     """All choices of some walks in tensors, padded to the most offers of any."""
-    most = max(len(features) for walk in walks for features in walk.features)
+    n_max = max(len(features) for walk in walks for features in walk.features)
     n = sum(len(walk.taken) for walk in walks)
-    features, there = np.zeros((n, most, len(FEATURES)), np.float32), np.zeros((n, most, 1), np.float32)
+    features, there = np.zeros((n, n_max, len(FEATURES)), np.float32), np.zeros((n, n_max, 1), np.float32)
     for k, offered in enumerate(offered for walk in walks for offered in walk.features):
         features[k, : len(offered)], there[k, : len(offered)] = offered, 1.0
-    advantage, worth = (
+    advantage, returns = (
         np.concatenate(parts) for parts in zip(*(advantages(walk, config) for walk in walks), strict=True)
     )
     advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
@@ -144,7 +144,7 @@ def _together(walks: Sequence[Walk], config: PpoConfig) -> dict[str, Tensor]:
         "taken": np.concatenate([walk.taken for walk in walks]).astype(np.int64),
         "log_odds": np.concatenate([walk.log_odds for walk in walks]).astype(np.float32),
         "advantage": advantage.astype(np.float32),
-        "worth": worth.astype(np.float32),
+        "returns": returns.astype(np.float32),
     }
     return {key: torch.from_numpy(value) for key, value in arrays.items()}
 
@@ -159,7 +159,7 @@ def _loss(
     ratio = torch.exp(log_taken - data["log_odds"])
     gain = surrogate(ratio, data["advantage"], config.clip)
     entropy = -(log_all.exp() * log_all).sum(-1).mean()
-    error = ((value - data["worth"]) ** 2).mean()
+    error = ((value - data["returns"]) ** 2).mean()
     loss = config.value * error - gain - config.entropy * entropy
     clipped = ((ratio - 1).abs() > config.clip).float().mean()
     return loss, [entropy.item(), clipped.item(), error.item()]

@@ -1,4 +1,4 @@
-"""One order of sums, whatever the machine: how many threads a network is computed with.
+"""Number of threads that compute a network: the order of sums does not depend on the machine.
 
 A convolution that is split over threads sums in another order, and the last bits of its result differ. Over a thousand
 decisions this changes the trajectory. The networks here are too small to gain from a second thread.

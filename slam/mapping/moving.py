@@ -197,27 +197,27 @@ class MovingThings:
             track.predict(self.config.update_s if time_s is None else time_s)
         masks = [np.zeros(len(points), bool) for points in views]
         unmatched: list[_Segment] = []
-        found: dict[int, list[_Segment]] = {}
+        assigned: dict[int, list[_Segment]] = {}
         for sensor, points in enumerate(views):
             for segment in self._segments(sensor, points, pose, probability, frame):
                 if (near := self._nearest(segment)) is None:
                     unmatched.append(segment)
                 else:
-                    found.setdefault(near.number, []).append(segment)
+                    assigned.setdefault(near.number, []).append(segment)
         for track in self._tracks:
-            if candidates := found.get(track.number):
+            if candidates := assigned.get(track.number):
                 # Somebody else may stand next to it.
-                gaps_m = [math.hypot(*(one.xy - track.state[:2])) for one in candidates]
+                gaps_m = [math.hypot(*(candidate.xy - track.state[:2])) for candidate in candidates]
                 nearest = candidates[int(np.argmin(gaps_m))]
-                is_own = [math.hypot(*(one.xy - nearest.xy)) < _SAME_M for one in candidates]
-                found[track.number] = list(compress(candidates, is_own))
+                is_own = [math.hypot(*(candidate.xy - nearest.xy)) < _SAME_M for candidate in candidates]
+                assigned[track.number] = list(compress(candidates, is_own))
                 unmatched += compress(candidates, np.logical_not(is_own))
-                track.correct(np.mean([one.xy for one in found[track.number]], axis=0))
+                track.correct(np.mean([candidate.xy for candidate in assigned[track.number]], axis=0))
         self._forget_absent(views, pose)
         for segment in unmatched:
             if self._begin(segment):
-                found[self._count] = [segment]
-        for segment in (one for some in found.values() for one in some):
+                assigned[self._count] = [segment]
+        for segment in (candidate for group in assigned.values() for candidate in group):
             masks[segment.sensor][segment.points] = True
         # The rest of a body may look like a part of the wall next to it.
         for track in self._tracks:
@@ -249,15 +249,15 @@ class MovingThings:
             width_m = math.hypot(*(points[last - 1] - points[first]))
             if last - first < 2 or not known[first] or width_m > config.width_m:
                 continue
-            own, nearest_m = slice(first, last), float(range_m[first:last].min())
+            beams, nearest_m = slice(first, last), float(range_m[first:last].min())
             sides = [range_m[k] for k in (first - 1, last) if 0 <= k < len(points)]
-            middle = points[own].mean(axis=0)
+            middle = points[beams].mean(axis=0)
             yield _Segment(
                 xy=to_map(pose, middle * (1 + _DEPTH_M / max(nearest_m, 0.1))),
                 sensor=sensor,
-                points=own,
-                free=float(np.mean(kind[own] == _FREE)),
-                unknown=float(np.mean(kind[own] == _UNKNOWN)),
+                points=beams,
+                free=float(np.mean(kind[beams] == _FREE)),
+                unknown=float(np.mean(kind[beams] == _UNKNOWN)),
                 is_front=len(sides) == 2 and not any(side < nearest_m + _JUMP_M for side in sides),
             )
 
@@ -266,7 +266,7 @@ class MovingThings:
         if segment.free + segment.unknown < 0.5:
             return None
         gaps = [(math.hypot(*(track.state[:2] - segment.xy)), track) for track in self._tracks]
-        gap_m, track = min(gaps, key=lambda one: one[0], default=(math.inf, None))
+        gap_m, track = min(gaps, key=lambda pair: pair[0], default=(math.inf, None))
         return track if gap_m < self.config.gate_m else None
 
     def _begin(self, segment: _Segment) -> bool:

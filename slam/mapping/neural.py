@@ -2,8 +2,8 @@
 
 Pose, collisions and the surfaces for scan matching are those of the classical mapper. From the frame and the classical
 map ahead the network predicts for each cell of the patch whether an obstacle stands there. Predictions of cells in view
-replace the classical evidence in the observed map; those of other cells make the anticipated map, which reaches behind
-furniture and round corners.
+replace the classical evidence in the observed map; predictions of other cells make the anticipated map, which
+reaches behind furniture and round corners.
 
 Predictions are averaged over time as log-odds, not added: each depends on the whole map already, and a sum would count
 the same evidence repeatedly. Recent frames weigh more, so wrong cells clear; cells in view weigh more than guesses.
@@ -41,7 +41,7 @@ class FusionConfig:
     in_view: Annotated[float, Range(1e-6, 1)] = 0.5
     """Weight of a new answer against those before, for cells in view."""
     hidden: Annotated[float, Range(1e-6, 1)] = 0.3
-    """The same for cells that are not."""
+    """Weight of a new answer against those before, for cells out of view."""
     limit: Annotated[float, Range(0.01, 1000)] = 5.0
     """Bound of the log-odds."""
 
@@ -62,7 +62,7 @@ class NeuralMapper:
         self.fusion = fusion or FusionConfig()
         self.network = network
         self._predictor = MapPredictor(network, patch)
-        # What the network predicts lies ahead of the camera; from here on, in the robot's frame.
+        # Predictions of the network lie ahead of the camera; from here on, in the robot's frame.
         x, y = patch.origin_xy
         self.patch = replace(patch, origin_xy=(x + robot.optics.ahead_m, y))
         self.reset(np.zeros(3))
@@ -105,8 +105,8 @@ class NeuralMapper:
         self.prediction = self._predictor.predict(
             self.classical.scan, belief_ahead(classical, patch=self.patch)
         )
-        for part in self.classical.redrawn:
-            self._redraw(part)
+        for window in self.classical.redrawn:
+            self._redraw(window)
         self._enter(self.prediction, classical.pose)
         if not self.classical.relocalizer.lost:
             halves = np.stack([self.prediction.obstacle, self.prediction.seen]).astype(np.float16)
@@ -210,8 +210,8 @@ class NeuralMapper:
         for k in np.flatnonzero(gap_m < reach_m):
             obstacle, seen = self._predictions[k].astype(np.float32)
             self._enter(Prediction(obstacle=obstacle, seen=seen), poses[k])
-        for layer, part in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
-            layer[rows, columns] = part
+        for layer, redrawn in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
+            layer[rows, columns] = redrawn
         (self._log_odds, self._is_predicted, self._viewed), self.frame = layers, whole
         self._combine(rows, columns, self.classical.occupancy.probability)
 

@@ -67,10 +67,10 @@ class OccupancyGrid:
         probability[below : below + ny, left : left + nx] = self.probability
         self.probability, self.frame = probability, frame
 
-    def paste(self, rows: slice, columns: slice, part: "OccupancyGrid") -> None:
+    def paste(self, rows: slice, columns: slice, window: "OccupancyGrid") -> None:
         """Replace a window by the cells of a grid over it."""
         for name in ("log_odds", "probability", "explored", "top_m"):
-            getattr(self, name)[rows, columns] = getattr(part, name)
+            getattr(self, name)[rows, columns] = getattr(window, name)
 
     def view_box(
         self, scan: Scan, pose: Float[np.ndarray, "3"]
@@ -123,7 +123,7 @@ class OccupancyGrid:
     ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
         """Enter a laser's scan as far as it reaches; arguments and results as of `integrate`.
 
-        Below its beams it sees nothing: what is lower than they are stays as it was.
+        Below its beams it sees nothing: lower obstacles stay unchanged.
         """
         rows, columns, frame = self.frame.window(*self.laser_box(scan, pose))
         pose = moved_ahead(pose, scan.ahead_m)

@@ -26,7 +26,7 @@ _COARSER = 4
 ARM_M = 3.0
 #: Step of the lattice [m], points tried on it, and how many of its poses are refined.
 _STEP_M, _TRIED, _REFINED = 0.25, 120, 24
-#: Of those, how many are fitted to the fine cells.
+#: Number of refined poses that are fitted to the fine cells.
 _FITTED = 5
 #: Poses nearer than this are one [m].
 _ONE_M = 0.05
@@ -150,8 +150,8 @@ def matches(
             distinct.append(match)
         if len(distinct) == _FITTED:
             break
-    found = np.array([match.pose for match in distinct])
-    return match_from(levels.fine, scan, predicted, covariance, config, found)
+    poses = np.array([match.pose for match in distinct])
+    return match_from(levels.fine, scan, predicted, covariance, config, poses)
 
 
 def most_paired(match: Match) -> float:
@@ -177,9 +177,9 @@ def _lattice(
     step_rad = _STEP_M / arm_m
     count = min(math.ceil(half[2] / step_rad), math.ceil(math.pi / step_rad))
     turns = np.arange(-count, count + 1) * step_rad
-    most = int(math.sqrt(_MOST / len(turns))) // 2
+    n_max = int(math.sqrt(_MOST / len(turns))) // 2
     dx, dy = (
-        np.arange(-n, n + 1) * _STEP_M for n in np.minimum(np.ceil(half[:2] / _STEP_M), most).astype(int)
+        np.arange(-n, n + 1) * _STEP_M for n in np.minimum(np.ceil(half[:2] / _STEP_M), n_max).astype(int)
     )
     shift = np.stack(np.meshgrid(dx, dy), axis=-1).reshape(-1, 2)
     return nearest_poses(levels, points, predicted, shift, turns, arm_m)
@@ -206,11 +206,11 @@ def nearest_poses(
         count: Most poses returned.
     """
     frame, near = levels.nearness()
-    tried = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
+    sample = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
     cells = shift / frame.resolution_m
-    # The field with a rim of nothing: what lies outside counts nothing.
+    # The field with a rim of zeros: points outside count nothing.
     field = np.pad(near, 1)
-    placed = [to_map(np.array([*centre[:2], centre[2] + turn]), tried) for turn in turns]
+    placed = [to_map(np.array([*centre[:2], centre[2] + turn]), sample) for turn in turns]
     corners = frame.to_cells(np.array(placed)) + 1
     scores = np.zeros((len(turns), len(shift)), np.float32)
     _score(field, corners, cells, scores)

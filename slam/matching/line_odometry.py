@@ -22,7 +22,7 @@ from slam.poses import between, compose, wrap
 _ENDS, _FEWEST, _MOST = 220, 5, 60
 #: Distance from a line at which an end lies on it, and at which it counts half [m].
 _ON_M, _WILD_M = 0.12, 0.06
-#: The same for all scans at the end, and the share of the recent scans by which groups follow each other.
+#: Tolerances for all scans at the end, and the share of the recent scans by which groups follow each other.
 _ON_AT_END_M, _WILD_AT_END_M, _OVERLAP = 0.1, 0.05, 3
 #: A new scan's ends are paired with lines no farther away than this [m], beyond their ends by no more than this [m].
 _GATE_M, _BEYOND_M, _SIGMA_M = 0.3, 0.5, 0.03
@@ -90,17 +90,17 @@ def line_odometry(
 
     Returns:
         Poses from (0, 0, 0), yaw unwrapped; and displacements of odometry without systematic errors, with their
-        standard deviations: those of turns follow from how much they deviate from the poses.
+        standard deviations: the deviations of turns follow from how much they deviate from the poses.
     """
     window = int(np.clip(_ENDS * len(displacement) / max(len(ends.scan), 1), _FEWEST, _MOST))
-    given, calibration = deviation, Calibration()
+    nominal, calibration = deviation, Calibration()
     for values in (None, 0):
         calibration = Calibration(None if values is None else calibration.values)
         poses = np.zeros((len(displacement), 3))
         for k in watched(range(1, len(poses))):
             _take_in(k, poses, ends, (displacement, deviation), calibration, window)
         corrected = np.array([calibration.corrected(step) for step in displacement])
-        deviation = given * [1.0, 1.0, _turn_noise(poses, corrected, given)]
+        deviation = nominal * [1.0, 1.0, _turn_noise(poses, corrected, nominal)]
     step = max(window // _OVERLAP, 1)
     for _ in range(3):
         firsts = range(0, max(len(poses) - window, 0) + step, step)
@@ -133,17 +133,17 @@ def _take_in(
     first = max(0, k - window + 1)
     recent = ends.between(first, k + 1)
     motion = np.array([calibration.corrected(step) for step in displacement[first : k + 1]])
-    own = (motion, deviation[first : k + 1])
+    corrected = (motion, deviation[first : k + 1])
     poses[k] = compose(poses[k - 1], motion[-1])
     poses[k, 2] = poses[k - 1, 2] + motion[-1, 2]
     track = poses[first : k + 1].copy()
     before = np.arange(int(np.searchsorted(recent.scan, k - first)))
-    _fit(track, recent, find_lines(recent, track, [before], _ON_M), own, k - first)
+    _fit(track, recent, find_lines(recent, track, [before], _ON_M), corrected, k - first)
     on = find_lines(recent, track, [np.arange(len(recent.scan))], _ON_M)
-    track = adjust_poses(track, recent, on, own, _WILD_M)
+    track = adjust_poses(track, recent, on, corrected, _WILD_M)
     for again in (k - first - back for back in _AGAIN):
         if again > 2:
-            _fit(track, recent, on, own, again)
+            _fit(track, recent, on, corrected, again)
     poses[first : k + 1] = track
     if first:
         calibration.add(displacement[first], between(poses[first - 1], poses[first]))
@@ -166,9 +166,9 @@ def _fit(
     turns = [[0.0, 0.0, k * _HEADING_RAD] for k in range(-widest, widest + 1) if k]
     shifts = [[x * _ASIDE_M, y * _ASIDE_M, 0.0] for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     starts = track[k] + np.array([[0.0, 0.0, 0.0], *turns, *shifts])
-    own = ends.point[ends.scan == k]
-    if len(own) > 2 and len(lines):
-        track[k] = _best(own, lines, np.array(predicted), np.array(deviation), starts)
+    points = ends.point[ends.scan == k]
+    if len(points) > 2 and len(lines):
+        track[k] = _best(points, lines, np.array(predicted), np.array(deviation), starts)
 
 
 @compiled
@@ -250,11 +250,11 @@ def refine_poses(
 def points_of_walls(poses: Float[np.ndarray, "k 3"], ends: Ends, step_m: float) -> Float[np.ndarray, "n 2"]:
     """Points (x, y) [m] of `map`, at most so far apart [m], on the lines through ends of beams of scans at poses."""
     placed = ends.at(poses)
-    found = [np.zeros((0, 2))]
+    points = [np.zeros((0, 2))]
     for line in find_lines(ends, poses, _squares(placed[:, :2]), _ON_AT_END_M).lines(placed):
         place = np.arange(line[4], line[5], step_m)[:, None]
-        found.append(line[:2] + place * [-line[3], line[2]])
-    return np.concatenate(found)
+        points.append(line[:2] + place * [-line[3], line[2]])
+    return np.concatenate(points)
 
 
 def _squares(points: Float[np.ndarray, "n 2"]) -> list[Int[np.ndarray, "..."]]:

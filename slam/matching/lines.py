@@ -1,6 +1,6 @@
 """Straight lines through the ends of beams of several scans, and the poses at which these ends lie on them.
 
-A scan of few beams says little alone: its ends lie metres apart. Those of several scans lie on the same walls. Lines
+A scan of few beams says little alone: its ends lie metres apart. Ends of several scans lie on the same walls. Lines
 are found greedily: of all pairs of ends, the line that most others lie on, minus the beams that cross it. Then the
 poses of all scans and all lines are estimated together, by Gauss-Newton on
 
@@ -48,25 +48,25 @@ class Ends(NamedTuple):
     def of(
         cls, bearing_rad: Float[np.ndarray, "*k w"], range_m: Float[np.ndarray, "n w"], max_range_m: float
     ) -> "Ends":
-        """Of beams that ended at a surface no farther away than this [m]."""
+        """Return the ends of beams at a surface no farther away than this [m]."""
         scan, beam = np.nonzero(range_m <= max_range_m)
         length, bearing = range_m[scan, beam], np.broadcast_to(bearing_rad, range_m.shape)[scan, beam]
         return cls(scan, length[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)]))
 
     def between(self, first: int, last: int) -> "Ends":
-        """Those of the scans from one to before another, which are counted from 0."""
-        own = slice(*np.searchsorted(self.scan, [first, last]))
-        return Ends(self.scan[own] - first, self.point[own])
+        """Return the ends of scans from `first` to before `last`, counted from 0."""
+        window = slice(*np.searchsorted(self.scan, [first, last]))
+        return Ends(self.scan[window] - first, self.point[window])
 
     def at(self, poses: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "n 6"]:
         """In `map`, of scans at poses: end (x, y) [m], unit vector back to the robot, and place of the robot."""
-        own = poses[self.scan]
-        c, s = np.cos(own[:, 2]), np.sin(own[:, 2])
+        pose = poses[self.scan]
+        c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         arm = np.column_stack(
             [c * self.point[:, 0] - s * self.point[:, 1], s * self.point[:, 0] + c * self.point[:, 1]]
         )
         back = -arm / np.maximum(np.hypot(*arm.T), 1e-9)[:, None]
-        return np.column_stack([own[:, :2] + arm, back, own[:, :2]])
+        return np.column_stack([pose[:, :2] + arm, back, pose[:, :2]])
 
 
 class OnLines(NamedTuple):
@@ -85,16 +85,16 @@ class OnLines(NamedTuple):
 
     def lines(self, placed: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "l 6"]:
         """Lines of best fit: centre (x, y), unit normal to the robot's side, and ends along (-ny, nx) [m]."""
-        own, n = placed[self.end], int(self.line.max(initial=-1)) + 1
+        ends, n = placed[self.end], int(self.line.max(initial=-1)) + 1
         if n == 0:
             return np.zeros((0, 6))
         count = np.bincount(self.line, minlength=n)
-        centre = np.column_stack([np.bincount(self.line, own[:, k], n) / count for k in (0, 1)])
-        x, y = (own[:, :2] - centre[self.line]).T
+        centre = np.column_stack([np.bincount(self.line, ends[:, k], n) / count for k in (0, 1)])
+        x, y = (ends[:, :2] - centre[self.line]).T
         xx, xy, yy = (np.bincount(self.line, product, n) for product in (x * x, x * y, y * y))
         angle = 0.5 * np.arctan2(2 * xy, xx - yy) + np.pi / 2
         normal = np.column_stack([np.cos(angle), np.sin(angle)])
-        side = np.bincount(self.line, (own[:, 2:4] * normal[self.line]).sum(axis=1), n)
+        side = np.bincount(self.line, (ends[:, 2:4] * normal[self.line]).sum(axis=1), n)
         normal = np.where(side[:, None] < 0, -normal, normal)
         along = normal[self.line, 0] * y - normal[self.line, 1] * x
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
@@ -117,13 +117,13 @@ def find_lines(
         groups: Numbers of ends, those near each other in space or time.
         tolerance_m: Distance from a line at which an end lies on it [m].
     """
-    placed, found, line, count = ends.at(poses), [np.zeros(0, int)], [np.zeros(0, int)], 0
+    placed, members, line, count = ends.at(poses), [np.zeros(0, int)], [np.zeros(0, int)], 0
     for group in groups:
         label, more = _labelled(placed[group], ends.scan[group], tolerance_m)
-        found.append(group[label >= 0])
+        members.append(group[label >= 0])
         line.append(label[label >= 0] + count)
         count += more
-    return OnLines(np.concatenate(found), np.concatenate(line))
+    return OnLines(np.concatenate(members), np.concatenate(line))
 
 
 def _labelled(
@@ -206,10 +206,10 @@ def _claim(
             low -= 1
         while high < n - 1 and place[order[high + 1]] - place[order[high]] < _GAP_M:
             high += 1
-        part = on[order[low : high + 1]]
-        several = (scan[part] != scan[part[0]]).any()
-        if len(part) >= _LEAST and place[order[high]] - place[order[low]] > _SHORT_M and several:
-            label[part] = count
+        component = on[order[low : high + 1]]
+        several = (scan[component] != scan[component[0]]).any()
+        if len(component) >= _LEAST and place[order[high]] - place[order[low]] > _SHORT_M and several:
+            label[component] = count
             count += 1
     return count
 
@@ -227,8 +227,8 @@ def adjust_poses(
         poses: Estimates: x [m], y [m], yaw [rad].
         ends: Ends of beams of scans there.
         on: Lines they lie on.
-        motion: Displacement since the scan before, and its standard deviations [m, m, rad]; those of the first scan
-            are not used.
+        motion: Displacement since the scan before, and its standard deviations [m, m, rad]; the values of the first
+            scan are not used.
         wild_m: Distance from its line at which an end counts half [m].
     """
     lines = on.lines(ends.at(poses))
@@ -272,12 +272,12 @@ def _motion_terms(
     x, y = c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]
     error = np.column_stack([x, y, away[:, 2]]) - measured
     error[:, 2] = wrap(error[:, 2])
-    zero, one = np.zeros(len(c)), np.ones(len(c))
+    zero, unit = np.zeros(len(c)), np.ones(len(c))
     slope = np.stack(
         [
             np.column_stack([-c, -s, y, c, s, zero]),
             np.column_stack([s, -c, -x, -s, c, zero]),
-            np.column_stack([zero, zero, -one, zero, zero, one]),
+            np.column_stack([zero, zero, -unit, zero, zero, unit]),
         ],
         axis=1,
     )

@@ -51,7 +51,7 @@ class MatchConfig:
     """Standard deviation of one point from its surface [m], of a laser or a submap; errors of neighbouring points are
     correlated, so it is larger than the sensor's own."""
     depth_sigma_m: Annotated[float, Range(1e-6, 10, "m")] = 0.001
-    """The same for a column of a depth camera's image, right before it [m]."""
+    """Standard deviation of a column of a depth camera's image, right before it [m]."""
     depth_sigma_per_m3: Annotated[float, Range(0, 10, "m/m3")] = 6e-5
     """Its growth with the cube of the range [m/m^3]: errors of triangulation grow with the square, and a wall that is
     farther away covers fewer of the column's rows."""
@@ -83,14 +83,14 @@ class ScanPoints:
     """Whether the beams are so few that normals just point to the robot (`slam.matching.thin_scans`)."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
-        """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
+        """Return the points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
         heading = np.array([0.0, 0.0, pose[2]])
         loose = None if self.loose is None else to_map(pose, self.loose)
         placed, turned = to_map(pose, self.points), to_map(heading, self.normals)
         return replace(self, points=placed, normals=turned, loose=loose)
 
     def within(self, range_m: float) -> "ScanPoints":
-        """Those of the points that lie no farther away than this [m], of a scan in the robot's frame."""
+        """Return the points of a scan in the robot's frame that lie within a range [m]."""
         far_m = np.hypot(*self.every().T)
         if (far_m <= range_m).all():
             return self  # stored for long: no second copy
@@ -108,7 +108,7 @@ class ScanPoints:
         return self.points if self.loose is None else np.concatenate([self.points, self.loose])
 
     def with_more(self, *others: "ScanPoints") -> "ScanPoints":
-        """These points and others', all of known deviations."""
+        """Return these points and those of other scans, all of known deviations."""
         every = (self, *others)
         loose = [each.loose for each in every if each.loose is not None]
         return ScanPoints(
@@ -127,7 +127,7 @@ class Match:
     pose: Float[np.ndarray, "3"]
     """Pose found: x [m], y [m], yaw [rad]."""
     information: Float[np.ndarray, "3 3"]
-    """What the scan alone says of it: inverse covariance [1/m^2, 1/(m rad), 1/rad^2], axes of `map`."""
+    """Information of the scan alone: inverse covariance [1/m^2, 1/(m rad), 1/rad^2], axes of `map`."""
     paired: Bool[np.ndarray, " n"]
     """Which scan points lie on a surface of the map."""
 
@@ -242,7 +242,7 @@ def match_from(
     config: MatchConfig,
     starts: Float[np.ndarray, "k 3"],
 ) -> list[Match]:
-    """The same from each of some poses: x [m], y [m], yaw [rad]."""
+    """Match a scan from each of several poses: x [m], y [m], yaw [rad]."""
     sigma_m = np.full(len(scan.points), config.sigma_m) if scan.sigma_m is None else scan.sigma_m
     min_pairs, alike = (_PAIRS_THIN, _ALIKE_THIN) if scan.thin else (config.min_pairs, _ALIKE)
     poses = np.array(starts, float)
@@ -279,10 +279,10 @@ def _match(
     planes = surfaces[2]
     iterations, min_pairs, least_outlier_m, alike = settings
     n = len(points)
-    mean, unit, found = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.bool_)
+    mean, unit, is_matched = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.bool_)
     residual, trust, slope = np.zeros(n), np.zeros(n), np.empty(3)
     for start in range(len(poses)):
-        pose, own = poses[start], information[start]
+        pose, hessian = poses[start], information[start]
         moved_m, count = np.inf, 0
         for iteration in range(iterations):
             c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -293,7 +293,7 @@ def _match(
                     y = pose[1] + s * points[k, 0] + c * points[k, 1]
                     facing = c * normals[k, 0] - s * normals[k, 1], s * normals[k, 0] + c * normals[k, 1]
                     row, dx, dy = nearest_plane(x, y, facing, surfaces, alike)
-                    found[k] = row >= 0
+                    is_matched[k] = row >= 0
                     if row >= 0:
                         mean[k, 0], mean[k, 1] = x + dx, y + dy
                         unit[k, 0], unit[k, 1] = planes[row, 2], planes[row, 3]
@@ -302,10 +302,10 @@ def _match(
                     break
             departure = pose - predicted
             departure[2] = (departure[2] + np.pi) % (2 * np.pi) - np.pi
-            own[:] = 0.0
+            hessian[:] = 0.0
             pull = np.zeros(3)
             for k in range(n):
-                if not found[k]:
+                if not is_matched[k]:
                     continue
                 arm_x, arm_y = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
                 residual[k] = unit[k, 0] * (arm_x + pose[0] - mean[k, 0]) + unit[k, 1] * (
@@ -318,28 +318,28 @@ def _match(
                 for i in range(3):
                     pull[i] += trust[k] * slope[i] * residual[k]
                     for j in range(3):
-                        own[i, j] += trust[k] * slope[i] * slope[j]
+                        hessian[i, j] += trust[k] * slope[i] * slope[j]
             for i in range(3):
                 for j in range(3):
                     pull[i] += prior[i, j] * departure[j]
-            step = _solved(own + prior, pull)
+            step = _solved(hessian + prior, pull)
             pose -= step
             # A turn moves points a metre or two away by as many metres per radian.
             moved_m = np.hypot(step[0], step[1]) + 2 * abs(step[2])
             if moved_m < 2e-4:
                 break
         if count < min_pairs:
-            pose[:], own[:] = predicted, 0.0
+            pose[:], hessian[:] = predicted, 0.0
             continue
         pose[2] = (pose[2] + np.pi) % (2 * np.pi) - np.pi
         # The variance factor of least squares: squared residuals over what was expected.
         squares, expected = 0.0, 0.0
         for k in range(n):
-            if found[k]:
+            if is_matched[k]:
                 squares += trust[k] * residual[k] * residual[k]
                 expected += trust[k] * sigma_m[k] * sigma_m[k]
                 paired[start, k] = abs(residual[k]) < 2 * max(least_outlier_m, _WILD * sigma_m[k])
-        own /= max(1.0, squares / expected)
+        hessian /= max(1.0, squares / expected)
 
 
 @compiled

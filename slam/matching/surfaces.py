@@ -33,9 +33,9 @@ class SurfaceGrid:
             fronts: Whether `front_m` is stored, two thirds of the memory of an empty cell.
         """
         self.frame, self._fronts = frame, fronts
-        # One more than the row of each cell, 0 where it has none.
+        # Row of each cell plus 1, 0 where it has none.
         self._row = zeros(frame.shape, np.int32)
-        # Of the cells that have one, sums over their points: weight, offset from the centre (x, y) [m], normal (x, y),
+        # Sums over the points of cells with a row: weight, offset from the centre (x, y) [m], normal (x, y),
         # squares of the offset (xx, xy, yy).
         self._sums = np.zeros((0, 8), np.float32)
         # Row and column of each, and what follows from the sums: mean offset, mean normal, and 1 where they make a
@@ -97,19 +97,19 @@ class SurfaceGrid:
         if self._fronts:
             self.front_m[rows, columns][mask] = 0.0
 
-    def paste(self, rows: slice, columns: slice, part: "SurfaceGrid") -> None:
+    def paste(self, rows: slice, columns: slice, added: "SurfaceGrid") -> None:
         """Replace a window by the surfaces of a grid over it."""
         window, remains = self._row[rows, columns], np.ones(self._used, bool)
         remains[window[window > 0] - 1] = False
         window[:] = 0
-        part._cell += np.array([rows.start, columns.start], np.int32)
+        added._cell += np.array([rows.start, columns.start], np.int32)
         for name in ("_sums", "_planes", "_cell"):
-            old, new = getattr(self, name)[: self._used], getattr(part, name)[: part._used]
+            old, new = getattr(self, name)[: self._used], getattr(added, name)[: added._used]
             setattr(self, name, np.concatenate([old[remains], new]))
         self._used = len(self._cell)
         self._row[self._cell[:, 0], self._cell[:, 1]] = np.arange(1, self._used + 1, dtype=np.int32)
         if self._fronts:
-            self.front_m[rows, columns] = part.front_m
+            self.front_m[rows, columns] = added.front_m
 
     def planes(
         self,
@@ -120,7 +120,7 @@ class SurfaceGrid:
         return mean, self._planes[usable, 2:4].astype(float), self._sums[usable, 0].astype(float)
 
     def arrays(self) -> tuple[tuple[float, float, float], np.ndarray, np.ndarray]:
-        """What `nearest_plane` takes: lower left corner and side of a cell [m], row of each cell plus 1, and rows."""
+        """Return the arguments of `nearest_plane`: corner and side of a cell [m], row of each cell plus 1, and rows."""
         return (*self.frame.origin_xy, self.frame.resolution_m), self._row, self._planes
 
 
@@ -176,7 +176,7 @@ def _add(
     """Add points to the sums of their cells, and update the surfaces; returns the number of cells in use."""
     x0, y0, cell_m = grid
     ny, nx = row_of.shape
-    # Of this call, in double precision: sums of the cells that were touched.
+    # Sums of the cells that this call touches, in double precision.
     slot_of = np.full(used + len(points), -1, np.int32)
     touched = np.empty(len(points), np.int32)
     parts = np.zeros((len(points), 8))
@@ -201,30 +201,30 @@ def _add(
             touched[slot] = row
             count += 1
         dx, dy = x - ((ix + 0.5) * cell_m + x0), y - ((iy + 0.5) * cell_m + y0)
-        part, weight = parts[slot], weights[k]
-        part[0] += weight
-        part[1] += dx * weight
-        part[2] += dy * weight
-        part[3] += normals[k, 0] * weight
-        part[4] += normals[k, 1] * weight
-        part[5] += dx * dx * weight
-        part[6] += dx * dy * weight
-        part[7] += dy * dy * weight
+        added, weight = parts[slot], weights[k]
+        added[0] += weight
+        added[1] += dx * weight
+        added[2] += dy * weight
+        added[3] += normals[k, 0] * weight
+        added[4] += normals[k, 1] * weight
+        added[5] += dx * dx * weight
+        added[6] += dx * dy * weight
+        added[7] += dy * dy * weight
     half = 0.5 * cell_m
     for slot in range(count):
         row = touched[slot]
-        own = sums[row]
+        total = sums[row]
         for j in range(8):
-            own[j] += np.float32(parts[slot, j])
-        weight = max(float(own[0]), 1e-6)
-        mean_x, mean_y = own[1] / weight, own[2] / weight
-        facing = np.hypot(float(own[3]), float(own[4]))
-        unit_x, unit_y = own[3] / max(facing, 1e-6), own[4] / max(facing, 1e-6)
-        usable = own[0] >= MIN_WEIGHT and facing >= MIN_AGREEMENT * own[0]
+            total[j] += np.float32(parts[slot, j])
+        weight = max(float(total[0]), 1e-6)
+        mean_x, mean_y = total[1] / weight, total[2] / weight
+        facing = np.hypot(float(total[3]), float(total[4]))
+        unit_x, unit_y = total[3] / max(facing, 1e-6), total[4] / max(facing, 1e-6)
+        usable = total[0] >= MIN_WEIGHT and facing >= MIN_AGREEMENT * total[0]
         planes[row, 0], planes[row, 1], planes[row, 2], planes[row, 3] = mean_x, mean_y, unit_x, unit_y
         planes[row, 4] = 1.0 if usable else 0.0
         if len(front):
-            xx, xy, yy = own[5] / weight, own[6] / weight, own[7] / weight
+            xx, xy, yy = total[5] / weight, total[6] / weight, total[7] / weight
             along = unit_x * unit_x * xx + 2 * unit_x * unit_y * xy + unit_y * unit_y * yy
             off = unit_x * mean_x + unit_y * mean_y
             spread = np.sqrt(max(along - off * off, 0.0))

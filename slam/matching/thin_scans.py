@@ -1,8 +1,8 @@
 """Surfaces from scans of few beams, as of a ring of rangers: points of several scans that lie in a line.
 
-The ends of such beams are too far apart for a normal of their own. Those of recent scans together show walls: a point
-lies on a surface if some others near by, seen from the same side, lie in one line with it, and no beam went through
-that line between them. Each scan is matched to these surfaces point by point, whatever the orientation.
+The ends of such beams are too far apart for a normal of their own. The ends of recent scans together show walls: a
+point lies on a surface if some others near by, seen from the same side, lie in one line with it, and no beam went
+through that line between them. Each scan is matched to these surfaces point by point, whatever the orientation.
 Reference: Zhou et al., Efficient 2D graph SLAM for sparse sensing, IROS 2022 (lines of several scans).
 """
 
@@ -87,15 +87,15 @@ class RecentPoints:
             through: Which of some points beams went through.
         """
         points, facing = np.concatenate(self._points), np.concatenate(self._facing)
-        drawn, found = np.concatenate(self._drawn), []
+        drawn, pieces = np.concatenate(self._drawn), []
         for k in np.flatnonzero(~drawn):
             line = _line(int(k), points, facing)
             if line is not None:
-                found.append(self._filled(*line))
+                pieces.append(self._filled(*line))
                 drawn[k] = True
         bounds = np.cumsum([len(each) for each in self._drawn])[:-1]
         self._drawn = list(np.split(drawn, bounds))
-        ends = np.concatenate([np.zeros((0, 4)), *found])
+        ends = np.concatenate([np.zeros((0, 4)), *pieces])
         ends = ends[~through(ends[:, :2])]
         return ScanPoints(points=ends[:, :2], normals=ends[:, 2:], weights=np.ones(len(ends)))
 
@@ -123,23 +123,24 @@ def _line(
     aside = np.abs(along[:, :1] * away[:, 1] - along[:, 1:] * away[:, 0])
     on = aside < _STRAIGHT_M
     best = int(on.sum(axis=1).argmax())
-    some = away[on[best]]
-    if len(some) < _LEAST:
+    members = away[on[best]]
+    if len(members) < _LEAST:
         return None
-    middle = some.mean(axis=0)
-    values, axes = np.linalg.eigh((some - middle).T @ (some - middle))
+    middle = members.mean(axis=0)
+    values, axes = np.linalg.eigh((members - middle).T @ (members - middle))
     normal, axis = axes[:, 0], axes[:, 1]
     normal = normal if normal @ facing[k] > 0 else -normal
-    place = np.sort((some - middle) @ axis)
-    own = float(-middle @ axis)
+    place = np.sort((members - middle) @ axis)
+    origin = float(-middle @ axis)
     if (
         normal @ facing[k] < _FACING
         or place[-1] - place[0] < _LONG_M
-        or values[0] > len(some) * (0.5 * _STRAIGHT_M) ** 2
+        or values[0] > len(members) * (0.5 * _STRAIGHT_M) ** 2
     ):
         return None
-    low, high = place[place < own - 1e-6], place[place > own + 1e-6]
+    low, high = place[place < origin - 1e-6], place[place > origin + 1e-6]
     ends = [
-        points[k] + middle + axis * at for at in (low[-1] if len(low) else own, high[0] if len(high) else own)
+        points[k] + middle + axis * at
+        for at in (low[-1] if len(low) else origin, high[0] if len(high) else origin)
     ]
     return ends[0], ends[1], normal

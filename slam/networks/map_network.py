@@ -89,7 +89,7 @@ def _model(weights: Weights, config: NetworkConfig) -> bytes:
         return graph.node("Relu", x)
 
     def mix(name: str, x: str) -> str:
-        kernel, bias = (graph.weight(weights[f"{name}.{part}"]) for part in ("weight", "bias"))
+        kernel, bias = (graph.weight(weights[f"{name}.{kind}"]) for kind in ("weight", "bias"))
         return graph.node("Conv", x, kernel, bias)
 
     twice = graph.weight(np.array([1, 1, 2, 2], np.float32))

@@ -45,7 +45,9 @@ class OnnxGraph:
     def node(self, operator: str, *inputs: str, **attributes: Attribute) -> str:
         """Add an operator; the name of what it gives."""
         name = f"n{len(self._nodes)}"
-        content = b"".join(_text(1, one) for one in inputs) + _text(2, name) + _text(4, operator)
+        content = (
+            b"".join(_text(1, input_name) for input_name in inputs) + _text(2, name) + _text(4, operator)
+        )
         content += b"".join(_bytes(5, _attribute(key, value)) for key, value in attributes.items())
         self._nodes.append(content)
         return name
@@ -67,7 +69,7 @@ def _attribute(name: str, value: Attribute) -> bytes:
         return _text(1, name) + _key(2, 5) + struct.pack("<f", value) + _number(20, _FLOAT_ATTRIBUTE)
     if isinstance(value, str):
         return _text(1, name) + _text(4, value) + _number(20, _TEXT_ATTRIBUTE)
-    return _text(1, name) + b"".join(_number(8, one) for one in value) + _number(20, _INTS_ATTRIBUTE)
+    return _text(1, name) + b"".join(_number(8, item) for item in value) + _number(20, _INTS_ATTRIBUTE)
 
 
 def _array(name: str, shape: Sequence[int | str] | None) -> bytes:
@@ -116,8 +118,8 @@ class OnnxRunner:
         """The model's output for its inputs, by name."""
         if self._session is None:
             self._session = _session(self._model)
-        found: np.ndarray = self._session.run(None, inputs)[0]
-        return found
+        output: np.ndarray = self._session.run(None, inputs)[0]
+        return output
 
     def __getstate__(self) -> dict[str, Any]:
         return {"_model": self._model, "_session": None}

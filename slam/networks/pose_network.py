@@ -21,7 +21,7 @@ from slam.networks.weights import Weights, check_weights, convolution_shapes, tr
 INPUTS = 5
 #: Cells along a side of the patch.
 SIDE = 64
-#: What counts as 1 in the network's answers: x, y [m], yaw [rad].
+#: Units of the network's outputs: x, y [m], yaw [rad].
 UNIT = (0.05, 0.05, 0.04)
 #: Standard deviation of predicted poses in training, the prior in the answers: x, y [m], yaw [rad].
 SPREAD = UNIT

@@ -19,9 +19,9 @@ class PatchScores:
     """Adds up patches."""
 
     def __init__(self) -> None:
-        self._overlap = {part: np.zeros(2, np.int64) for part in ("seen", "hidden", "hidden_floor")}
-        self._bins = {part: np.zeros((3, BINS)) for part in ("seen", "hidden")}
-        self._squares = {part: 0.0 for part in ("seen", "hidden")}
+        self._overlap = {region: np.zeros(2, np.int64) for region in ("seen", "hidden", "hidden_floor")}
+        self._bins = {region: np.zeros((3, BINS)) for region in ("seen", "hidden")}
+        self._squares = {region: 0.0 for region in ("seen", "hidden")}
 
     def add(
         self,
@@ -33,47 +33,47 @@ class PatchScores:
         """Add patches."""
         predicted = probability > 0.5
         hidden = matters & ~seen
-        for part, mask, what, true in (
+        for region, mask, what, true in (
             ("seen", seen, predicted, obstacle),
             ("hidden", hidden, predicted, obstacle),
             ("hidden_floor", hidden, probability < 0.5, ~obstacle),
         ):
             both, either = np.count_nonzero(what & true & mask), np.count_nonzero((what | true) & mask)
-            self._overlap[part] += (both, either)
-        for part, mask in (("seen", seen), ("hidden", ~seen)):
+            self._overlap[region] += (both, either)
+        for region, mask in (("seen", seen), ("hidden", ~seen)):
             p, came = probability[mask].astype(float), obstacle[mask]
             index = np.minimum((p * BINS).astype(int), BINS - 1)
             for row, weights in enumerate((None, p, came)):
-                self._bins[part][row] += np.bincount(index, weights, minlength=BINS)
-            self._squares[part] += float(((p - came) ** 2).sum())
+                self._bins[region][row] += np.bincount(index, weights, minlength=BINS)
+            self._squares[region] += float(((p - came) ** 2).sum())
 
     def add_counts(self, counts: dict[str, Any]) -> None:
         """Add stored sums, as of `counts`."""
-        for part, overlap in counts["overlap"].items():
-            self._overlap[part] += overlap
-        for part, bins in counts["bins"].items():
-            self._bins[part] += bins
-            self._squares[part] += counts["squares"][part]
+        for region, overlap in counts["overlap"].items():
+            self._overlap[region] += overlap
+        for region, bins in counts["bins"].items():
+            self._bins[region] += bins
+            self._squares[region] += counts["squares"][region]
 
     def counts(self) -> dict[str, Any]:
         """All sums, for storage in a file."""
         return {
-            "overlap": {part: counts.tolist() for part, counts in self._overlap.items()},
-            "bins": {part: bins.tolist() for part, bins in self._bins.items()},
+            "overlap": {region: counts.tolist() for region, counts in self._overlap.items()},
+            "bins": {region: bins.tolist() for region, bins in self._bins.items()},
             "squares": dict(self._squares),
         }
 
     def result(self) -> dict[str, float]:
         """IoU of each part, and calibration error and Brier score of the seen and of the other cells."""
         out = {
-            f"iou_{part}": _ratio(float(counts[0]), float(counts[1]))
-            for part, counts in self._overlap.items()
+            f"iou_{region}": _ratio(float(counts[0]), float(counts[1]))
+            for region, counts in self._overlap.items()
         }
-        for part, (count, predicted, came) in self._bins.items():
-            out[f"calibration_error_{part}"] = _ratio(
+        for region, (count, predicted, came) in self._bins.items():
+            out[f"calibration_error_{region}"] = _ratio(
                 float(np.abs(predicted - came).sum()), float(count.sum())
             )
-            out[f"brier_{part}"] = _ratio(self._squares[part], float(count.sum()))
+            out[f"brier_{region}"] = _ratio(self._squares[region], float(count.sum()))
         return out
 
 

@@ -38,7 +38,7 @@ def convolution_shapes(
     """Shapes of a convolution's weights: with a bias, or with batch normalisation after it instead."""
     if not normalised:
         return {f"{name}.weight": (outputs, inputs, side, side), f"{name}.bias": (outputs,)}
-    of_norm = {f"{name}.1.{one}": (outputs,) for one in ("weight", "bias", "running_mean", "running_var")}
+    of_norm = {f"{name}.1.{kind}": (outputs,) for kind in ("weight", "bias", "running_mean", "running_var")}
     return {
         f"{name}.0.weight": (outputs, inputs, side, side),
         **of_norm,
@@ -47,12 +47,13 @@ def convolution_shapes(
 
 
 def merged(weights: Weights, name: str) -> tuple[Float32[np.ndarray, "o i h w"], Float32[np.ndarray, " o"]]:
-    """One convolution in place of one and the normalisation after it: its weight and bias.
+    """Return weight and bias of a convolution merged with the normalisation after it.
 
     Reference: Ioffe and Szegedy, Batch normalization, ICML 2015, section 3.1.
     """
     gain, shift, mean, variance = (
-        weights[f"{name}.1.{one}"].astype(float) for one in ("weight", "bias", "running_mean", "running_var")
+        weights[f"{name}.1.{kind}"].astype(float)
+        for kind in ("weight", "bias", "running_mean", "running_var")
     )
     scale = gain / np.sqrt(variance + _EPSILON)
     kernel = weights[f"{name}.0.weight"].astype(float) * scale[:, None, None, None]

@@ -53,7 +53,7 @@ class Clearance:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """What the loops take."""
+        """Surfaces as arguments of the compiled loops."""
         (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
         return self._obstacle, self._steps, self._offset_m, (float(x), float(y), float(cell_m))
 
@@ -105,7 +105,7 @@ class Clearance:
     ) -> Float[np.ndarray, " k"]:
         """Distance that a hull drives ahead from a point until it has less than some space [m], at most 1.5 m.
 
-        One that has less space from the beginning may still move away from the obstacle.
+        A hull that has less space from the beginning may still move away from the obstacle.
         """
         distance = np.arange(1, 31) * 0.05
         directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
@@ -147,21 +147,21 @@ def _sharpen(gap: np.ndarray, obstacle: np.ndarray, offset: np.ndarray, sharp: f
         for x in range(gap.shape[1]):
             if not abs(gap[y, x] - sharp) < _UNSURE:
                 continue
-            most = min(gap[y, x], limit) + _FARTHER
-            best = _nearest(obstacle, offset, float(y), float(x), most)
+            reach = min(gap[y, x], limit) + _FARTHER
+            best = _nearest(obstacle, offset, float(y), float(x), reach)
             if sharp - 0.36 < best < sharp:
                 for sy in (-0.25, 0.25):
                     for sx in (-0.25, 0.25):
-                        best = max(best, _nearest(obstacle, offset, y + sy, x + sx, most))
+                        best = max(best, _nearest(obstacle, offset, y + sy, x + sx, reach))
             gap[y, x] = min(best, limit)
 
 
 @compiled
-def _nearest(obstacle: np.ndarray, offset: np.ndarray, y: float, x: float, most: float) -> float:
-    """Distance of a point, from centres of cells, to the nearest surface, at most `most`."""
+def _nearest(obstacle: np.ndarray, offset: np.ndarray, y: float, x: float, reach: float) -> float:
+    """Distance of a point, from centres of cells, to the nearest surface, at most `reach`."""
     ny, nx = obstacle.shape
-    least = most * most
-    for row in range(max(int(y - most - 0.5), 0), min(int(y + most + 1.5), ny)):
+    least = reach * reach
+    for row in range(max(int(y - reach - 0.5), 0), min(int(y + reach + 1.5), ny)):
         row_gap = max(abs(row - y) - 0.5, 0.0)
         if row_gap * row_gap >= least:
             continue
@@ -221,11 +221,11 @@ def _gaps(
         if 0 <= own_y < ny and 0 <= own_x < nx:
             near = float(steps[own_y, own_x])
             # From any point in the cell to any point in a cell that many steps away.
-            most = (near + 1.02) * cell
-            least = min(least, 2 * most * most)
+            bound = (near + 1.02) * cell
+            least = min(least, 2 * bound * bound)
             if max((near - 1.02) * cell, 0.0) >= limit:
                 continue
-        found = limit * limit
+        square = limit * limit
         half = np.sqrt(least) / cell + _OFF
         for iy in range(max(int(np.floor(row - half - 0.5)), 0), min(int(row + half + 0.5), ny - 1) + 1):
             for ix in range(
@@ -234,8 +234,8 @@ def _gaps(
                 if obstacle[iy, ix]:
                     dx = x - ((ix + 0.5) * cell + x0 + offset[iy, ix, 0])
                     dy = y - ((iy + 0.5) * cell + y0 + offset[iy, ix, 1])
-                    found = min(found, dx * dx + dy * dy)
-        gap[k] = min(np.sqrt(found), limit)
+                    square = min(square, dx * dx + dy * dy)
+        gap[k] = min(np.sqrt(square), limit)
 
 
 @compiled

@@ -63,11 +63,11 @@ class CostMap:
     """Cells where the hull fits."""
 
     def reachable_from(self, start: Float[np.ndarray, "2"]) -> "CostMap":
-        """The same costs, with only the cells passable that are reachable from a point (x, y) [m]."""
+        """Return these costs, with only the cells passable that are reachable from a point (x, y) [m]."""
         # Fast marching passes between cells that share an edge, so components do as well.
-        part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
+        component = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
         home = self.cell(start)
-        reach = part == part[home] if self.passable[home] else np.zeros_like(self.passable)
+        reach = component == component[home] if self.passable[home] else np.zeros_like(self.passable)
         reach[home] = True
         return CostMap(frame=self.frame, cost=self.cost, passable=reach)
 
@@ -94,7 +94,7 @@ class CostMap:
         return (int(ys[k]), int(xs[k])), centres[k], math.sqrt(square[k])
 
     def halved(self) -> "CostMap":
-        """The same costs on cells twice as large; a large cell is as good as the best of its four.
+        """Return these costs on cells twice as large; a large cell is as good as the best of its four.
 
         No passage opens through walls: inflated by the hull they are thicker than a large cell. Passages too narrow for
         the hull may be bridged, though, so unreachable cells must be removed before.
@@ -138,7 +138,7 @@ def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.n
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Box:
-    """A box of a map estimate; what lies beyond the map is unknown."""
+    """A box of a map estimate; cells beyond the map are unknown."""
 
     frame: GridFrame
     """Frame of the cells."""

@@ -81,7 +81,7 @@ class LoopDetector:
     def _remedy(self) -> Remedy | None:
         if len(self._last) < _DECISIONS:
             return None
-        places = np.array([one.here for one in self._last])
+        places = np.array([decision.here for decision in self._last])
         if np.hypot(*(places - places[-1]).T).max() > _NEAR_M:
             return None
         if np.hypot(*np.diff(places, axis=0).T).sum() < _DRIVEN_M:
@@ -89,7 +89,7 @@ class LoopDetector:
         goals, changes = self._goals()
         if goals == 1:
             # The length of an unreachable goal is infinite.
-            length = np.minimum([one.length_m for one in self._last], 1e6)
+            length = np.minimum([decision.length_m for decision in self._last], 1e6)
             half, least = _DECISIONS // 2, length.min()
             on = length[:half].min() - length[half:].min() >= _PROGRESS_M
             return None if on or least < _APART_M else Remedy.PLAN_CLOSELY
@@ -97,11 +97,11 @@ class LoopDetector:
 
     def _goals(self) -> tuple[int, int]:
         """Number of different goals, and of changes of the goal."""
-        found: list[Float[np.ndarray, 2]] = []
+        distinct: list[Float[np.ndarray, 2]] = []
         which = []
-        for one in self._last:
-            near = [k for k, goal in enumerate(found) if math.hypot(*(goal - one.goal)) < _APART_M]
+        for decision in self._last:
+            near = [k for k, goal in enumerate(distinct) if math.hypot(*(goal - decision.goal)) < _APART_M]
             if not near:
-                found.append(one.goal)
-            which.append(near[0] if near else len(found) - 1)
-        return len(found), int(np.count_nonzero(np.diff(which)))
+                distinct.append(decision.goal)
+            which.append(near[0] if near else len(distinct) - 1)
+        return len(distinct), int(np.count_nonzero(np.diff(which)))

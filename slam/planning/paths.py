@@ -97,7 +97,7 @@ def along(path: Float[np.ndarray, "n 2"], spacing_m: float, most_m: float) -> Fl
 
 
 def onward(path: Float[np.ndarray, "n 2"], here: Float[np.ndarray, "2"]) -> Float[np.ndarray, "m 2"]:
-    """What is left of a path for a robot that is on one of its first legs, or near it."""
+    """Return the rest of a path for a robot that is on one of its first legs, or near it."""
     if len(path) < 2:
         return np.vstack([here, path[-1:]])
     start, leg = path[:-1], np.diff(path, axis=0)

@@ -52,7 +52,7 @@ class PlannerConfig:
     near_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
     """Decisions after which the near field is computed again even if the path is free."""
     far_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 16
-    """The same for the far field."""
+    """Decisions after which the far field is computed again even if the path is free."""
     look_m: Annotated[float, Range(0.05, 100, "m")] = 3.2
     """Half side of the window around the robot in which obstacles are checked at every decision [m]."""
     max_far_m: Annotated[float, Range(0, 1000, "m")] = 20.0

@@ -1,4 +1,4 @@
-"""What a depth camera would measure without the things that are tracked: depths of the map behind them."""
+"""Depths that a depth camera would measure without the tracked things: depths of the map behind them."""
 
 import numpy as np
 from jaxtyping import Float

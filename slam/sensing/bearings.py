@@ -16,7 +16,7 @@ class Bearing:
     """Where a source appears from where the robot is.
 
     In line of sight that is the source itself. A reflected path comes from its mirror image, a diffracted one from a
-    corner: those are static too, at unknown positions.
+    corner: such origins are static too, at unknown positions.
     """
 
     source: str
@@ -45,6 +45,6 @@ class Bearing:
     apart_rad: Annotated[float, Range(0, math.pi, "rad")] = 0.0
     """The receiver cannot separate paths whose azimuths differ by less [rad], and lengths by less than `apart_m`."""
     apart_m: Annotated[float, Range(0, 1e6, "m")] = 0.0
-    """The same of their lengths [m]."""
+    """Difference of path lengths below which the receiver cannot separate paths [m]."""
     place_xy: Float[np.ndarray, "2"] | None = None
     """Position of the source in `map` [m], if known."""

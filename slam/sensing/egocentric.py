@@ -1,4 +1,4 @@
-"""What lies ahead of the robot, as a square patch of cells in its own frame, cut from a map.
+"""Egocentric patch: a square of cells ahead of the robot, in its own frame, cut from a map.
 
 64 x 64 cells of 0.05 m with the robot at the middle of the near edge. As everywhere, `patch[iy, ix]` has x to the right
 and y up, here of the robot's frame: ahead is +ix, left is +iy, and the robot is at the middle of the left edge, between

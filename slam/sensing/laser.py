@@ -20,7 +20,7 @@ _MISSING = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaserScan:
-    """One turn of a planar laser scanner above the robot's middle line."""
+    """A turn of a planar laser scanner above the robot's middle line."""
 
     bearing_rad: Float[np.ndarray, " n"]
     """Directions of the beams in the robot's frame [rad], rising in equal steps, counter-clockwise, 0 ahead."""

@@ -65,9 +65,9 @@ class Band:
     """Which heights above the floor stop the robot."""
 
     low_m: Annotated[float, Range(0, 100, "m")] = 0.10
-    """Lower edge [m]: what is lower counts as floor. The published map uses 0.25 m."""
+    """Lower edge [m]: lower surfaces count as floor. The published map uses 0.25 m."""
     high_m: Annotated[float, Range(0, 100, "m")] = 1.50
-    """Upper edge [m]: what is higher passes over the robot."""
+    """Upper edge [m]: higher surfaces pass over the robot."""
 
     def __post_init__(self) -> None:
         if not self.low_m < self.high_m:

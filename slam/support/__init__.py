@@ -1,1 +1,1 @@
-"""What all of the package stands on: checks, files from outside, compiled inner loops, weights."""
+"""Support of all of the package: checks, files from outside, compiled inner loops, weights."""

@@ -8,8 +8,12 @@ from scipy.constants import speed_of_light
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
+from robosim.building.building import make_building
+from tests.plans import two_rooms
 from wireless import Array, Channel, MountedArray, Paths, Tracer, TracerConfig, subcarriers, uniform_array
 from wireless.antennas.elements import IsotropicElement, SectorElement
+from wireless.motion.blockage import block
+from wireless.motion.bodies import PERSON_HEIGHT_M, PERSON_RADIUS_M, people
 
 FREQUENCY_HZ = 28e9
 WAVE_M = speed_of_light / FREQUENCY_HZ
@@ -321,3 +325,28 @@ def test_subcarriers_and_bad_arguments():
     ):
         with pytest.raises(ValueError, match=words):
             call()
+
+
+def test_lists_and_numbers_are_taken_like_arrays():
+    """Positions, offsets, bodies and velocities as lists give what arrays give, bit for bit."""
+    tracer = Tracer(make_building(two_rooms(0.8)))
+    tx, rx = [[1.0, 1.0, 1.5]], [[2.0, 2.0, 1.2], [5, 2, 1]]
+    paths = tracer.trace(np.array(tx), np.array(rx))
+    np.testing.assert_array_equal(tracer.trace(tx, rx).delay_s, paths.delay_s)
+    doppler_hz = paths.doppler_hz(rx_velocity=np.array([1.0, 0, 0]))
+    np.testing.assert_array_equal(paths.doppler_hz(rx_velocity=[1, 0, 0]), doppler_hz)
+    channel = Channel.from_paths(paths, doppler_hz=list(doppler_hz))
+    np.testing.assert_array_equal(channel.cfr([0.0, 1e6]), channel.cfr(np.array([0.0, 1e6])))
+    np.testing.assert_array_equal(channel.cfr(0), channel.cfr(np.zeros(1)))
+    where = np.array([[1.5, 1.5]])
+    for bodies in (
+        [[1.5, 1.5]],
+        people([[1.5, 1.5]]),
+        people([(1.5, 1.5, 0)], radius_m=[PERSON_RADIUS_M], height_m=[PERSON_HEIGHT_M]),
+    ):
+        np.testing.assert_array_equal(block(paths, bodies)[0].power, block(paths, people(where))[0].power)
+    assert len(people([])) == 0
+    with pytest.raises(ValueError, match=r"tx is .*, expected numbers in an array or lists"):
+        tracer.trace([[0, 0], [1]], rx)
+    with pytest.raises(ValueError, match=r"position of bodies has shape \(2,\)"):
+        people([1.0, 2.0])

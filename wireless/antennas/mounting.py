@@ -32,12 +32,16 @@ class MountedArray:
     slant_rad: float | Float[np.ndarray, " ports"] = 0.0
     """Polarisation of all or of each port: 0 for vertical, +-pi/4 for a slanted pair."""
     scaling: str = "directivity"
-    """`directivity`: elements have the directivity of their pattern; `given`: their amplitudes are gains, such as those
-    of a pattern file; `coupled`: ports are scaled by their coupling (`wireless.antennas.arrays`), as in soundings."""
+    """`directivity`: elements have the directivity of their pattern, less the losses of `3gpp`; `given`: amplitudes are
+    gains, such as those of a pattern file; `coupled`: ports are scaled by their coupling (`wireless.antennas.arrays`),
+    as in soundings."""
 
     def __post_init__(self) -> None:
         if self.scaling not in ("directivity", "given", "coupled"):
             raise ValueError(f"scaling is {self.scaling!r}, expected 'directivity', 'given' or 'coupled'.")
+        for name in ("yaw_rad", "pitch_rad", "roll_rad", "slant_rad"):
+            if np.ndim(angles := getattr(self, name)):
+                object.__setattr__(self, name, np.asarray(angles, float))
         if np.ndim(self.slant_rad) and np.shape(self.slant_rad) != (len(self.array),):
             raise ValueError(
                 f"slant_rad has the shape {np.shape(self.slant_rad)}, expected one angle for each of "
@@ -83,7 +87,8 @@ class MountedArray:
         plain = self.array.plain_signature(direction)
         if self.scaling == "given":
             return plain
-        return plain / np.sqrt(mean_power(self.array.element))
+        efficiency = getattr(self.array.element, "efficiency", 1.0)
+        return plain * np.sqrt(efficiency / mean_power(self.array.element))
 
 
 def _tangents(

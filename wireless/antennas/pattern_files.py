@@ -7,14 +7,19 @@ in decibels, so that both are met exactly: at azimuth a in [-180, 180] and eleva
 
     H(a) + (1 - |a| / 180) (V(e) - H(0)) + |a| / 180 (V(180 - e) - H(180)).
 
+Where V(0) differs from H(0) by more than half a decibel, each cut lies in the other's maximum, such as those of twin
+beams or of tilted ones: the least attenuation of V replaces H(0), and V(180) replaces H(180).
+
 CSV: columns azimuth_deg (counter-clockwise from ahead), elevation_deg (up), gain_dbi, a row for each pair of angles.
 
-Gains are interpolated in decibels, linearly in azimuth around the circle and in elevation.
+Gains are interpolated in decibels, linearly in azimuth around the circle and in elevation. Cuts of which no attenuation
+is positive are relative gains. A pattern whose mean gain is more than 1, by more than 0.5 dB, is an error.
 Left out: phases and cross-polarisation. Directions off both cuts are an approximation, good in the main lobe.
 Reference: F. Gil et al., A 3D interpolation method for base-station-antenna radiation patterns, IEEE Antennas and
 Propagation Magazine 43(2), 2001 (sums of cuts, and their errors).
 """
 
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +35,8 @@ from wireless.support.columns import check_within, numbers
 if TYPE_CHECKING:
     from scipy.interpolate import RegularGridInterpolator
 
+logger = logging.getLogger(__name__)
+
 SUFFIXES = (".csv", ".msi", ".pln")
 #: Gain of a half-wave dipole, which dBd refer to [dBi].
 _DIPOLE_DBI = 2.15
@@ -37,6 +44,13 @@ _DIPOLE_DBI = 2.15
 _GAIN_DB, _ATTENUATION_DB = (-300.0, 100.0), (-100.0, 300.0)
 #: Angles of a cut or a grid are at most this far apart [degrees], and at most so many.
 _GAP_DEG, _MOST = 45.0, 3600
+#: Gaps of more than 5 degrees are at most so many times the usual one; an angle that is there twice has values
+#: that are equal up to this [dB].
+_GAP_STEPS, _SAME_DB = 5.0, 0.01
+#: Cuts agree ahead up to this [dB]; a pattern radiates at most so much more than it is given [dB].
+_AGREE_DB, _EXCESS_DB = 0.5, 0.5
+#: Fineness of the mean over the sphere.
+_ORDER = 200
 _MOST_BYTES = 100_000_000
 
 
@@ -72,7 +86,8 @@ def read_pattern(path: str | Path) -> PatternElement:
     """The element of a pattern file, with the gain that the file gives.
 
     Raises:
-        FileError: If the file is missing or damaged, or leaves out more than 45 degrees.
+        FileError: If the file is missing or damaged, leaves out more than 45 degrees, or radiates more power than it
+            is given.
     """
     path = Path(path)
     is_grid = path.suffix == ".csv"
@@ -82,7 +97,23 @@ def read_pattern(path: str | Path) -> PatternElement:
         else "Give GAIN, HORIZONTAL and VERTICAL with their numbers of lines, each of an angle and an attenuation."
     )
     with reading(path, "an antenna pattern", remedy, most_bytes=_MOST_BYTES) as file:
-        return _grid(file) if is_grid else _sum_of_cuts(file.read().decode("latin-1"))
+        pattern = _grid(file) if is_grid else _sum_of_cuts(file.read().decode("latin-1"), path)
+        _check_power(pattern)
+        return pattern
+
+
+def _check_power(pattern: PatternElement) -> None:
+    """Raise ValueError for a pattern that radiates more power than it is given."""
+    from wireless.antennas.elements import mean_power  # which imports this module
+
+    excess_db = 10 * np.log10(mean_power(pattern, _ORDER))
+    if excess_db > _EXCESS_DB:
+        most_dbi = pattern.gain_dbi.max()
+        raise ValueError(
+            f"with its gain of {most_dbi:.1f} dBi it radiates {10 ** (excess_db / 10):.2f} times the power that it is "
+            f"given, but the directivity of its shape is {most_dbi - excess_db:.1f} dBi. Check the gain and its unit, "
+            "and that attenuations count from the maximum"
+        )
 
 
 def _grid(file: BinaryIO) -> PatternElement:
@@ -109,15 +140,18 @@ def _grid(file: BinaryIO) -> PatternElement:
     return PatternElement(azimuth_deg=azimuths, elevation_deg=elevations, gain_dbi=grid)
 
 
-def _sum_of_cuts(text: str) -> PatternElement:
+def _sum_of_cuts(text: str, path: Path) -> PatternElement:
     """Both cuts of an MSI file, summed on a grid of their angles, on which the sum is bilinear in between."""
-    gain_dbi, ((clockwise, along_h), (down, along_v)) = _msi(text)
+    gain_dbi, ((clockwise, along_h), (down, along_v)) = _msi(text, path)
     azimuth = np.unique(np.append(-clockwise % 360, [0.0, 180.0]))
     # Angles of the vertical cut in front and behind, both as elevations.
     folded = np.where(down <= 90, -down, np.where(down < 270, down - 180, 360 - down))
     elevation = np.unique(np.append(folded, [-90.0, 90.0]))
     across = np.interp(-azimuth, clockwise, along_h, period=360)
     at_front, at_back = np.interp([0.0, 180.0], clockwise, along_h, period=360)
+    ahead, back = np.interp([0.0, 180.0], down, along_v, period=360)
+    if abs(ahead - at_front) > _AGREE_DB:
+        at_front, at_back = along_v.min(), back
     front, behind = (
         np.interp(angle, down, along_v, period=360)[:, None] for angle in (-elevation, 180 + elevation)
     )
@@ -126,7 +160,9 @@ def _sum_of_cuts(text: str) -> PatternElement:
     return PatternElement(azimuth_deg=azimuth, elevation_deg=elevation, gain_dbi=gain_dbi - attenuation)
 
 
-def _msi(text: str) -> tuple[float, list[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]]:
+def _msi(
+    text: str, path: Path
+) -> tuple[float, list[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]]:
     """Gain [dBi], and angles in [0, 360) and attenuations of the horizontal and the vertical cut."""
     lines = text.splitlines()
     gain_dbi, cuts = None, dict[str, tuple[np.ndarray, np.ndarray]]()
@@ -155,7 +191,17 @@ def _msi(text: str) -> tuple[float, list[tuple[Float[np.ndarray, " n"], Float[np
             angle, attenuation = np.array(rows).T
             check_within(angle, f"the angle of {key}", -360, 360)
             check_within(attenuation, f"the attenuation of {key}", *_ATTENUATION_DB)
-            angle, first = np.unique(_within_a_turn(angle), return_index=True)
+            if attenuation.max() <= 0 > attenuation.min():
+                logger.warning(
+                    "%s: no attenuation of %s is positive: they count as relative gains.", path, key
+                )
+                attenuation = -attenuation
+            angle, first, which = np.unique(_within_a_turn(angle), return_index=True, return_inverse=True)
+            twice = np.abs(attenuation - attenuation[first][which]) > _SAME_DB
+            if twice.any():
+                raise ValueError(
+                    f"{key} has the angle {angle[which[twice.argmax()]]:g} twice, with different attenuations"
+                )
             _check_gaps(angle, key)
             cuts[key] = angle, attenuation[first]
     missing = [] if gain_dbi is not None else ["GAIN"]
@@ -184,8 +230,9 @@ def _within_a_turn(angle_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"
 def _check_gaps(angle_deg: Float[np.ndarray, " n"], what: str) -> None:
     """Reject angles of a circle, rising, that are far apart; a single one is that of rotational symmetry."""
     gaps = np.diff(angle_deg, append=angle_deg[:1] + 360)
-    if len(angle_deg) > 1 and gaps.max() > _GAP_DEG:
+    widest = min(_GAP_DEG, _GAP_STEPS * max(1.0, float(np.median(gaps))))
+    if len(angle_deg) > 1 and gaps.max() > widest:
         after = angle_deg[gaps.argmax()]
         raise ValueError(
-            f"{what} leaves out {gaps.max():g} degrees after {after:g}, at most {_GAP_DEG:g} may be"
+            f"{what} leaves out {gaps.max():g} degrees after {after:g}, at most {widest:g} may be"
         )

@@ -100,7 +100,7 @@ def wedge_terms(
 def edge_bound(
     phi: float, phi_source: float, gap: float, wavenumber: float, before_m: float, after_m: float
 ) -> float:
-    """What the power behind an edge cannot exceed: |F| <= 1, |R| <= 1, terms as on their boundaries.
+    """Bound of the power diffracted by an edge: |F| <= 1, |R| <= 1, terms as on their boundaries.
 
     A ray that meets the edge at a slant is farther away and weaker, by its sine in all.
 
@@ -113,12 +113,12 @@ def edge_bound(
         after_m: Distance of the observer from it.
     """
     n = gap / np.pi
-    most = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
+    limit = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
     total = 0.0
     for sign in (-1.0, 1.0):
         for beta in (phi - phi_source, phi + phi_source):
             tangent = abs(np.tan((np.pi + sign * beta) / (2 * n)))
-            total += min(most, 1 / tangent if tangent > 0 else most)
+            total += min(limit, 1 / tangent if tangent > 0 else limit)
     amplitude = 1.02 * total / (2 * n * np.sqrt(2 * np.pi * wavenumber)) / (2 * wavenumber)
     return amplitude * amplitude / (before_m * after_m * (before_m + after_m))
 
@@ -134,7 +134,7 @@ def close_edge_bound(
     sin_b0: float,
     faces: tuple[float, float],
 ) -> float:
-    """The same from the transition functions themselves, and what the faces reflect at most; closer.
+    """Closer bound of that power, by the transition functions and the largest reflection of the faces.
 
     Args:
         phi: Angle of the observer from the 0-face.

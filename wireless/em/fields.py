@@ -1,4 +1,4 @@
-"""What a radio path does to the field: two polarisations carried through reflections and an edge.
+"""Field along a radio path: two polarisations carried through reflections and an edge.
 
 A path is its points. The field starts as one of the two unit vectors theta (downwards at the horizon) and
 phi (counter-clockwise) of the departure direction, is turned and weakened at each point, and is read along
@@ -31,7 +31,7 @@ NOWHERE_M = 1e-9
 
 
 class Path(NamedTuple):
-    """One path, of which the first interactions count."""
+    """A path, of which the first interactions count."""
 
     point: Float[np.ndarray, "m2 3"]
     """Transmitter, interaction points, receiver [m]."""

@@ -51,7 +51,7 @@ def fresnel(
     r_te, r_tm = r_te * (1 - once**2) / many_te, r_tm * (1 - once**2) / many_tm
     if not several:
         return r_te, r_tm, t_te * free, t_tm * free
-    # What is over the free field needs no phase of the gap: it is that of the free field too.
+    # A ratio to the free field needs no phase of the gap, which is that of the free field too.
     around = np.exp(-2j * wavenumber * wall[3].real * cos_i)
     many_te, many_tm = 1 - r_te**2 * around, 1 - r_tm**2 * around
     in_te = t_te**2 / many_te if many_te != 0 else 0j  # grazing: nothing gets in

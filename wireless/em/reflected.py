@@ -29,7 +29,7 @@ _MOST_WALLS = 64
 
 
 class Reflected(NamedTuple):
-    """What facets reflect at most."""
+    """Largest specular reflection of facets."""
 
     row: Int[np.ndarray, " f"]
     """Row of each facet in the tables."""
@@ -61,7 +61,7 @@ def most_reflected(walls: Complex[np.ndarray, "f l"], wavenumber: float) -> Refl
 
 @compiled
 def _sampled(wall: Complex[np.ndarray, " l"], wavenumber: float) -> Float[np.ndarray, "3 n"]:
-    """What is tabled, from grazing to along the normal."""
+    """Sample the tabled reflection, from grazing incidence to incidence along the normal."""
     n = _BINS * _SAMPLES
     result = np.ones((3, n + 1))
     for j in range(n + 1):
@@ -76,8 +76,8 @@ def _sampled(wall: Complex[np.ndarray, " l"], wavenumber: float) -> Float[np.nda
 def _largest(samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " b"]:
     """The largest of each bin, both its ends included, and as much more as samples differ there."""
     at = np.arange(_BINS)[:, None] * _SAMPLES + np.arange(_SAMPLES + 1)
-    some = samples[at]
-    return np.asarray(1.0001 * (some.max(axis=1) + np.abs(np.diff(some, axis=1)).max(axis=1)))
+    binned = samples[at]
+    return np.asarray(1.0001 * (binned.max(axis=1) + np.abs(np.diff(binned, axis=1)).max(axis=1)))
 
 
 @compiled

@@ -10,7 +10,7 @@ With isotropic antennas a piece of wall of area dA, seen from the transmitter at
 from the receiver at r_s, adds the power gain
     g = (lambda / 4 pi)^2 S^2 |r|^2 p cos(theta_i) dA / (r_i r_s)^2.
 A lobe of finite width is normalised by the direction of incidence, so that the directive model is not reciprocal away
-from it: both directions differ by cos(theta_i) F(theta_s) / (cos(theta_s) F(theta_i)), as the model is published.
+from it: the two directions differ by cos(theta_i) F(theta_s) / (cos(theta_s) F(theta_i)), as the model is published.
 
 Left out: backscattering lobe, depolarisation, scattering of what was transmitted.
 Reference: V. Degli-Esposti et al., IEEE Trans. Antennas Propag. 55 (2007), equations 4 to 10.

@@ -34,8 +34,8 @@ def estimator_named(
     """An estimator for a sounder's measurements.
 
     Args:
-        name: One of `ESTIMATORS`.
-        sounder: What makes the measurements.
+        name: Key of `ESTIMATORS`.
+        sounder: Sounder of the measurements.
         n_paths: Most paths of a link.
         false_alarm_rate: Share of links without any path in which one is found; None for the estimator's own.
 

@@ -25,15 +25,15 @@ def best_look(
         tx_grid: Likewise at the transmitter.
     """
     n_rx, n_tx, rx_arrays, tx_arrays = layout
-    n_late, looks = len(x), rx_grid.shape[1]
-    wide = looks * n_late
+    n_late, n_looks = len(x), rx_grid.shape[1]
+    wide = n_looks * n_late
     seen = np.empty((tx_arrays * n_tx, 2, wide), np.float32)
     mine = np.empty((n_rx, 2, n_tx * tx_arrays * n_late), np.float32)
-    one = np.empty((2, mine.shape[2]), np.float32)
+    combined = np.empty((2, mine.shape[2]), np.float32)
     match = np.empty((2, wide), np.float32)
     power = np.empty(2 * wide, np.float32)
     as_whole = power.view(np.int32)
-    best, found = np.float32(-1.0), (0.0, 0, 0, 0, 0)
+    best, best_indices = np.float32(-1.0), (0.0, 0, 0, 0, 0)
     for a in range(rx_arrays):
         for r in range(n_rx):
             for t in range(n_tx):
@@ -42,44 +42,44 @@ def best_look(
                     to = (b * n_tx + t) * n_late
                     for w in range(n_late):
                         mine[r, 0, to + w], mine[r, 1, to + w] = x[w, 0, i], x[w, 1, i]
-        for k in range(looks):
-            one[:] = 0
+        for k in range(n_looks):
+            combined[:] = 0
             for r in range(n_rx):
                 real, imaginary = rx_grid[a, k, r].real, rx_grid[a, k, r].imag
                 for i in range(mine.shape[2]):
-                    one[0, i] += real * mine[r, 0, i] - imaginary * mine[r, 1, i]
-                    one[1, i] += real * mine[r, 1, i] + imaginary * mine[r, 0, i]
+                    combined[0, i] += real * mine[r, 0, i] - imaginary * mine[r, 1, i]
+                    combined[1, i] += real * mine[r, 1, i] + imaginary * mine[r, 0, i]
             for t in range(len(seen)):
                 for w in range(n_late):
-                    seen[t, 0, k * n_late + w] = one[0, t * n_late + w]
-                    seen[t, 1, k * n_late + w] = one[1, t * n_late + w]
+                    seen[t, 0, k * n_late + w] = combined[0, t * n_late + w]
+                    seen[t, 1, k * n_late + w] = combined[1, t * n_late + w]
         for b in range(tx_arrays):
             for j in range(tx_grid.shape[1]):
                 match[:] = 0
                 for t in range(n_tx):
                     real, imaginary = tx_grid[b, j, t].real, tx_grid[b, j, t].imag
-                    part = seen[b * n_tx + t]
+                    received = seen[b * n_tx + t]
                     for i in range(wide):
-                        match[0, i] += real * part[0, i] - imaginary * part[1, i]
-                        match[1, i] += real * part[1, i] + imaginary * part[0, i]
+                        match[0, i] += real * received[0, i] - imaginary * received[1, i]
+                        match[1, i] += real * received[1, i] + imaginary * received[0, i]
                 for i in range(wide):
                     power[i] = match[0, i] * match[0, i] + match[1, i] * match[1, i]
                 for i in range(wide - 1):
                     re, im = match[0, i] + match[0, i + 1], match[1, i] + match[1, i + 1]
                     power[wide + i] = np.float32(0.5) * (re * re + im * im)
                 # Behind the last delay of one look comes the first of the next.
-                for k in range(looks):
+                for k in range(n_looks):
                     power[wide + (k + 1) * n_late - 1] = 0
                 # Numbers that are not negative are in the order of their bits, which processors compare side by side.
-                most = np.int32(-1)
+                largest = np.int32(-1)
                 for value in as_whole:
-                    most = max(most, value)
-                if np.array([most]).view(np.float32)[0] > best:
+                    largest = max(largest, value)
+                if np.array([largest]).view(np.float32)[0] > best:
                     place = 0
-                    while as_whole[place] != most:
+                    while as_whole[place] != largest:
                         place += 1
                     best = power[place]
                     half = 0.5 if place >= wide else 0.0
                     place %= wide
-                    found = (place % n_late + half, a, place // n_late, b, j)
-    return found
+                    best_indices = (place % n_late + half, a, place // n_late, b, j)
+    return best_indices

@@ -34,13 +34,13 @@ ROUNDS = 60
 #: A round is the last if it lowers the residual's energy by no more than this [of noise in one entry], plus
 #: this share of it: close paths come apart slowly but steadily, and what no path explains stays.
 SETTLED, SETTLED_SHARE = 0.05, 0.005
-#: The same share for paths beyond the requested number, which only must not disturb the others; one with less than this
+#: Share for paths beyond the requested number, which only must not disturb the others; a path with less than this
 #: part of the strongest path's energy ends the search.
 SETTLED_ROUGHLY, FAINT = 0.03, 1e-3
 
 
 class Curves(NamedTuple):
-    """What a path looks like along each coordinate, and the grid on which paths are first looked for."""
+    """Signatures of a path along each coordinate, and the grid on which paths are first looked for."""
 
     rx: Curve
     """Receive signature by azimuth, array by array."""
@@ -85,7 +85,7 @@ def _detect(x: Float32[np.ndarray, "window 2 pattern"], curves: Curves, at: Floa
 
 @compiled
 def _unit(c: Complex[np.ndarray, " dims"]) -> float:
-    """One over the norm; 0 if there is none."""
+    """Return the inverse of the norm; 0 for a zero vector."""
     total = 0.0
     for value in c:
         total += value.real**2 + value.imag**2
@@ -253,10 +253,10 @@ def _start(curves: Curves, at: Float[np.ndarray, "3"], s: Scratch) -> None:
 @compiled
 def _most(energy: Float[np.ndarray, " paths"]) -> float:
     """The largest of at least one."""
-    most = energy[0]
-    for one in energy:
-        most = max(most, one)
-    return most
+    largest = energy[0]
+    for value in energy:
+        largest = max(largest, value)
+    return largest
 
 
 @compiled
@@ -274,7 +274,7 @@ def find_paths(
 
     Args:
         tensor: Measurements in the dimensions of the curves.
-        curves: What paths look like.
+        curves: Signatures of paths.
         threshold: Energy that a path must have with all others taken off.
         wanted: Requested number of paths; further ones that are faint are not searched for.
         at: Where delay, arrival and departure of paths go, in intervals of their curves.
@@ -282,13 +282,13 @@ def find_paths(
         seen: Where the squared norms go of their receive and transmit signatures together.
         count: Where their numbers go.
     """
-    most = at.shape[1]
-    size = np.zeros((most, curves.layout.rx_arrays * curves.layout.tx_arrays), np.complex128)
-    s = [_scratch(curves) for _ in range(most)]
+    n_max = at.shape[1]
+    size = np.zeros((n_max, curves.layout.rx_arrays * curves.layout.tx_arrays), np.complex128)
+    s = [_scratch(curves) for _ in range(n_max)]
     for i in range(len(tensor)):
         x = laid_out(tensor[i], curves.layout)
         n = 0
-        while n < most:
+        while n < n_max:
             _detect(x, curves, at[i, n])
             _start(curves, at[i, n], s[n])
             _refine(x, curves, at[i, n], 2, s[n], size[n], False)

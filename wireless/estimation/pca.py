@@ -29,7 +29,7 @@ class PcaEstimator:
         """Prepare the grid.
 
         Args:
-            sounder: What makes the measurements.
+            sounder: Sounder of the measurements.
             n_paths: Number of paths returned of each link.
             n_azimuths: Number of azimuths of arrival tried.
         """
@@ -55,16 +55,16 @@ class PcaEstimator:
 
     def _estimate_block(self, tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         n, window, n_basis, beams = tensor.shape
-        most = self.n_paths
+        n_paths = self.n_paths
         ports_first = np.ascontiguousarray(tensor.transpose(0, 2, 1, 3)).reshape(n, n_basis, -1)
-        _, signature = _strongest_modes(ports_first, most)
+        _, signature = _strongest_modes(ports_first, n_paths)
         rest = (signature.conj().transpose(0, 2, 1) @ ports_first).reshape(n, -1, window, beams)
-        inner_energy, timing = _strongest_modes(rest, most)
-        inner_energy = inner_energy[..., :most]
+        inner_energy, timing = _strongest_modes(rest, n_paths)
+        inner_energy = inner_energy[..., :n_paths]
         beam = timing.conj().swapaxes(-1, -2) @ rest
         # The strongest of all pairs of components.
         flat = inner_energy.reshape(n, -1)
-        order = np.argsort(-flat, axis=1, kind="stable")[:, :most]
+        order = np.argsort(-flat, axis=1, kind="stable")[:, :n_paths]
         row = np.arange(n)[:, None]
         outer, inner = np.divmod(order, inner_energy.shape[2])
         aoa = self._read_arrivals(signature)[row, outer]
@@ -81,13 +81,13 @@ class PcaEstimator:
         """Azimuth whose signature fits best."""
         n, _, components = signature.shape
         parts = signature.transpose(0, 2, 1).reshape(n * components, len(self.match), -1).swapaxes(0, 1)
-        fit = sum(np.abs(part @ match.T) ** 2 for part, match in zip(parts, self.match, strict=True))
+        fit = sum(np.abs(pattern @ match.T) ** 2 for pattern, match in zip(parts, self.match, strict=True))
         return self.azimuth_rad[fit.argmax(axis=1).reshape(n, components)]
 
 
 def _strongest_modes(
-    matrix: Complex[np.ndarray, "*batch rows columns"], most: int
+    matrix: Complex[np.ndarray, "*batch rows columns"], n_modes: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Energies of all left singular vectors, falling, and the first few vectors as columns."""
     power, mode = np.linalg.eigh(matrix @ matrix.conj().swapaxes(-1, -2))
-    return np.maximum(power[..., ::-1], 0), mode[..., ::-1][..., :most]
+    return np.maximum(power[..., ::-1], 0), mode[..., ::-1][..., :n_modes]

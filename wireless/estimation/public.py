@@ -60,7 +60,7 @@ class PublicReceiver:
     def estimate(
         self, tensor: Complex[np.ndarray, "n window n_basis beams"]
     ) -> tuple[Float[np.ndarray, "n 5"], ...]:
-        """The same of measurements."""
+        """Estimate the paths of measurements."""
         n, window, n_basis, beams = tensor.shape
         ports_first = tensor.transpose(0, 2, 1, 3).reshape(n, n_basis, window * beams)
         energy, signature = np.linalg.eigh(ports_first @ ports_first.conj().swapaxes(1, 2))

@@ -1,4 +1,4 @@
-"""What paths leave of a measurement, and its products with their curves.
+"""Residual of a measurement after paths are subtracted, and its products with their curves.
 
 These sums run over the whole tensor for each path again and again, so it is laid out as processors want it: real and
 imaginary parts apart, in the precision of the measurement itself, delay by delay; at each delay ports of the receiver,
@@ -78,12 +78,12 @@ def along_late(
     square = _square(pattern)
     scale = 1 / np.sqrt(square) if square > 0 else 0.0
     v = np.empty((len(x), pairs), np.complex128)
-    own = np.zeros(pairs)
+    energy = np.zeros(pairs)
     real, imaginary = np.empty(x.shape[2], np.float32), np.empty(x.shape[2], np.float32)
     if inside:
         for i in range(0, x.shape[2], pairs):
             for p in range(pairs):
-                own[p] += float(pattern[0, i + p]) ** 2 + float(pattern[1, i + p]) ** 2
+                energy[p] += float(pattern[0, i + p]) ** 2 + float(pattern[1, i + p]) ** 2
     for w in range(len(x)):
         for i in range(x.shape[2]):
             real[i] = pattern[0, i] * x[w, 0, i] + pattern[1, i] * x[w, 1, i]
@@ -96,7 +96,7 @@ def along_late(
                 real[i] += real[n + i]
                 imaginary[i] += imaginary[n + i]
         for p in range(pairs):
-            re, im = late[w].real * own[p], late[w].imag * own[p]
+            re, im = late[w].real * energy[p], late[w].imag * energy[p]
             for i in range(p, n, pairs):
                 re += real[i]
                 im += imaginary[i]
@@ -109,7 +109,7 @@ def without_late(
     x: Float32[np.ndarray, "window 2 pattern"],
     late: Complex[np.ndarray, " window"],
     pattern: Float32[np.ndarray, "2 pattern"],
-    own: Complex[np.ndarray, " window"],
+    pulse: Complex[np.ndarray, " window"],
     inside: bool,
 ) -> Float32[np.ndarray, "2 pattern"]:
     """The tensor contracted with a pulse of unit norm."""
@@ -117,7 +117,7 @@ def without_late(
     total, common = 0.0, 0j
     for w in range(len(x)):
         total += late[w].real ** 2 + late[w].imag ** 2
-        common += np.conj(late[w]) * own[w]
+        common += np.conj(late[w]) * pulse[w]
     scale = 1 / np.sqrt(total) if total > 0 else 0.0
     for w in range(len(x)):
         real, imaginary = np.float32(late[w].real * scale), np.float32(late[w].imag * scale)
@@ -183,7 +183,7 @@ def energy_of(x: Float32[np.ndarray, "window 2 pattern"]) -> float:
 @compiled
 def _square(pattern: Float32[np.ndarray, "2 pattern"]) -> float:
     total = 0.0
-    for part in pattern:
-        for value in part:
+    for row in pattern:
+        for value in row:
             total += float(value) * float(value)
     return total

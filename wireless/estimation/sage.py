@@ -3,7 +3,7 @@
 A path is a delay, an azimuth of arrival and one of departure, none bound to a grid, and a size that all arrays
 share while their phases are free. So a direction between two faces is estimated from both arrays, by phase within
 and by size across. Paths are found and refined by `wireless.estimation.loops`; the first that would be weaker
-than the threshold ends the search. More are found than returned: what is left of unexplained paths pulls on
+than the threshold ends the search. More are found than returned: the residual of unexplained paths pulls on
 the others' sizes, and the strongest is mistaken (measured: 1.4 of 100 first-order links between 5 paths and 12).
 Paths outside the window are known by the tails of their pulses: they are
 explained, so that they are not mistaken for others, and left out of the result.
@@ -59,7 +59,7 @@ class SageEstimator:
         """Prepare curves and threshold (about a second).
 
         Args:
-            sounder: What makes the measurements.
+            sounder: Sounder of the measurements.
             n_paths: Most paths returned of each link.
             false_alarm_rate: Share of links without any path in which one is found.
             workers: Threads; None for one on each available core. Results do not depend on it.
@@ -77,22 +77,22 @@ class SageEstimator:
 
     def estimate(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> PathEstimates:
         """Paths of measurements."""
-        most = max(self.n_paths, MOST_PATHS)
-        at, energy, seen, count = self._find(tensor, self.threshold, most)
+        n_max = max(self.n_paths, MOST_PATHS)
+        at, energy, seen, count = self._find(tensor, self.threshold, n_max)
         half, sample_s = self.sounder.config.half_window, self.sounder.config.sample_s
         late = at[..., 0] / SAMPLE_INTERVALS - APRON - half
-        found = (np.arange(most) < count[:, None]) & (np.abs(late) <= half + 0.5)
+        is_path = (np.arange(n_max) < count[:, None]) & (np.abs(late) <= half + 0.5)
         turn = at[..., 1:] * (2 * np.pi / TURN_INTERVALS)
-        snr_db = self.sounder.snr_of_seen_db(np.where(found, energy, 0.0), seen)
+        snr_db = self.sounder.snr_of_seen_db(np.where(is_path, energy, 0.0), seen)
         order = np.argsort(-snr_db, axis=1, kind="stable")[:, : self.n_paths]
-        late, snr_db, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr_db, found))
+        late, snr_db, is_path = (np.take_along_axis(c, order, axis=1) for c in (late, snr_db, is_path))
         turn = np.take_along_axis(turn, order[..., None], axis=1)
         estimates = PathEstimates(
-            aoa_rad=np.where(found, wrapped(turn[..., 0]), 0.0),
-            aod_rad=np.where(found, wrapped(turn[..., 1]), 0.0),
+            aoa_rad=np.where(is_path, wrapped(turn[..., 0]), 0.0),
+            aod_rad=np.where(is_path, wrapped(turn[..., 1]), 0.0),
             snr_db=snr_db,
-            delay_s=np.where(found, late - late[:, :1], 0.0) * sample_s,
-            count=found.sum(axis=1),
+            delay_s=np.where(is_path, late - late[:, :1], 0.0) * sample_s,
+            count=is_path.sum(axis=1),
         )
         return self.sounder.resolved(estimates)
 
@@ -105,9 +105,9 @@ class SageEstimator:
         )
         c, steps = self.curves, [curve[1:] for curve in self.curves[:3]]
         numbers = c.layout, c.late_step, c.late_zero, steps
-        looks = repr((config, beams.tolist(), arrays, NOISE_LINKS, numbers)).encode()
+        settings = repr((config, beams.tolist(), arrays, NOISE_LINKS, numbers)).encode()
         tables = c.rx.table, c.tx.table, c.late.table, c.rx_grid, c.tx_grid, c.rx_start, c.tx_start
-        values = [np.ascontiguousarray(one).tobytes() for one in (self.tx_basis, *tables)]
+        values = [np.ascontiguousarray(array).tobytes() for array in (self.tx_basis, *tables)]
 
         def learn() -> Float[np.ndarray, " links"]:
             none = np.zeros((NOISE_LINKS, 1))
@@ -115,10 +115,10 @@ class SageEstimator:
             noise = self.sounder.measure(rays, np.random.default_rng(0), workers=self.workers)
             return self._find(noise, 0.0, 1)[1][:, 0]
 
-        return cached_array("noise-peaks", [looks, *values], _CODE, learn)
+        return cached_array("noise-peaks", [settings, *values], _CODE, learn)
 
     def _find(
-        self, tensor: Complex[np.ndarray, "links window n_basis beams"], threshold: float, most: int
+        self, tensor: Complex[np.ndarray, "links window n_basis beams"], threshold: float, n_max: int
     ) -> tuple[
         Float[np.ndarray, "links m 3"],
         Float[np.ndarray, "links m"],
@@ -127,7 +127,7 @@ class SageEstimator:
     ]:
         """Coordinates of paths on their curves, energies, what is seen of them, numbers, in the order found."""
         n = len(tensor)
-        at, energy, seen = np.zeros((n, most, 3)), np.zeros((n, most)), np.ones((n, most))
+        at, energy, seen = np.zeros((n, n_max, 3)), np.zeros((n, n_max)), np.ones((n, n_max))
         count = np.zeros(n, np.int64)
         basis = self.tx_basis.T.astype(np.complex64)
 
@@ -152,21 +152,21 @@ def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "n_basis beams"]:
         mine = np.flatnonzero(sounder.tx.beam_array == array)
         seen = response[:, mine]
         energy, mode = np.linalg.eigh(np.einsum("ka,kb->ab", seen.conj(), seen))
-        found = mode[:, energy > 1e-6 * energy[-1]].T[::-1]
-        rows.append(np.zeros((len(found), sounder.tx.n_beams), complex))
-        rows[-1][:, mine] = found
+        basis = mode[:, energy > 1e-6 * energy[-1]].T[::-1]
+        rows.append(np.zeros((len(basis), sounder.tx.n_beams), complex))
+        rows[-1][:, mine] = basis
     # Where beams do not divide evenly among the arrays, some have fewer.
-    most = max(map(len, rows))
-    return np.concatenate([np.pad(one, ((0, most - len(one)), (0, 0))) for one in rows])
+    n_max = max(map(len, rows))
+    return np.concatenate([np.pad(block, ((0, n_max - len(block)), (0, 0))) for block in rows])
 
 
 def _looks(
-    curve: Complex[np.ndarray, "nodes dims"], part: Int[np.ndarray, " parts1"], step: int
+    curve: Complex[np.ndarray, "nodes dims"], bounds: Int[np.ndarray, " parts1"], step: int
 ) -> tuple[Complex[np.ndarray, "parts looks ports"], Float[np.ndarray, "parts looks"]]:
     """Azimuths that each array looks at first: where it has a tenth of its best directivity, or more."""
     start = np.arange(0, TURN_INTERVALS, step)
     views, starts = [], []
-    for low, high in pairwise(part):
+    for low, high in pairwise(bounds):
         view = curve[3 * start, low:high]
         size = np.linalg.norm(view, axis=1)
         seen = size**2 > 0.1 * size.max() ** 2
@@ -181,7 +181,7 @@ def _looks(
 
 
 def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "n_basis beams"]) -> Curves:
-    """What paths look like to this sounder."""
+    """Compute the signatures of paths as measured by this sounder."""
     azimuth = 2 * np.pi * np.arange(3 * TURN_INTERVALS) / (3 * TURN_INTERVALS)
     rx, tx = sounder.rx_response(azimuth), sounder.tx_response(azimuth) @ tx_basis.T
     rx_part, tx_part = (
@@ -193,7 +193,7 @@ def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "n_basis beams"]) ->
     late = np.arange(2 * reach * 3 * SAMPLE_INTERVALS + 1) / (3 * SAMPLE_INTERVALS) - reach
     # Two looks to a beam: an array of n ports across resolves 2 / n radians.
     rx_step, tx_step = (
-        max(1, int(TURN_INTERVALS / (2 * np.pi * np.diff(part).max()))) for part in (rx_part, tx_part)
+        max(1, int(TURN_INTERVALS / (2 * np.pi * np.diff(bounds).max()))) for bounds in (rx_part, tx_part)
     )
     rx_grid, rx_start = _looks(rx, rx_part, rx_step)
     tx_grid, tx_start = _looks(tx, tx_part, tx_step)

@@ -36,10 +36,10 @@ class Arc(NamedTuple):
 
 def find_arcs(walls: Float[np.ndarray, "n 2 2"], snap_m: float) -> list[Arc]:
     """Arcs among walls, whose ends are one if closer than about `snap_m`."""
-    found = [arc for chain, point in _chains(walls, snap_m) for arc in _arcs(chain, point)]
+    candidates = [arc for chain, point in _chains(walls, snap_m) for arc in _arcs(chain, point)]
     used: set[int] = set()
     arcs = []
-    for arc in sorted(found, key=lambda one: -one.turn_rad):
+    for arc in sorted(candidates, key=lambda candidate: -candidate.turn_rad):
         if used.isdisjoint(arc.walls.tolist()):
             used.update(arc.walls.tolist())
             arcs.append(arc)
@@ -56,9 +56,9 @@ def _chains(
         for end in ends:
             at[end].append(wall)
     left = dict.fromkeys(range(len(walls)))
-    # Chains first, from where they begin; what is left then are rings.
+    # Chains first, from where they begin; the rest are rings.
     begins = [wall for wall, ends in enumerate(node.tolist()) if any(len(at[end]) != 2 for end in ends)]
-    found = []
+    chains = []
     for first in (*begins, *range(len(walls))):
         if first not in left:
             continue
@@ -74,8 +74,8 @@ def _chains(
             ahead = int(node[wall].sum() - ahead)
         if wall == first and len(chain) > 1:
             chain, point = 2 * chain, point + point[1:]
-        found.append((np.array(chain), np.array(point)))
-    return found
+        chains.append((np.array(chain), np.array(point)))
+    return chains
 
 
 def _arcs(chain: Int[np.ndarray, " k"], point: Float[np.ndarray, "k1 2"]) -> list[Arc]:
@@ -90,21 +90,21 @@ def _arcs(chain: Int[np.ndarray, " k"], point: Float[np.ndarray, "k1 2"]) -> lis
     square = (a**2).sum(axis=2)
     normal = np.einsum("qk,qki,qkj->kij", weight, row, row)
     right = np.einsum("qk,qki,qk->ki", weight, row, square)
-    found = []
+    arcs = []
     for i in range(len(chain)):
-        left, given = (np.cumsum(sums[i : i + MOST], axis=0)[FEWEST - 1 :] for sums in (normal, right))
+        left, target = (np.cumsum(sums[i : i + MOST], axis=0)[FEWEST - 1 :] for sums in (normal, right))
         bent = np.linalg.cond(left) < 1e12
         ends = np.flatnonzero(bent) + i + FEWEST
         if not len(ends):
             continue
-        x = np.linalg.solve(left[bent], given[bent][..., None])[..., 0]
+        x = np.linalg.solve(left[bent], target[bent][..., None])[..., 0]
         radius = np.sqrt(np.maximum(x[:, 2] + (x[:, :2] ** 2).sum(axis=1), 0))
         for n in range(len(ends) - 1, -1, -1):
             end, centre, r = int(ends[n]), x[n, :2], float(radius[n])
             if len(set(chain[i:end].tolist())) < end - i or not 0 < r < LARGEST_M:
                 continue
-            some = np.concatenate([point[i : end + 1], middle[i:end]]) - centre
-            off = float(np.abs(np.linalg.norm(some, axis=1) - r).max())
+            points = np.concatenate([point[i : end + 1], middle[i:end]]) - centre
+            off = float(np.abs(np.linalg.norm(points, axis=1) - r).max())
             if off > min(OFF * r, OFF_M) or length[i:end].max() > 2 * np.sin(TURN_RAD / 2) * (r + off):
                 continue
             angle = np.unwrap(np.arctan2(*(point[i : end + 1] - centre).T[::-1]))
@@ -112,6 +112,6 @@ def _arcs(chain: Int[np.ndarray, " k"], point: Float[np.ndarray, "k1 2"]) -> lis
             if abs(turn) < TURN_RAD - 1e-9:
                 continue
             first = float(angle[0] if turn > 0 else angle[-1])
-            found.append(Arc(centre + origin, r, first, min(abs(turn), 2 * np.pi), chain[i:end], off))
+            arcs.append(Arc(centre + origin, r, first, min(abs(turn), 2 * np.pi), chain[i:end], off))
             break
-    return found
+    return arcs

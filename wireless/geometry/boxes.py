@@ -31,7 +31,7 @@ class Boxes(NamedTuple):
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first thing, and the number of things."""
     number: Int[np.ndarray, " n"]
-    """What number each thing had before it was sorted into boxes."""
+    """Number of each thing before it was sorted into boxes."""
 
 
 def make_boxes(low: Points, high: Points) -> Boxes:
@@ -49,13 +49,13 @@ def _best_cut(low: Points, high: Points, members: Int[np.ndarray, " m"], side: I
     below, grown = np.empty(bins), np.empty(6)
     least, scale = np.empty(3), np.zeros(3)
     for i in range(3):
-        least[i], most = np.inf, -np.inf
+        least[i], greatest = np.inf, -np.inf
         for t in members:
             centre = low[t, i] + high[t, i]
-            least[i], most = min(least[i], centre), max(most, centre)
-        if most - least[i] <= 1e-12:
+            least[i], greatest = min(least[i], centre), max(greatest, centre)
+        if greatest - least[i] <= 1e-12:
             continue
-        scale[i] = bins * (1 - 1e-9) / (most - least[i])
+        scale[i] = bins * (1 - 1e-9) / (greatest - least[i])
         count[:] = 0
         box[:, :3], box[:, 3:] = np.inf, -np.inf
         for t in members:
@@ -118,11 +118,11 @@ def _cut(low: Points, high: Points) -> Boxes:
         # Cuts far from the middle make a tree deep: from some depth on it is halved.
         size = _best_cut(low, high, members, side[first:last]) if level < _DEEP else 0
         if size > 0:
-            one, other = first, first + size
+            left, other = first, first + size
             for m in range(len(members)):
                 if side[first + m] == 0:
-                    number[one] = members[m]
-                    one += 1
+                    number[left] = members[m]
+                    left += 1
                 else:
                     number[other] = members[m]
                     other += 1

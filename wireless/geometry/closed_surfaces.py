@@ -45,9 +45,9 @@ class Sides:
         bits = np.random.default_rng(0).integers(
             1 << 63, 1 << 64, len(closed), dtype=np.uint64, endpoint=False
         )
-        own = np.flatnonzero(self.closed & once & (trimesh.triangles.area(mesh.triangles) > 0))
-        self._tree = make_tree(np.asarray(mesh.triangles)[own], near_m=near_m)
-        self._surface = surface[own][self._tree.number]
+        faces = np.flatnonzero(self.closed & once & (trimesh.triangles.area(mesh.triangles) > 0))
+        self._tree = make_tree(np.asarray(mesh.triangles)[faces], near_m=near_m)
+        self._surface = surface[faces][self._tree.number]
         self._bits = bits[self._surface]
         self._step = _UP / np.linalg.norm(_UP) * 2 * np.linalg.norm(mesh.extents)
 
@@ -58,8 +58,8 @@ class Sides:
 
     def parity(self, points: Points) -> UInt64[np.ndarray, " n"]:
         """Number of closed surfaces that each point is inside of, modulo two."""
-        every, one = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
-        return _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._step)[0]
+        every, ones = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
+        return _sums(self._tree, self._surface, ones, np.ascontiguousarray(points), every, self._step)[0]
 
     def inside(
         self, points: Points, surface: Int[np.ndarray, " n"]
@@ -86,11 +86,11 @@ def find_two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
     corner = whole.triangles[: len(mesh.faces)]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     size = np.linalg.norm(normal, axis=1)
-    some = np.flatnonzero(sides.closed[: len(corner)] & (size > 0))
-    middle, aside = corner[some].mean(axis=1), _ASIDE_M * normal[some] / size[some, None]
-    found = np.zeros(len(corner), bool)
-    found[some] = sides.parity(middle + aside) != sides.parity(middle - aside)
-    return found
+    faces = np.flatnonzero(sides.closed[: len(corner)] & (size > 0))
+    middle, aside = corner[faces].mean(axis=1), _ASIDE_M * normal[faces] / size[faces, None]
+    is_two_faced = np.zeros(len(corner), bool)
+    is_two_faced[faces] = sides.parity(middle + aside) != sides.parity(middle - aside)
+    return is_two_faced
 
 
 def _capped(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -117,14 +117,14 @@ def surfaces_of(
     face = np.repeat(np.arange(n), 3)
     size = n + len(kinds)
     pairs = coo_array((np.ones(3 * n), (face, n + edge)), shape=(size, size))
-    parts, part = connected_components(pairs, directed=False)
+    parts, component = connected_components(pairs, directed=False)
     # Faces back to back are met in one point, as one wall: they count once.
     once = np.zeros(n, bool)
     once[np.unique(corner, axis=0, return_index=True)[1]] = True
     count = np.bincount(edge.reshape(n, 3)[once].ravel(), minlength=len(kinds))
     closed = np.ones(parts, bool)
-    closed[part[n + np.flatnonzero(count % 2)]] = False
-    return part[:n].astype(np.int64), closed, once
+    closed[component[n + np.flatnonzero(count % 2)]] = False
+    return component[:n].astype(np.int64), closed, once
 
 
 @compiled
@@ -156,12 +156,12 @@ def _sums(
                 enter, leave = max(enter, a), min(leave, b)
             if enter > leave:
                 continue
-            one, other = child[box, 0], child[box, 1]
-            if one >= 0:
-                stack[depth], stack[depth + 1] = one, other
+            left, other = child[box, 0], child[box, 1]
+            if left >= 0:
+                stack[depth], stack[depth + 1] = left, other
                 depth += 2
                 continue
-            for t in range(-1 - one, -1 - one + other):
+            for t in range(-1 - left, -1 - left + other):
                 if only[i] >= 0 and surface[t] != only[i]:
                     continue
                 off, rise = 0.0, 0.0

@@ -1,11 +1,11 @@
-"""What an image sees through its window in space: cones that are clipped, and walls that close them.
+"""View cones of an image through its window in space: their clipping, and their occlusion by walls.
 
 An image looks through a convex piece of the facet that it was mirrored at, its window. What it may reach is
 the cone behind that window: sides through the image and each side of the window. Polygons are clipped to the
 cone; the part of one that a wall hides is cut off, piece by piece, until a piece is found that is seen or
 none is left.
 
-This only saves work: what is not certainly out of view counts as in view, and paths are checked
+This only saves work: everything not certainly out of view counts as in view, and paths are checked
 leg by leg later. So cones are wider by `SLACK_M`, sides that rounding could turn are left out, and a
 polygon that needs too many cuts is seen.
 
@@ -22,7 +22,7 @@ from wireless.geometry.array_types import Planes, Point, Polygon
 from wireless.geometry.boxes import Boxes
 from wireless.geometry.occlusion import Tree, find_blocker
 
-#: Most corners of a polygon; one that would get more stays as it was.
+#: Most corners of a polygon; a polygon that would get more stays unchanged.
 MAX_CORNERS = 24
 #: How much wider cones are [m].
 SLACK_M = 1e-7
@@ -110,7 +110,7 @@ def side_planes(apex: Point, window: Polygon, n: int, plane: Planes) -> int:
 
 
 @compiled
-def things_within(boxes: Boxes, plane: Planes, n: int, found: Int[np.ndarray, " m"]) -> int:
+def things_within(boxes: Boxes, plane: Planes, n: int, things: Int[np.ndarray, " m"]) -> int:
     """Things whose boxes reach the inner side of each plane, up to `SLACK_M`; their number."""
     stack, count = np.empty(64, np.int64), 0
     stack[0], depth = 0, 1
@@ -119,21 +119,21 @@ def things_within(boxes: Boxes, plane: Planes, n: int, found: Int[np.ndarray, " 
         box = stack[depth]
         out = False
         for k in range(n):
-            most = SLACK_M - plane[k, 3]
+            bound = SLACK_M - plane[k, 3]
             for i in range(3):
-                most += plane[k, i] * (boxes.high[box, i] if plane[k, i] > 0 else boxes.low[box, i])
-            if most < 0:
+                bound += plane[k, i] * (boxes.high[box, i] if plane[k, i] > 0 else boxes.low[box, i])
+            if bound < 0:
                 out = True
                 break
         if out:
             continue
-        one, other = boxes.child[box]
-        if one >= 0:
-            stack[depth], stack[depth + 1] = one, other
+        left, other = boxes.child[box]
+        if left >= 0:
+            stack[depth], stack[depth + 1] = left, other
             depth += 2
             continue
-        for t in range(-1 - one, -1 - one + other):
-            found[count] = boxes.number[t]
+        for t in range(-1 - left, -1 - left + other):
+            things[count] = boxes.number[t]
             count += 1
     return count
 
@@ -144,25 +144,25 @@ def clip_to_planes(
     n: int,
     plane: Planes,
     n_planes: int,
-    one: Float[np.ndarray, "m 3"],
+    clipped: Float[np.ndarray, "m 3"],
     other: Float[np.ndarray, "m 3"],
 ) -> int:
-    """The part of a polygon within planes, up to `SLACK_M`, in `one`; its number of corners, 0 if none."""
-    _copy(polygon, n, one)
+    """The part of a polygon within planes, up to `SLACK_M`, in `clipped`; its number of corners, 0 if none."""
+    _copy(polygon, n, clipped)
     for k in range(n_planes):
         inside = True
         for j in range(n):
             depth = SLACK_M - plane[k, 3]
             for i in range(3):
-                depth += plane[k, i] * one[j, i]
+                depth += plane[k, i] * clipped[j, i]
             inside = inside and depth >= 0
         if inside:
             continue
-        m = clip(one, n, plane[k, :3], plane[k, 3] - SLACK_M, other)
+        m = clip(clipped, n, plane[k, :3], plane[k, 3] - SLACK_M, other)
         if m == 0:
             return 0
         if m > 0:  # else there is no room: wider is fine
-            _copy(other, m, one)
+            _copy(other, m, clipped)
             n = m
     return n
 
@@ -201,7 +201,7 @@ def _cut(
         normal *= -1.0
     for i in range(3):
         level += normal[i] * wall[0, i]
-    own, away, back, level_away = count - 1, np.empty(3), np.empty(3), 0.0
+    current, away, back, level_away = count - 1, np.empty(3), np.empty(3), 0.0
     for k in range(n_wall + 1):
         if k < n_wall:  # outside of one side: a wall hides what passes it by less than near_m
             into, j = 0.0, (k + 1) % n_wall
@@ -219,7 +219,7 @@ def _cut(
             for i in range(3):
                 away[i], back[i] = normal[i], -normal[i]
             level_away = level - 10 * near_m
-        m = clip(piece[own], corners[own], away, level_away, spare)
+        m = clip(piece[current], corners[current], away, level_away, spare)
         if m == 0:
             continue
         if m < 0 or count == len(piece):
@@ -227,14 +227,14 @@ def _cut(
         _copy(spare, m, piece[count])
         corners[count] = m
         count += 1
-        m = clip(piece[own], corners[own], back, -level_away, spare)
+        m = clip(piece[current], corners[current], back, -level_away, spare)
         if m < 0:
             return -1
         if m == 0:
             break
-        _copy(spare, m, piece[own])
-        corners[own] = m
-    for j in range(own, count - 1):
+        _copy(spare, m, piece[current])
+        corners[current] = m
+    for j in range(current, count - 1):
         _copy(piece[j + 1], corners[j + 1], piece[j])
         corners[j] = corners[j + 1]
     return count - 1
@@ -265,11 +265,11 @@ def may_see(
     _copy(polygon, n, piece[0])
     corners[0], count = n, 1
     for _ in range(_RAYS):
-        own = count - 1
+        current = count - 1
         middle[:] = 0.0
-        for k in range(corners[own]):
+        for k in range(corners[current]):
             for i in range(3):
-                middle[i] += piece[own, k, i] / corners[own]
+                middle[i] += piece[current, k, i] / corners[current]
         if behind[0] != 0 or behind[1] != 0 or behind[2] != 0:
             a, b = -behind[3], -behind[3]
             for i in range(3):

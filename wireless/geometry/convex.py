@@ -55,13 +55,13 @@ def area_of(polygon: FlatPolygon, n: int) -> float:
 
 @compiled
 def in_common(
-    one: Float[np.ndarray, "n 3 2"], other: Float[np.ndarray, "n 3 2"]
+    first: Float[np.ndarray, "n 3 2"], other: Float[np.ndarray, "n 3 2"]
 ) -> tuple[Float[np.ndarray, "n 8 2"], Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """What pairs of triangles have in common: corners, zeros beyond the last, their number, and the area."""
-    corner, count, area = np.zeros((len(one), 8, 2)), np.zeros(len(one), np.int64), np.zeros(len(one))
+    """Compute the intersection of pairs of triangles: corners, zeros beyond the last, their number, and the area."""
+    corner, count, area = np.zeros((len(first), 8, 2)), np.zeros(len(first), np.int64), np.zeros(len(first))
     polygon, spare = np.empty((8, 2)), np.empty((8, 2))
-    for i in range(len(one)):
-        polygon[:3], n = one[i], 3
+    for i in range(len(first)):
+        polygon[:3], n = first[i], 3
         for k in range(3):
             if n > 0:
                 a, b = other[i, k], other[i, (k + 1) % 3]

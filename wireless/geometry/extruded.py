@@ -32,15 +32,15 @@ class Extruded:
     walls: Float[np.ndarray, "n 2 2"]
     """Ends (x, y) [m] of each wall."""
     wall_face: Int[np.ndarray, " n"]
-    """One mesh face of each wall."""
+    """A mesh face of each wall."""
     low_m: float
     """Height of the floor."""
     high_m: float
     """Height of the ceiling."""
     floor_face: int
-    """One face of the floor, -1 if there is none."""
+    """A face of the floor, -1 if there is none."""
     ceiling_face: int
-    """One face of the ceiling, -1 if there is none."""
+    """A face of the ceiling, -1 if there is none."""
 
 
 def find_extruded(
@@ -66,12 +66,12 @@ def find_extruded(
     ceiling = level[np.abs(corners[level][:, :, 2] - high).max(axis=1) < snap_m]
     if len(floor) + len(ceiling) < len(level):
         return None
-    found = walls_of(corners[upright], np.asarray(face_material)[upright], low, high, snap_m)
-    if found is None:
+    segments = walls_of(corners[upright], np.asarray(face_material)[upright], low, high, snap_m)
+    if segments is None:
         return None
     return Extruded(
-        walls=found[0],
-        wall_face=upright[found[1]],
+        walls=segments[0],
+        wall_face=upright[segments[1]],
         low_m=low,
         high_m=high,
         floor_face=int(floor[0]) if len(floor) else -1,
@@ -122,8 +122,8 @@ def walls_of(
     group = clusters(material.astype(float), 0.5, group)
     walls, wall_face = [], []
     for members in np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1]):
-        one = members[0]
-        s = (xy[members] - place[one]) @ along[one]
+        reference = members[0]
+        s = (xy[members] - place[reference]) @ along[reference]
         spans = _union(s.min(axis=1), s.max(axis=1), snap_m)
         if not _rectangles(s, triangles[members][:, :, 2] - low, high - low, snap_m):
             unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
@@ -132,7 +132,7 @@ def walls_of(
             if gaps > len(s) * snap_m * 4 * (high - low + s.max()):
                 return None
         for span in spans:
-            walls.append(origin + place[one] + span[:, None] * along[one])
+            walls.append(origin + place[reference] + span[:, None] * along[reference])
             wall_face.append(members[np.argmax(s.min(axis=1) >= span[0] - snap_m)])
     ends, corners = np.array(walls), xy.reshape(-1, 2)
     if fitted is not None:
@@ -159,7 +159,7 @@ def _lines(
     snap_m: float,
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]] | None:
     """A point and the direction of the line fitted to each of some segments and those in line with it."""
-    # None if they are in line exactly.
+    # No line is fitted if they are in line exactly.
     ends = _in_space(np.stack([start, start + step], axis=1))
     fits = fit_lines(ends, tolerance_of(ends.reshape(-1, 3), snap_m))
     if fits.off_m.max() <= exact_m(triangles):
@@ -177,9 +177,9 @@ def _joined(
     i, j = cKDTree(places).query_pairs(tolerance_m, output_type="ndarray").T
     far = np.linalg.norm(places[i] - places[j], axis=1) > least_m
     links = coo_array((np.ones(far.sum(), bool), (i[far], j[far])), shape=(len(places), len(places)))
-    part = connected_components(links, directed=False)[1]
-    places = places[np.unique(part, return_index=True)[1]]
-    wall = part[place.ravel()].reshape(-1, 2)
+    component = connected_components(links, directed=False)[1]
+    places = places[np.unique(component, return_index=True)[1]]
+    wall = component[place.ravel()].reshape(-1, 2)
     lines = shapely.linestrings(places[wall])
     point, on = shapely.STRtree(lines).query(
         shapely.points(places), predicate="dwithin", distance=tolerance_m
@@ -204,11 +204,11 @@ def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height
     at_corner = (at_right ^ (s - left[:, None] < snap)) & (at_top ^ (z < snap))
     if not at_corner.all():
         return False
-    # Of the corners 1, 2, 4 and 8 each half lacks one; those of its other half are opposite: 1 and 8, or 2 and 4.
+    # Each half lacks a corner of 1, 2, 4 and 8; the corners that its halves lack are opposite: 1 and 8, or 2 and 4.
     lacks = 15 - (1 << (at_right + 2 * at_top)).sum(axis=1)
-    one, other = np.lexsort((right, left)).reshape(-1, 2).T
-    same = (np.abs(left[one] - left[other]) < snap) & (np.abs(right[one] - right[other]) < snap)
-    halves = np.isin(lacks, (1, 2, 4, 8)).all() and (lacks[one] * lacks[other] == 8).all()
+    first, other = np.lexsort((right, left)).reshape(-1, 2).T
+    same = (np.abs(left[first] - left[other]) < snap) & (np.abs(right[first] - right[other]) < snap)
+    halves = np.isin(lacks, (1, 2, 4, 8)).all() and (lacks[first] * lacks[other] == 8).all()
     return bool(same.all() and halves)
 
 

@@ -1,4 +1,4 @@
-"""Facets and edges of a triangle mesh: what rays are mirrored at, and what they bend around.
+"""Facets and edges of a triangle mesh, for specular reflection and for diffraction.
 
 A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other share one
 image. Planes are found by `wireless.geometry.tolerance`; `wireless.geometry.overlapping_faces` decides what is met
@@ -61,15 +61,15 @@ class Surfaces(NamedTuple):
     facet_normal: Float[np.ndarray, "f 3"]
     """Unit normal of each facet, of either side."""
     plane: Float[np.ndarray, "f 4"]
-    """The same normals, and the levels of the planes."""
+    """Plane of each facet: its normal, and the level along it."""
     facet_off_m: Float[np.ndarray, " f"]
     """How far the corner that deviates most is off each facet's plane [m]."""
     near_m: float
-    """What is closer than this touches: rounding, and twice what corners are off their planes and lines [m]."""
+    """Tolerance of contact [m]: rounding, and twice the distance of corners from their planes and lines."""
     tolerance_m: float
     """Corners closer to a plane or line than this are in it [m]."""
     facet_face: Int[np.ndarray, " f"]
-    """One mesh face of each facet."""
+    """A mesh face of each facet."""
     edge: Float[np.ndarray, "e 2 3"]
     """Ends of edges [m]."""
     edge_wedge: Float[np.ndarray, "e 3 3"]
@@ -170,7 +170,7 @@ def is_floor_plan(surfaces: Surfaces, slabs: Bool[np.ndarray, " f"]) -> bool:
 
 
 def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces:
-    """The same without the edges of some facets, which are taken to go on beyond the walls."""
+    """Return surfaces without the edges of ground facets, which are taken to go on beyond the walls."""
     inner = ~ground[surfaces.edge_facets].any(axis=1)
     return surfaces._replace(
         edge=surfaces.edge[inner],
@@ -188,7 +188,7 @@ def is_wide(triangle: Triangles, least_m: float) -> Bool[np.ndarray, " t"]:
 
 
 def _with_one_sign(vectors: Points) -> Points:
-    """The same lines, each by the unit vector whose last non-zero component is positive."""
+    """Return the directions of lines, each by the unit vector whose last non-zero component is positive."""
     sign = np.ones(len(vectors))
     for axis in range(3):
         sign = np.where(np.abs(vectors[:, axis]) > ALIKE, np.sign(vectors[:, axis]), sign)
@@ -229,11 +229,11 @@ def _pieces_of_lines(
     piece = np.repeat(first, last - first) + counted(last - first)
     order = np.argsort(piece, kind="stable")
     side, piece = side[order], piece[order]
-    some, number = np.unique(piece, return_inverse=True)
+    used, number = np.unique(piece, return_inverse=True)
     pieces = _Pieces(
-        ends=base[on[some]][:, None]
-        + np.stack([at[some], at[some + 1]], axis=1)[..., None] * along[on[some]][:, None],
-        along=along[on[some]],
+        ends=base[on[used]][:, None]
+        + np.stack([at[used], at[used + 1]], axis=1)[..., None] * along[on[used]][:, None],
+        along=along[on[used]],
         piece=number,
         facet=facet[side // 3],
         inward=inward[side],
@@ -298,7 +298,7 @@ def _holding(
     tree: Tree, points: Points, along: Points, near_m: float
 ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
     """Triangles that points lie in, off sides along their lines: where those of each begin, and the triangles."""
-    start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
+    start, triangles, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
     stack = np.empty(64, np.int64)
     for n in range(len(points)):
         p, stack[0] = points[n], 0
@@ -318,10 +318,10 @@ def _holding(
                     least = min(least, into)
                 if abs(off) >= near_m or least <= 0:
                     continue
-                if count == len(found):
-                    found = np.concatenate((found, found))
-                found[count] = tree.number[t]
+                if count == len(triangles):
+                    triangles = np.concatenate((triangles, triangles))
+                triangles[count] = tree.number[t]
                 count += 1
             first, last, depth = leaf_around(tree, p, near_m, stack, depth)
         start[n + 1] = count
-    return start, found[:count]
+    return start, triangles[:count]

@@ -32,12 +32,12 @@ class Views(NamedTuple):
 
 
 @compiled
-def new_views(n: int, most: int) -> Views:
-    """Room for views of chains of up to `most` facets."""
+def new_views(n: int, max_order: int) -> Views:
+    """Room for views of chains of up to `max_order` facets."""
     return Views(
         np.zeros(n, np.int64),
-        np.zeros((n, most), np.int64),
-        np.zeros((n, most + 1, 3)),
+        np.zeros((n, max_order), np.int64),
+        np.zeros((n, max_order + 1, 3)),
         np.zeros((n, MAX_CORNERS, 3)),
         np.zeros(n, np.int64),
     )
@@ -45,7 +45,7 @@ def new_views(n: int, most: int) -> Views:
 
 @compiled
 def _twice(views: Views) -> Views:
-    """The same with twice as much room."""
+    """Return a copy with twice as much room."""
     return Views(
         np.concatenate((views.order, views.order)),
         np.concatenate((views.chain, views.chain)),
@@ -127,7 +127,7 @@ def add_next_views(
     count: int,
     occluding: bool,
     plane: Planes,
-    found: Int[np.ndarray, " p"],
+    patches: Int[np.ndarray, " p"],
     piece: Float[np.ndarray, "s k 3"],
 ) -> tuple[Views, int]:
     """Append the views of the next order that a view opens; all views and their number."""
@@ -135,14 +135,14 @@ def add_next_views(
     n_planes = cone_of(windows, views, v, plane)
     apex, behind = views.image[v, order].copy(), np.zeros(4)
     # A view of its own: what it opens may take its place.
-    own = new_views(1, views.chain.shape[1])
-    own.order[0], own.chain[0], own.image[0] = order, views.chain[v], views.image[v]
+    parent = new_views(1, views.chain.shape[1])
+    parent.order[0], parent.chain[0], parent.image[0] = order, views.chain[v], views.image[v]
     if order > 0:
         behind[:] = plane[n_planes - 1]
-    for h in range(things_within(space.patch_boxes, plane, n_planes, found)):
+    for h in range(things_within(space.patch_boxes, plane, n_planes, patches)):
         if count == len(views.order):
             views = _twice(views)
-        if not open_view(windows, own, 0, found[h], views, count, plane, n_planes, piece[0]):
+        if not open_view(windows, parent, 0, patches[h], views, count, plane, n_planes, piece[0]):
             continue
         if occluding and not may_see(
             space.tree, space.walls, apex, behind, views.window[count], views.corners[count], piece
@@ -157,10 +157,10 @@ def all_views(space: Space, source: Point, max_order: int, occluding: bool) -> t
     """Views of a point over up to max_order facets, by order, and their number."""
     views, count = new_views(64, max_order), 1
     views.image[0, 0] = source
-    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.patch_facet), np.int64)
+    plane, patches = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.patch_facet), np.int64)
     piece = np.empty((PIECES, MAX_CORNERS, 3))
     now = 0
     while now < count and views.order[now] < max_order:
-        views, count = add_next_views(space, views, now, count, occluding, plane, found, piece)
+        views, count = add_next_views(space, views, now, count, occluding, plane, patches, piece)
         now += 1
     return views, count

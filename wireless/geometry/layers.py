@@ -5,8 +5,8 @@ A layer is a storey, or a slab with its openings (`wireless.geometry.stack`). Ea
 level face is between a triangle and one of the next layer, what both cover is a piece of an opening, through which
 views go on. Edges of level faces, such as rims of slabs, are sides of triangles too.
 
-Only rooms count: what has a floor or a ceiling in a storey, and all that openings join to it. A scene whose rooms are
-not closed but for their openings is no stack.
+Only rooms count: regions with a floor or a ceiling in a storey, and all that openings join to them. A scene whose rooms
+are not closed but for their openings is no stack.
 """
 
 from typing import NamedTuple
@@ -47,7 +47,7 @@ class Openings(NamedTuple):
     corner: Float[np.ndarray, "q k 2"]
     """Corners of each piece, counter-clockwise [m]; zeros beyond the last."""
     most_corners: int
-    """Most corners of a window: those of the pieces that were passed, and two of a sector at each."""
+    """Most corners of a window: corners of the pieces that were passed, and two of a sector at each."""
 
 
 class Outline(NamedTuple):
@@ -66,7 +66,7 @@ class Outline(NamedTuple):
     edge_gap_rad: Float[np.ndarray, " e"]
     """Open angle of each."""
     edge_walls: Int[np.ndarray, "e 2"]
-    """Number of 0-face and n-face among the setting's walls; those of rims follow those of the plan."""
+    """Number of 0-face and n-face among the setting's walls; rims follow the edges of the plan."""
 
 
 class Layers(NamedTuple):
@@ -87,7 +87,7 @@ class Layers(NamedTuple):
     """Walls and edges."""
 
 
-def make_outline(plan: Plan, rims: Surfaces | None, some: Int[np.ndarray, " k"]) -> Outline:
+def make_outline(plan: Plan, rims: Surfaces | None, edges: Int[np.ndarray, " k"]) -> Outline:
     """Walls and corners of a plan, and some edges of surfaces as rims."""
     n_corners, along = len(plan.corner_vertex), plan.corner_along
     point, wedge = np.zeros((n_corners, 3)), np.zeros((n_corners, 3, 3))
@@ -95,12 +95,12 @@ def make_outline(plan: Plan, rims: Surfaces | None, some: Int[np.ndarray, " k"])
     wedge[:, 1, :2], wedge[:, 2, 0], wedge[:, 2, 1] = along, -along[:, 1], along[:, 0]
     gap_rad, walls = plan.corner_gap_rad, plan.corner_walls
     if rims is not None:
-        point = np.concatenate([point, rims.edge[some, 0]])
+        point = np.concatenate([point, rims.edge[edges, 0]])
         wedge, gap_rad = (
-            np.concatenate([wedge, rims.edge_wedge[some]]),
-            np.append(gap_rad, rims.edge_gap_rad[some]),
+            np.concatenate([wedge, rims.edge_wedge[edges]]),
+            np.append(gap_rad, rims.edge_gap_rad[edges]),
         )
-        walls = np.concatenate([walls, len(plan.wall_along) + np.arange(2 * len(some)).reshape(-1, 2)])
+        walls = np.concatenate([walls, len(plan.wall_along) + np.arange(2 * len(edges)).reshape(-1, 2)])
     return Outline(plan.wall_point, plan.wall_along, n_corners, point, wedge, gap_rad, walls)
 
 
@@ -131,7 +131,7 @@ class Stacked(NamedTuple):
 
     layers: Layers
     face: Int[np.ndarray, " n"]
-    """One mesh face of each wall of the plan, then of each face of each rim."""
+    """A mesh face of each wall of the plan, then of each face of each rim."""
     room: Bool[np.ndarray, " t"]
     """Whether each triangle is in a room."""
     sealed: bool
@@ -153,7 +153,7 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
     layer_of = sorted(made)
     plans = [made[layer] for layer in layer_of]
     plan = _side_by_side(plans)
-    tri_layer = np.repeat(layer_of, [len(one.tri_vertex) for one in plans])
+    tri_layer = np.repeat(layer_of, [len(layer_plan.tri_vertex) for layer_plan in plans])
     triangle = shapely.polygons(plan.vertex[plan.tri_vertex])
     region = regions(plan)
     outer = np.unique(region[(plan.tri_next < 0).any(axis=1)])
@@ -203,16 +203,18 @@ def _facing(
     before = surfaces.edge[rims].mean(axis=1) + _ASIDE_M * out
     layer = np.searchsorted(level_m, before[:, 2]) - 1
     rim, t = shapely.STRtree(triangle).query(shapely.points(before[:, :2]), predicate="intersects")
-    found = np.zeros(len(rims), bool)
-    found[rim[room[t] & (tri_layer[t] == layer[rim])]] = True
-    return found
+    is_inside = np.zeros(len(rims), bool)
+    is_inside[rim[room[t] & (tri_layer[t] == layer[rim])]] = True
+    return is_inside
 
 
 def _outlines(flat: shapely.Geometry) -> Float[np.ndarray, "n 2 2"]:
     """Segments around polygons."""
     rings = shapely.get_rings(shapely.get_parts(flat))
     parts = [shapely.get_coordinates(ring) for ring in rings]
-    return np.concatenate([np.empty((0, 2, 2)), *(np.stack([one[:-1], one[1:]], axis=1) for one in parts)])
+    return np.concatenate(
+        [np.empty((0, 2, 2)), *(np.stack([outline[:-1], outline[1:]], axis=1) for outline in parts)]
+    )
 
 
 def _inner_sides(plan: Plan) -> Float[np.ndarray, "n 2 2"]:
@@ -238,10 +240,10 @@ def _seams(
 
 def _side_by_side(plans: list[Plan]) -> Plan:
     """Several plans as one, none of whose triangles touch those of another."""
-    walls = np.cumsum([0, *(len(one.wall_along) for one in plans)])
-    points = np.cumsum([0, *(len(one.vertex) for one in plans)])
-    triangles = np.cumsum([0, *(len(one.tri_vertex) for one in plans)])
-    corners = np.cumsum([0, *(len(one.corner_vertex) for one in plans)])
+    walls = np.cumsum([0, *(len(plan.wall_along) for plan in plans)])
+    points = np.cumsum([0, *(len(plan.vertex) for plan in plans)])
+    triangles = np.cumsum([0, *(len(plan.tri_vertex) for plan in plans)])
+    corners = np.cumsum([0, *(len(plan.corner_vertex) for plan in plans)])
     by = {
         "tri_vertex": points,
         "corner_vertex": points,
@@ -252,11 +254,11 @@ def _side_by_side(plans: list[Plan]) -> Plan:
     }
     joined = {}
     for name in Plan._fields[1:]:
-        parts = [getattr(one, name) for one in plans]
+        parts = [getattr(plan, name) for plan in plans]
         if name in by:
             parts = [
-                np.where(part >= 0, part + first, -1)
-                for part, first in zip(parts, by[name][:-1], strict=True)
+                np.where(column >= 0, column + first, -1)
+                for column, first in zip(parts, by[name][:-1], strict=True)
             ]
         joined[name] = np.concatenate(parts)
     return Plan(origin=plans[0].origin, **joined)
@@ -274,13 +276,13 @@ def _covered(
     for level, area in enumerate(flat):
         shapely.prepare(area)
         for side in range(2):
-            own = inner & (tri_layer == level - side)
-            covered[own, side] = shapely.contains_xy(area, *middle[own].T)
+            here = inner & (tri_layer == level - side)
+            covered[here, side] = shapely.contains_xy(area, *middle[here].T)
     return covered
 
 
 class _Pieces(NamedTuple):
-    """What triangles of two layers have in common."""
+    """Intersections of triangles of two layers."""
 
     below: Int[np.ndarray, " q"]
     """Triangle of the lower layer."""
@@ -307,14 +309,15 @@ def _pieces(
         high = np.flatnonzero(open_below & (tri_layer == layer + 1))
         if len(low) and len(high):
             boxes = [
-                shapely.box(*corner[own].min(axis=1).T, *corner[own].max(axis=1).T) for own in (low, high)
+                shapely.box(*corner[triangles].min(axis=1).T, *corner[triangles].max(axis=1).T)
+                for triangles in (low, high)
             ]
-            one, other = shapely.STRtree(boxes[1]).query(boxes[0])
-            below.append(low[one])
+            lower, other = shapely.STRtree(boxes[1]).query(boxes[0])
+            below.append(low[lower])
             above.append(high[other])
     first, second = np.concatenate(below), np.concatenate(above)
-    found = _Pieces(first, second, *in_common(corner[first], corner[second]))
-    return _Pieces(*(column[found.area > _NOTHING_M2] for column in found))
+    pieces = _Pieces(first, second, *in_common(corner[first], corner[second]))
+    return _Pieces(*(column[pieces.area > _NOTHING_M2] for column in pieces))
 
 
 def _floored(
@@ -325,10 +328,10 @@ def _floored(
 ) -> Bool[np.ndarray, " t"]:
     """Triangles of those regions of storeys that have a floor, or a ceiling, over half of them or more."""
     whole = np.bincount(region, area)
-    found = np.zeros(len(whole), bool)
+    has_floor = np.zeros(len(whole), bool)
     for side in range(2):
-        found |= np.bincount(region, area * (covered[:, side] & storey)) > whole / 2
-    return found[region]
+        has_floor |= np.bincount(region, area * (covered[:, side] & storey)) > whole / 2
+    return has_floor[region]
 
 
 def _rooms(
@@ -370,12 +373,12 @@ def _by_triangle(n: int, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray, np.nd
     order = np.argsort(key, kind="stable")
     start = np.searchsorted(key[order], np.arange(2 * n + 1))
     behind = np.concatenate([pieces.above, pieces.below])[order]
-    most = pieces.corners.max(initial=3)
+    n_max = pieces.corners.max(initial=3)
     return (
         start,
         behind,
         np.tile(pieces.corners, 2)[order],
-        np.tile(pieces.corner[:, :most], (2, 1, 1))[order],
+        np.tile(pieces.corner[:, :n_max], (2, 1, 1))[order],
     )
 
 
@@ -387,9 +390,9 @@ def _sides_on(
     snap_m: float,
 ) -> Int[np.ndarray, "t 3 2"]:
     """The rim, by its number among edges, that each side of each triangle is a part of, at either end of its layer."""
-    found = np.full((*plan.tri_vertex.shape, 2), -1, np.int64)
+    rim_of = np.full((*plan.tri_vertex.shape, 2), -1, np.int64)
     if not len(rim):
-        return found
+        return rim_of
     tree = shapely.STRtree(shapely.linestrings(rim[:, :, :2]))
     for i in range(3):
         ends = plan.vertex[plan.tri_vertex[:, [(i + 1) % 3, (i + 2) % 3]]]
@@ -400,8 +403,8 @@ def _sides_on(
             t, e, line = t[near], e[near], line[near]
         for side in range(2):
             here = np.abs(level_m[tri_layer[t] + side] - rim[e, 0, 2]) < snap_m
-            found[t[here], i, side] = len(plan.corner_vertex) + e[here]
-    return found
+            rim_of[t[here], i, side] = len(plan.corner_vertex) + e[here]
+    return rim_of
 
 
 def _sealed(

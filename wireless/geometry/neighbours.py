@@ -26,18 +26,18 @@ class Neighbours(NamedTuple):
     other: Int[np.ndarray, " m"]
     """Neighbours."""
 
-    def of(self, some: Int[np.ndarray, " k"]) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
+    def of(self, things: Int[np.ndarray, " k"]) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
         """All neighbours of some things: which of the some, and the neighbour."""
-        return gathered(self.start, self.other, some)
+        return gathered(self.start, self.other, things)
 
 
 def gathered(
-    start: Int[np.ndarray, " n1"], member: Int[np.ndarray, " m"], some: Int[np.ndarray, " k"]
+    start: Int[np.ndarray, " n1"], member: Int[np.ndarray, " m"], groups: Int[np.ndarray, " k"]
 ) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
     """Members of some groups, of which it is given where each begins: which of the some, and the member."""
-    count = start[some + 1] - start[some]
-    row = np.repeat(np.arange(len(some)), count)
-    return row, member[start[some[row]] + counted(count)]
+    count = start[groups + 1] - start[groups]
+    row = np.repeat(np.arange(len(groups)), count)
+    return row, member[start[groups[row]] + counted(count)]
 
 
 def patch_neighbours(space: Space) -> Neighbours:

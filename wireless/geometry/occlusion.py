@@ -21,7 +21,7 @@ from wireless.geometry.tolerance import NEAR_M
 FREE, TOUCHED, HIDDEN = 0, 1, 2
 #: Walls that are passed closer to each other than this [m] are one.
 SAME_M = 1e-6
-#: One over the part of a segment along an axis that it is at right angles to.
+#: Inverse of the extent of a segment along an axis that it is at right angles to.
 _STEEP = 1e300
 
 
@@ -35,7 +35,7 @@ class Tree(NamedTuple):
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first triangle, and the number of triangles."""
     number: Int[np.ndarray, " t"]
-    """What number each triangle had before it was sorted into the tree."""
+    """Number of each triangle before it was sorted into the tree."""
     triangle: Float[np.ndarray, "t 3 3"]
     """Corners of triangles, in the tree's order [m]."""
     normal: Float[np.ndarray, "t 3"]
@@ -45,7 +45,7 @@ class Tree(NamedTuple):
     inward: Float[np.ndarray, "t 3 3"]
     """Unit vectors in the plane, into the triangle from each side (corner k to k + 1)."""
     near_m: float
-    """What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it."""
+    """Tolerance [m]: a segment that passes a triangle by less is occluded; a point nearer to its plane is on it."""
 
 
 def inward_of(triangle: Triangles, normal: Float[np.ndarray, "t 3"]) -> Triangles:
@@ -67,7 +67,7 @@ def make_tree(
     Args:
         triangle: Corners [m].
         plane: Unit normal and level of the plane that each is taken to lie in; None for its own.
-        near_m: What is closer than this touches.
+        near_m: Tolerance of contact.
     """
     if plane is None:
         normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
@@ -101,10 +101,10 @@ def leaf_around(
         for i in range(3):
             inside = inside and tree.low[box, i] - slack_m <= p[i] <= tree.high[box, i] + slack_m
         if inside:
-            one, other = tree.child[box, 0], tree.child[box, 1]
-            if one < 0:
-                return -1 - one, -1 - one + other, depth
-            stack[depth], stack[depth + 1] = one, other
+            left, other = tree.child[box, 0], tree.child[box, 1]
+            if left < 0:
+                return -1 - left, -1 - left + other, depth
+            stack[depth], stack[depth + 1] = left, other
             depth += 2
     return 0, 0, -1
 
@@ -125,7 +125,7 @@ def depth_in(triangle: Triangles, inward: Triangles, t: int, x: float, y: float,
 
 @compiled
 def _inverse(step: float) -> float:
-    """One over a step; a segment in a plane of a box is either between its sides or far out of it."""
+    """Return the inverse of a step; a segment in a plane of a box is either between its sides or far out of it."""
     return 1 / step if step != 0 else _STEEP
 
 
@@ -162,12 +162,12 @@ def _met(tree: Tree, point: Points, legs: int, deep_m: float) -> tuple[int, bool
             box = stack[depth]
             if not _meets_box(low, high, box, start, inverse):
                 continue
-            one, other = child[box, 0], child[box, 1]
-            if one >= 0:
-                stack[depth], stack[depth + 1] = one, other
+            left, other = child[box, 0], child[box, 1]
+            if left >= 0:
+                stack[depth], stack[depth + 1] = left, other
                 depth += 2
                 continue
-            for t in range(-1 - one, -1 - one + other):
+            for t in range(-1 - left, -1 - left + other):
                 dp = normal[t, 0] * px + normal[t, 1] * py + normal[t, 2] * pz - level[t]
                 dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
                 if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
@@ -191,7 +191,7 @@ def find_blocker(tree: Tree, p: Point, q: Point) -> int:
 
 @compiled
 def sight_along(tree: Tree, point: Points, legs: int) -> int:
-    """What so many legs from point to point are: `HIDDEN` if one is, `TOUCHED` if one only meets sides, or `FREE`."""
+    """Line of sight along legs: `HIDDEN` if a leg is, `TOUCHED` if a leg only meets sides, or `FREE`."""
     t, touched = _met(tree, point, legs, tree.near_m)
     return HIDDEN if t >= 0 else TOUCHED if touched else FREE
 
@@ -237,7 +237,7 @@ def walls_between(
     p: Point,
     q: Point,
     passes: Bool[np.ndarray, " t"],
-    most: int,
+    max_walls: int,
     share: Float[np.ndarray, " k"],
     which: Int[np.ndarray, " k"],
 ) -> int:
@@ -261,12 +261,12 @@ def walls_between(
         box = stack[depth]
         if not _meets_box(low, high, box, start, inverse):
             continue
-        one, other = child[box, 0], child[box, 1]
-        if one >= 0:
-            stack[depth], stack[depth + 1] = one, other
+        left, other = child[box, 0], child[box, 1]
+        if left >= 0:
+            stack[depth], stack[depth + 1] = left, other
             depth += 2
             continue
-        for t in range(-1 - one, -1 - one + other):
+        for t in range(-1 - left, -1 - left + other):
             dp = normal[t, 0] * px + normal[t, 1] * py + normal[t, 2] * pz - level[t]
             dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
             if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
@@ -281,7 +281,7 @@ def walls_between(
                 known = known or abs(share[j] - f) * length < same_m
             if known:
                 continue
-            if count == most:
+            if count == max_walls:
                 return -1
             while place > 0 and share[place - 1] > f:
                 share[place], which[place] = share[place - 1], which[place - 1]

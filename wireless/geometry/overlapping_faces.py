@@ -33,21 +33,21 @@ def without_overlaps(
     parts, source = [triangle], [np.arange(len(triangle))]
     visible = np.ones(len(triangle), bool)
     for g in np.flatnonzero(high > low):
-        own = np.flatnonzero(plane == g)
-        base, axes = triangle[own[0], 0], axes_in(normal[g])
-        flat = shapely.polygons((triangle[own] - base) @ axes.T)
-        for one in np.unique(material[own])[1:]:
-            some = material[own] == one
-            cover = shapely.union_all(flat[material[own] < one])
-            hidden = np.zeros(len(own), bool)
-            hidden[some] = _is_wide(shapely.intersection(flat[some], cover), tolerance_m)
-            visible[own[hidden]] = False
+        members = np.flatnonzero(plane == g)
+        base, axes = triangle[members[0], 0], axes_in(normal[g])
+        flat = shapely.polygons((triangle[members] - base) @ axes.T)
+        for sheet in np.unique(material[members])[1:]:
+            in_sheet = material[members] == sheet
+            cover = shapely.union_all(flat[material[members] < sheet])
+            hidden = np.zeros(len(members), bool)
+            hidden[in_sheet] = _is_wide(shapely.intersection(flat[in_sheet], cover), tolerance_m)
+            visible[members[hidden]] = False
             rest, which = shapely.get_parts(shapely.difference(flat[hidden], cover), return_index=True)
             wide = _is_wide(rest, tolerance_m)
             cut, of = shapely.get_parts(shapely.constrained_delaunay_triangles(rest[wide]), return_index=True)
             corners = shapely.get_coordinates(cut).reshape(-1, 4, 2)[:, :3]
             parts.append(base + corners @ axes)
-            source.append(own[hidden][which[wide][of]])
+            source.append(members[hidden][which[wide][of]])
     parts[0], source[0] = triangle[visible], source[0][visible]
     return np.concatenate(parts), np.concatenate(source)
 

@@ -57,16 +57,16 @@ def find_patches(surfaces: Surfaces) -> Patches:
     for facet, (first, last) in enumerate(
         zip(surfaces.facet_start[:-1], surfaces.facet_start[1:], strict=True)
     ):
-        own = surfaces.triangle[first:last]
-        alone = [(own[0], np.zeros(1, int), True)]
+        group = surfaces.triangle[first:last]
+        alone = [(group[0], np.zeros(1, int), True)]
         plane = surfaces.facet_point[facet], surfaces.facet_normal[facet]
-        parts = alone if len(own) == 1 else _parts(own, *plane, crack_m)
+        parts = alone if len(group) == 1 else _parts(group, *plane, crack_m)
         for window, which, filled in parts:
             windows.append(window)
             members.append(first + which)
             facets.append(facet)
             wall_of[first + which] = len(walls) + (0 if filled else np.arange(len(which)))
-            walls += [window] if filled else list(own[which])
+            walls += [window] if filled else list(group[which])
     window, corners = _padded(windows)
     if crack_m:
         window = _wider(window, corners, surfaces.facet_normal[facets], 2 * crack_m)
@@ -114,10 +114,10 @@ def _parts(
     if crack_m:
         flat = shapely.buffer(flat, crack_m / 2, join_style="mitre")
     parts = shapely.get_parts(shapely.union_all(flat))
-    part = shapely.STRtree(parts).nearest(shapely.centroid(flat))
-    found: list[tuple[np.ndarray, np.ndarray, bool]] = []
+    component = shapely.STRtree(parts).nearest(shapely.centroid(flat))
+    components: list[tuple[np.ndarray, np.ndarray, bool]] = []
     for i, whole in enumerate(parts):
-        which, hull = np.flatnonzero(part == i), whole.convex_hull
+        which, hull = np.flatnonzero(component == i), whole.convex_hull
         if not len(which):
             continue
         outline = hull.simplify(max(_STRAIGHT_M, crack_m / 2))
@@ -125,5 +125,5 @@ def _parts(
         filled &= not crack_m or hull.difference(whole).buffer(-crack_m / 2).is_empty
         if not 3 <= len(outline.exterior.coords) - 1 <= PATCH_CORNERS:
             outline, filled = hull.oriented_envelope, False
-        found.append((base + shapely.get_coordinates(outline)[:-1] @ axes, which, bool(filled)))
-    return found
+        components.append((base + shapely.get_coordinates(outline)[:-1] @ axes, which, bool(filled)))
+    return components

@@ -113,7 +113,7 @@ def make_plan(
 
 
 def regions(plan: Plan) -> Int[np.ndarray, " t"]:
-    """Number of each triangle's region: what is joined without passing a wall."""
+    """Number of each triangle's region: triangles joined without passing a wall."""
     t, i = np.nonzero((plan.tri_wall < 0) & (plan.tri_next >= 0))
     n = len(plan.tri_vertex)
     links = coo_array((np.ones(len(t), bool), (t, plan.tri_next[t, i])), shape=(n, n))

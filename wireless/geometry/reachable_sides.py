@@ -50,8 +50,8 @@ class Backs:
 
     def seen_from(self, point: Point) -> Int[np.ndarray, " p"]:
         """Sides of patches that may be reached from a point: 1 for that of the normal, -1 for the other, 0 for both."""
-        some, which = np.unique(self._surface[self._known], return_inverse=True)
-        inside, on = self._sides.inside(np.tile(point, (len(some), 1)), some)
+        surfaces, which = np.unique(self._surface[self._known], return_inverse=True)
+        inside, on = self._sides.inside(np.tile(point, (len(surfaces), 1)), surfaces)
         seen = np.zeros(len(self._known), np.int64)
         seen[self._known] = np.where(on[which], 0, np.where(inside[which] == self._front[self._known], 1, -1))
         return seen
@@ -114,11 +114,11 @@ def _enters(
             for e in range(2):
                 depth[e] += across * (ends[e, i] - a[i])
         depth *= np.sign(inner) / np.sqrt(size)
-        one, other = depth[0] - near_m, depth[1] - near_m
-        if one < 0 and other < 0:
+        start, other = depth[0] - near_m, depth[1] - near_m
+        if start < 0 and other < 0:
             return False
-        if one < 0:
-            first = max(first, one / (one - other))
+        if start < 0:
+            first = max(first, start / (start - other))
         elif other < 0:
-            last = min(last, one / (one - other))
+            last = min(last, start / (start - other))
     return first < last

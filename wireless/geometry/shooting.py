@@ -44,7 +44,7 @@ _AT_ONCE = 400_000
 
 
 class Sightings(NamedTuple):
-    """What a point sees over chains of patches."""
+    """Chains of patches over which rays from a point arrive."""
 
     chains: tuple[Int[np.ndarray, "_ _"], ...]
     """Chains of two patches, of three, and so on, in rising order; without doubles."""
@@ -55,7 +55,7 @@ class Sightings(NamedTuple):
 
 
 class Bent(NamedTuple):
-    """What rays meet behind edges."""
+    """Chains of patches that diffracted rays meet behind edges."""
 
     sight: Int[np.ndarray, " b"]
     """Which of the edges that were given."""
@@ -64,12 +64,12 @@ class Bent(NamedTuple):
 
 
 class _Met(NamedTuple):
-    """What rays meet, a row for each patch of each ray."""
+    """Patches that rays meet, a row for each patch of each ray."""
 
     ray: Int[np.ndarray, " m"]
     """Which ray."""
     patch: Int[np.ndarray, " m"]
-    """What it meets."""
+    """Patch that it meets."""
     at: Float[np.ndarray, "m 3"]
     """Where [m]."""
     normal: Float[np.ndarray, "m 3"]
@@ -97,17 +97,17 @@ class Shooter:
 
     def shoot(self, point: Point, rays: int, reflections: int, edge_reflections: int) -> Sightings:
         """Chains that rays from a point find."""
-        most = max(reflections, edge_reflections)
-        met: list[list[np.ndarray]] = [[] for _ in range(most + 1)]
+        max_order = max(reflections, edge_reflections)
+        met: list[list[np.ndarray]] = [[] for _ in range(max_order + 1)]
         every = directions(rays)
         for first in range(0, rays, _AT_ONCE):
             direction = every[first : first + _AT_ONCE]
             start = np.tile(point, (len(direction), 1))
             for order, (_, chain) in enumerate(
-                self._followed(start, direction, np.zeros(len(direction), np.int64), most)
+                self._followed(start, direction, np.zeros(len(direction), np.int64), max_order)
             ):
                 met[order].append(chain)
-        chains = [_together(some, order + 1) for order, some in enumerate(met)]
+        chains = [_together(lots, order + 1) for order, lots in enumerate(met)]
         mirrors = self._space.mirrors[self._space.patch_facet]
         edges = [self._edges(chain) for chain in chains[1 : edge_reflections + 1]]
         over = np.full((sum(len(edge) for edge, _ in edges), max(edge_reflections, 1)), -1, np.int64)
@@ -148,9 +148,9 @@ class Shooter:
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         fills = np.arctan2(length - z, distance) - np.arctan2(-z, distance)
         count = np.where(distance > NEAR_M, np.ceil(rays * fills / EDGE_RAD), 0).astype(np.int64)
-        found: list[list[np.ndarray]] = [[] for _ in range(reflections)]
-        part = np.cumsum(count) // _AT_ONCE
-        for which in np.split(np.arange(len(edge)), np.flatnonzero(np.diff(part)) + 1):
+        chains: list[list[np.ndarray]] = [[] for _ in range(reflections)]
+        batch = np.cumsum(count) // _AT_ONCE
+        for which in np.split(np.arange(len(edge)), np.flatnonzero(np.diff(batch)) + 1):
             # Points of edges first: most edges of a full room are hidden.
             points = -(-count[which] // _TURNS)
             sight, k = np.repeat(which, points), counted(points)
@@ -177,15 +177,15 @@ class Shooter:
                 rows = np.column_stack([origin, chain])[
                     self._space.mirrors[self._space.patch_facet[chain[:, -1]]]
                 ]
-                found[order].append(rows)
-        joined = [np.concatenate(some) for some in found]
+                chains[order].append(rows)
+        joined = [np.concatenate(lots) for lots in chains]
         return tuple(Bent(rows[:, 0], rows[:, 1:]) for rows in joined)
 
     def _followed(
         self, start: Points, direction: Points, owner: Int[np.ndarray, " n"], reflections: int
     ) -> list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, "c m"]]]:
         """Owners and chains of what rays meet, of one patch, of two, up to one more than they are mirrored."""
-        # None comes twice.
+        # No row comes twice.
         n_patches = len(self._space.patch_facet)
         chain = np.empty((int(owner.max(initial=-1)) + 1, 0), np.int64)
         node, of_node = owner, np.arange(len(chain))
@@ -208,10 +208,10 @@ class Shooter:
         return result
 
     def _met(self, start: Points, direction: Points, left: Int[np.ndarray, " n"]) -> "_Met":
-        """What rays meet, and beyond what they pass, each with so many walls left to pass."""
-        found: list[_Met] = []
+        """Return the patches that rays meet, also behind walls that they pass, each with a number of walls left."""
+        hits: list[_Met] = []
         ray = np.arange(len(start))
-        while len(ray) or not found:
+        while len(ray) or not hits:
             triangle = self._scene.run(start.astype(np.float32), direction[ray].astype(np.float32))
             met = triangle >= 0
             ray, left, patch = ray[met], left[met], self._patch[triangle[met]]
@@ -219,11 +219,11 @@ class Shooter:
             slope[np.abs(slope) < 1e-9] = 0
             back = np.divide(off, slope, out=np.zeros_like(off), where=slope != 0)
             at = start[met] - back[:, None] * direction[ray]
-            found.append(_Met(ray, patch, at, normal, slope, left))
+            hits.append(_Met(ray, patch, at, normal, slope, left))
             on = self._space.passes[self._space.patch_facet[patch]] & (left > 0) & (slope != 0)
             start = at[on] + (_LIFT_M * np.sign(slope[on]))[:, None] * normal[on]
             ray, left = ray[on], left[on] - 1
-        return found[0] if len(found) == 1 else _Met(*map(np.concatenate, zip(*found, strict=True)))
+        return hits[0] if len(hits) == 1 else _Met(*map(np.concatenate, zip(*hits, strict=True)))
 
     def _planes(
         self, patch: Int[np.ndarray, " n"], start: Points, direction: Points
@@ -291,8 +291,8 @@ def edges_of_patches(space: Space) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarr
     return np.searchsorted(of, np.arange(n_patches + 1)), edges
 
 
-def _together(some: list[Int[np.ndarray, "_ _"]], length: int) -> Int[np.ndarray, "c m"]:
+def _together(lots: list[Int[np.ndarray, "_ _"]], length: int) -> Int[np.ndarray, "c m"]:
     """Chains of one length from several lots, each sorted and without doubles, as one such."""
-    if len(some) == 1:
-        return some[0]
-    return np.unique(np.concatenate([np.empty((0, length), np.int64), *some]), axis=0)
+    if len(lots) == 1:
+        return lots[0]
+    return np.unique(np.concatenate([np.empty((0, length), np.int64), *lots]), axis=0)

@@ -1,4 +1,4 @@
-"""Triangles in space made ready for tracing: what reflects, what hides and what diffracts, sorted into boxes."""
+"""Triangles in space for tracing: facets that reflect, triangles that occlude and edges that diffract, in boxes."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class Panes(NamedTuple):
 
 
 class Windows(NamedTuple):
-    """What views are opened by."""
+    """Windows that views are opened by."""
 
     plane: Float[np.ndarray, "p 4"]
     """Unit normal and level of each patch."""
@@ -40,11 +40,11 @@ class Windows(NamedTuple):
     corners: Int[np.ndarray, " p"]
     """Their number."""
     near_m: float
-    """What is closer than this touches."""
+    """Tolerance of contact [m]."""
 
 
 class Ground(NamedTuple):
-    """What paths are laid out over."""
+    """Facets and edges that paths are laid out over."""
 
     plane: Float[np.ndarray, "p 4"]
     """Unit normal and level of each patch."""
@@ -67,7 +67,7 @@ class Ground(NamedTuple):
     edge_facets: Int[np.ndarray, "e 2"]
     """Facets of 0-face and n-face."""
     near_m: float
-    """What is closer than this touches."""
+    """Tolerance of contact [m]."""
 
 
 class Space(NamedTuple):
@@ -76,13 +76,13 @@ class Space(NamedTuple):
     surfaces: Surfaces
     """Facets and edges, around an origin of their own."""
     ground: Ground
-    """What paths are laid out over."""
+    """Facets and edges that paths are laid out over."""
     windows: Windows
-    """What views are opened by."""
+    """Windows that views are opened by."""
     panes: Panes
     """Planes and boxes of patches."""
     tree: Tree
-    """What hides."""
+    """Triangles that occlude."""
     tree_patch: Int[np.ndarray, " t"]
     """Patch of each triangle, in the tree's order."""
     tree_passes: Bool[np.ndarray, " t"]

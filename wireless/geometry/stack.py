@@ -31,9 +31,9 @@ class Stack:
     walls: tuple[Float[np.ndarray, "_ 2 2"], ...]
     """Ends (x, y) [m] of the walls of each layer, around the origin: storey, slab, storey and so on."""
     wall_face: tuple[Int[np.ndarray, " _"], ...]
-    """One mesh face of each of them."""
+    """A mesh face of each wall."""
     level: tuple[shapely.Geometry, ...]
-    """What faces cover at each height, seen from above [m]."""
+    """Area that faces cover at each height, seen from above [m]."""
 
 
 def find_stack(
@@ -72,12 +72,12 @@ def find_stack(
             walls.append(np.empty((0, 2, 2)))
             wall_face.append(np.empty(0, np.int64))
             continue
-        own, faces = triangles[here], face[here]
-        found = walls_of(own, np.asarray(face_material)[faces], float(low), float(high), snap_m)
-        if found is None:
+        members, faces = triangles[here], face[here]
+        storey_walls = walls_of(members, np.asarray(face_material)[faces], float(low), float(high), snap_m)
+        if storey_walls is None:
             return None
-        walls.append(found[0])
-        wall_face.append(faces[found[1]])
+        walls.append(storey_walls[0])
+        wall_face.append(faces[storey_walls[1]])
         triangles, face = triangles[~here], face[~here]
     if len(triangles) or not len(walls[0]):
         return None
@@ -103,14 +103,14 @@ def _cut(
         first = np.argmax(2 * alone + np.abs(sign), axis=1)
         order = (first[:, None] + np.arange(3)) % 3
         row = np.arange(len(first))[:, None]
-        own, height = triangles[across][row, order], off[across][row, order]
+        corners, height = triangles[across][row, order], off[across][row, order]
         share = height[:, :1] / (height[:, :1] - height[:, 1:])
-        cut = own[:, :1] + share[:, :, None] * (own[:, 1:] - own[:, :1])
+        cut = corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1])
         parts = np.stack(
             [
-                np.stack([own[:, 0], cut[:, 0], cut[:, 1]], axis=1),
-                np.stack([cut[:, 0], own[:, 1], own[:, 2]], axis=1),
-                np.stack([cut[:, 0], own[:, 2], cut[:, 1]], axis=1),
+                np.stack([corners[:, 0], cut[:, 0], cut[:, 1]], axis=1),
+                np.stack([cut[:, 0], corners[:, 1], corners[:, 2]], axis=1),
+                np.stack([cut[:, 0], corners[:, 2], cut[:, 1]], axis=1),
             ],
             axis=1,
         ).reshape(-1, 3, 3)

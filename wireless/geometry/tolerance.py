@@ -1,10 +1,10 @@
-"""What is one surface: the tolerance of a mesh, and the planes and lines that its triangles lie in.
+"""Coplanar surfaces: the tolerance of a mesh, and the planes and lines that its triangles lie in.
 
 Files round coordinates, mostly to 32 bits, so the triangles of one flat wall are not quite in one plane. Here is the
 only place that decides what is flat: `tolerance_of` estimates how far rounding moves corners, and triangles whose
 corners all lie within that of one plane are one surface. Its plane is fitted to all of them, each weighted by its
 area, and how far its corners are off the plane is known (`Fits.off_m`). Exact meshes have planes that are exact to
-rounding in double precision, whatever the tolerance; what is decided about paths (sight, reflection points, edges)
+rounding in double precision, whatever the tolerance; decisions about paths (sight, reflection points, edges)
 uses `NEAR_M` plus the deviation that was found, and not the tolerance.
 
 Groups grow from the largest triangle outwards, and are fitted again with each ring: a small triangle says nothing of
@@ -21,7 +21,7 @@ from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
 
-#: What double precision cannot distinguish in a building [m]: tolerance of a mesh that is exact.
+#: Resolution of double precision in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9
 #: Tolerance in steps of coordinates: rounding moves corners by up to 0.87, and planes of small triangles by more.
 _STEPS = 4
@@ -31,8 +31,8 @@ _COARSEST, _FINEST = -9, -22
 _FAR = 100.0
 #: Steps of 32-bit numbers above this move walls visibly, and merge surfaces that are apart [m].
 _MOST_STEP_M = 0.003
-#: What lies farther off a group, in lengths of it, is another one, since its plane is uncertain there. What is alone
-#: looks one length around.
+#: A triangle farther off a group, in lengths of it, is another group, since its plane is uncertain there. A single
+#: triangle looks one length around.
 _REACH = 10.0
 
 
@@ -98,7 +98,7 @@ def fit_lines(ends: Float[np.ndarray, "n 2 3"], tolerance_m: float) -> Fits:
 
 
 def exact_m(vertex: Float[np.ndarray, "*n 3"]) -> float:
-    """What double precision rounds at the size of some coordinates, but at least `NEAR_M` [m]."""
+    """Return the rounding of double precision at the size of coordinates, but at least `NEAR_M` [m]."""
     return float(NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
 
 
@@ -115,18 +115,18 @@ def _fits(corner: Float[np.ndarray, "n k 3"], axis: Points, tolerance_m: float) 
 @compiled
 def _distance(corner: Polygon, point: Point, axis: Point) -> float:
     """How far the farthest of three corners is off a plane, or of two off a line [m]."""
-    most = 0.0
+    farthest = 0.0
     for k in range(len(corner)):
         along, size = 0.0, 0.0
         for i in range(3):
             along += axis[i] * (corner[k, i] - point[i])
         if len(corner) == 3:
-            most = max(most, abs(along))
+            farthest = max(farthest, abs(along))
             continue
         for i in range(3):
             size += (corner[k, i] - point[i] - along * axis[i]) ** 2
-        most = max(most, np.sqrt(size))
-    return most
+        farthest = max(farthest, np.sqrt(size))
+    return farthest
 
 
 @compiled
@@ -148,10 +148,10 @@ def _fit(
                 centre[i] += size[m] * (corner[m, c, i] - first[i]) / k
     centre = first + centre / total
     least = np.argmin(np.abs(axis))
-    one = np.zeros(3)
-    one[(least + 1) % 3], one[(least + 2) % 3] = -axis[(least + 2) % 3], axis[(least + 1) % 3]
-    one /= np.sqrt((one**2).sum())
-    frame = np.stack((one, np.cross(axis, one), axis))
+    across = np.zeros(3)
+    across[(least + 1) % 3], across[(least + 2) % 3] = -axis[(least + 2) % 3], axis[(least + 1) % 3]
+    across /= np.sqrt((across**2).sum())
+    frame = np.stack((across, np.cross(axis, across), axis))
     product, place, sums = np.zeros((3, 3)), np.empty((k, 3)), np.empty(3)
     for m in members:
         for a in range(3):
@@ -224,10 +224,10 @@ def _collect(
                     continue
                 outside = False
                 for i in range(3):
-                    least, most = np.inf, -np.inf
+                    least, greatest = np.inf, -np.inf
                     for k in range(corner.shape[1]):
-                        least, most = min(least, corner[t, k, i]), max(most, corner[t, k, i])
-                    outside = outside or least > high[i] or most < low[i]
+                        least, greatest = min(least, corner[t, k, i]), max(greatest, corner[t, k, i])
+                    outside = outside or least > high[i] or greatest < low[i]
                 if not outside:
                     state[t], members[count] = me, t
                     count += 1
@@ -247,20 +247,20 @@ def _settle(
     near_m: float,
 ) -> tuple[int, Point, Point, float]:
     """Fit a group with its new members, without those that then are off: how many it has, and its fit."""
-    # What is left out comes last. If a member from before would be off, all new ones are left out.
+    # Members that are left out come last. If a member from before would be off, all new ones are left out.
     while count > before:
         at, to = _fit(corner, size, members[:count], axis)
-        most, near, good = 0.0, before, True
+        farthest, near, good = 0.0, before, True
         for j in range(count):
             away = _distance(corner[members[j]], at, to)
-            most = max(most, away)
+            farthest = max(farthest, away)
             if j < before:
                 good = good and away <= near_m
             elif away <= near_m:
                 members[near], members[j] = members[j], members[near]
                 near += 1
-        if most <= near_m:
-            return count, at, to, most
+        if farthest <= near_m:
+            return count, at, to, farthest
         count = near if good else before
     return before, point, axis, off
 
@@ -301,9 +301,9 @@ def _grow(
             m = _collect(corner, boxes, state, count, (low, high), (point, axis), near_m, members, m)
             if m == before:
                 continue
-            found = m
-            m, point, axis, off = _settle(corner, size, members, before, found, point, axis, off, near_m)
-            for j in range(m, found):
+            n_members = m
+            m, point, axis, off = _settle(corner, size, members, before, n_members, point, axis, off, near_m)
+            for j in range(m, n_members):
                 state[members[j]] = -2 - count
             for i in range(3):
                 low[i], high[i] = np.inf, -np.inf

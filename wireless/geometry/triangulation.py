@@ -24,7 +24,7 @@ class Triangulation:
         high_x, high_y = (max(p[axis] for p in self.points) + margin for axis in (0, 1))
         n = len(self.points)
         self.points += [(low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y)]
-        #: Of each edge (a, b), what its triangle a, b, c has on its left.
+        #: Corner c to the left of each edge (a, b), of its triangle a, b, c.
         self.third: dict[tuple[int, int], int] = {}
         self._spoke: dict[int, int] = {}  # of each point, one that it is joined to
         self._add(n, n + 1, n + 2)

@@ -111,17 +111,17 @@ def seen_slopes(eye: Eye, window: Float[np.ndarray, "w 2"], px: float, py: float
     length = np.sqrt(ux * ux + uy * uy)
     if length < NEAR_M:
         return 1.0, 0.0
-    least, most = eye.low_m / length, eye.high_m / length
+    least, steepest = eye.low_m / length, eye.high_m / length
     if eye.corners > 0:
-        own = window[eye.first : eye.first + eye.corners]
-        from_m, to_m = _chord(own, eye.x, eye.y, ux / length, uy / length)
+        corners = window[eye.first : eye.first + eye.corners]
+        from_m, to_m = _chord(corners, eye.x, eye.y, ux / length, uy / length)
         if to_m < from_m or to_m <= 0:
             return 1.0, 0.0
-        one, other = eye.rise_m / to_m, eye.rise_m / from_m if from_m > 0 else np.inf * eye.rise_m
-        least, most = max(least, min(one, other)), min(most, max(one, other))
-    if (most - least) * length < NEAR_M:  # at best where its layer ends
+        far_slope, other = eye.rise_m / to_m, eye.rise_m / from_m if from_m > 0 else np.inf * eye.rise_m
+        least, steepest = max(least, min(far_slope, other)), min(steepest, max(far_slope, other))
+    if (steepest - least) * length < NEAR_M:  # at best where its layer ends
         return 1.0, 0.0
-    return least, most
+    return least, steepest
 
 
 @compiled
@@ -188,7 +188,7 @@ def seen_part(
 
 @compiled
 def cut_side(x: float, y: float, side: Bounds, sector: Float[np.ndarray, "4"]) -> Bounds:
-    """What a sector leaves of a side that faces away from the image."""
+    """Clip a side that faces away from the image to a sector."""
     rx, ry, lx, ly = side
     if (rx - x) * (sector[1] - y) - (ry - y) * (sector[0] - x) > 0:
         rx, ry = sector[0], sector[1]
@@ -201,7 +201,7 @@ def cut_side(x: float, y: float, side: Bounds, sector: Float[np.ndarray, "4"]) -
 def cut_behind(
     x: float, y: float, tip_x: float, tip_y: float, right: bool, sector: Float[np.ndarray, "4"]
 ) -> Bounds:
-    """What a sector leaves of the right or left one of the sides at the tip opposite to the side that it came by.
+    """Clip to a sector the right or left side at the tip opposite to the side that it came by.
 
     It has no width if it leaves nothing.
     """

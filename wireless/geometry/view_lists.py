@@ -19,7 +19,7 @@ class ViewList(NamedTuple):
     """Triangle that each view begins in, and the side that it enters by; -1 for all of the triangle."""
     sector: Float[np.ndarray, "b 4"]
     """Sector of each view where it begins."""
-    part: Int[np.ndarray, "b 2"]
+    window_span: Int[np.ndarray, "b 2"]
     rise_m: Float[np.ndarray, " b"]
 
 
@@ -27,8 +27,8 @@ class EdgeList(NamedTuple):
     """Edges so far; see `wireless.geometry.visibility.Visibility`."""
 
     hit: Int[np.ndarray, "e 2"]
-    part: Float[np.ndarray, "e 2"]
-    """What is seen of each."""
+    seen_range: Float[np.ndarray, "e 2"]
+    """Visible range of each edge."""
     stamp: Int[np.ndarray, " c"]
     """The view that each corner was found in last."""
 
@@ -47,11 +47,11 @@ class Trail(NamedTuple):
     step: Int[np.ndarray, "n 2"]
     """Triangles, and the sides that they are entered by; -1 where the view begins with all of a triangle."""
     sector: Float[np.ndarray, "n 4"]
-    """What is in view there."""
+    """Sector in view there."""
     hit: Int[np.ndarray, "m 2"]
     """Steps at which walls are met, and sides of their triangles."""
     bounds: Float[np.ndarray, "m 4"]
-    """What is in view of each wall."""
+    """Range of each wall in view."""
 
 
 class Stack(NamedTuple):
@@ -65,9 +65,9 @@ class Stack(NamedTuple):
 @compiled
 def new_views(source: Point) -> ViewList:
     """A list of views with the source as its only one."""
-    begin, part = np.full((64, 2), -1), np.zeros((64, 2), np.int64)
+    begin, window_span = np.full((64, 2), -1), np.zeros((64, 2), np.int64)
     views = ViewList(
-        np.empty((64, 2)), np.zeros((64, 5), np.int64), begin, np.zeros((64, 4)), part, np.zeros(64)
+        np.empty((64, 2)), np.zeros((64, 5), np.int64), begin, np.zeros((64, 4)), window_span, np.zeros(64)
     )
     views.image[0], views.chain[0, :2] = source[:2], -1
     return views
@@ -75,9 +75,11 @@ def new_views(source: Point) -> ViewList:
 
 @compiled
 def more_views(views: ViewList) -> ViewList:
-    """The same with twice as much room."""
+    """Return a copy with twice as much room."""
     image, chain, begin = longer(views.image), longer(views.chain), longer(views.begin)
-    return ViewList(image, chain, begin, longer(views.sector), longer(views.part), longer(views.rise_m))
+    return ViewList(
+        image, chain, begin, longer(views.sector), longer(views.window_span), longer(views.rise_m)
+    )
 
 
 @compiled

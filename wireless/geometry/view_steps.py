@@ -77,8 +77,8 @@ def look_through(eye: Eye, views: ViewList, window: Float[np.ndarray, "w 2"]) ->
     for k in range(eye.first, eye.first + eye.corners):
         far = max(far, (window[k, 0] - eye.x) ** 2 + (window[k, 1] - eye.y) ** 2)
     end = min(eye.high_m, eye.span_m[1]) if eye.rise_m > 0 else max(eye.low_m, eye.span_m[0])
-    own = window[eye.first : eye.first + eye.corners]
-    aside = views.begin[number, 1] < 0 and put_sector(own, eye.x, eye.y, views.sector[number])
+    corners = window[eye.first : eye.first + eye.corners]
+    aside = views.begin[number, 1] < 0 and put_sector(corners, eye.x, eye.y, views.sector[number])
     return far * (end / eye.rise_m) ** 2 + NEAR_M, aside
 
 
@@ -95,8 +95,8 @@ def eye_of(views: ViewList, view: int, levels_m: tuple[float, float], limits: Li
         views.image[view, 1],
         view,
         order,
-        views.part[view, 0],
-        views.part[view, 1],
+        views.window_span[view, 0],
+        views.window_span[view, 1],
         views.rise_m[view],
         levels_m[0] - height_m,
         levels_m[1] - height_m,
@@ -139,7 +139,7 @@ def _behind(tri_next: Int[np.ndarray, "t 3"], t: int, i: int) -> tuple[int, int]
 def follow(
     sides: TriangleSides,
     eye: Eye,
-    own: Int[np.ndarray, " s"],
+    starts: Int[np.ndarray, " s"],
     enters: int,
     begin: Float[np.ndarray, "4"],
     aside: bool,
@@ -152,9 +152,9 @@ def follow(
     Args:
         sides: Triangles.
         eye: The view.
-        own: Triangles that it begins with.
+        starts: Triangles that it begins with.
         enters: The side that it enters by; -1 for all of the triangles.
-        begin: What is in view there.
+        begin: Sector in view there.
         aside: Whether that matters where it enters by no side.
         reach2: Square of how far it reaches [m2].
         trail: Takes what it passes.
@@ -163,18 +163,18 @@ def follow(
     Returns:
         Numbers of steps and of walls met; -1 if the trail has no room for these.
     """
-    n, m, depth, first, begins = 0, 0, 0, 0, len(own) if enters < 0 else 0
+    n, m, depth, first, begins = 0, 0, 0, 0, len(starts) if enters < 0 else 0
     x, y, vertex, tri_vertex = eye.x, eye.y, sides.vertex, sides.tri_vertex
     stack, stack_sector, sector = room.place, room.sector, room.last_sector
     if enters >= 0:
-        stack[0, 0], stack[0, 1], depth = own[0], enters, 1
+        stack[0, 0], stack[0, 1], depth = starts[0], enters, 1
     for k in range(4):
         sector[k] = stack_sector[0, k] = begin[k]
     while depth > 0 or first < begins:
         if n == len(trail.step) or m + 3 > len(trail.hit) or depth + 3 > len(stack):
             return -1, 0
         if depth == 0:
-            t, e = own[first], -1
+            t, e = starts[first], -1
             first += 1
         else:
             depth -= 1
@@ -220,7 +220,7 @@ def add_visits(
     steps: int,
     view: int,
     has_target: Bool[np.ndarray, " t"],
-    most: int,
+    n_max: int,
 ) -> tuple[int, bool]:
     """Store the triangles that a view passes, and of those without targets at most so many.
 
@@ -230,7 +230,7 @@ def add_visits(
     visit, sector, last, whole = visits.visit, visits.sector, visits.last, True
     for n in range(steps):
         t = trail.step[n, 0]
-        if not has_target[t] and count >= most:
+        if not has_target[t] and count >= n_max:
             whole = False
             continue
         visit[count, 0], visit[count, 1], visit[count, 2] = view, last[t], trail.step[n, 1] < 0
@@ -268,7 +268,7 @@ def add_corners(
             if low <= high:
                 stamp[c] = eye.number
                 edges.hit[count, 0], edges.hit[count, 1] = c, eye.number
-                edges.part[count, 0], edges.part[count, 1] = low, high
+                edges.seen_range[count, 0], edges.seen_range[count, 1] = low, high
                 count += 1
     return count
 
@@ -312,9 +312,9 @@ def add_rims(
                 ex, ey = wedge[edge, 0, 0], wedge[edge, 0, 1]
                 base = (side[0] - point[edge, 0]) * ex + (side[1] - point[edge, 1]) * ey
                 step = (side[2] - side[0]) * ex + (side[3] - side[1]) * ey
-                one, other = base + low * step, base + high * step
+                begin, other = base + low * step, base + high * step
                 edges.hit[count, 0], edges.hit[count, 1] = edge, eye.number
-                edges.part[count, 0], edges.part[count, 1] = min(one, other), max(one, other)
+                edges.seen_range[count, 0], edges.seen_range[count, 1] = min(begin, other), max(begin, other)
                 count += 1
     return count
 
@@ -351,7 +351,11 @@ def _pass_openings(
                 continue
             views.image[n_views], views.chain[n_views] = views.image[eye.number], views.chain[eye.number]
             views.begin[n_views, 0], views.begin[n_views, 1] = openings.behind[h], -1
-            views.rise_m[n_views], views.part[n_views, 0], views.part[n_views, 1] = bound_m, n_corners, n
+            views.rise_m[n_views], views.window_span[n_views, 0], views.window_span[n_views, 1] = (
+                bound_m,
+                n_corners,
+                n,
+            )
             window[n_corners : n_corners + n] = polygon[:n]
             n_views, n_corners = n_views + 1, n_corners + n
     return n_views, n_corners
@@ -382,7 +386,11 @@ def _mirror(
         x, y = bounds[h, 2 - 2 * k], bounds[h, 3 - 2 * k]
         off = (x - px) * nx + (y - py) * ny
         views.sector[new, 2 * k], views.sector[new, 2 * k + 1] = x - 2 * off * nx, y - 2 * off * ny
-    views.rise_m[new], views.part[new, 0], views.part[new, 1] = eye.rise_m, n_corners, eye.corners
+    views.rise_m[new], views.window_span[new, 0], views.window_span[new, 1] = (
+        eye.rise_m,
+        n_corners,
+        eye.corners,
+    )
     for k in range(eye.corners):  # in reverse order, to turn counter-clockwise again
         old = eye.first + eye.corners - 1 - k
         x, y = window[old, 0], window[old, 1]
@@ -423,7 +431,7 @@ def add_views(
             views.begin[n_views, 0], views.begin[n_views, 1] = _behind(walls.tri_next, t, i)
             for k in range(4):
                 views.sector[n_views, k] = trail.bounds[h, k]
-            views.part[n_views, 1] = 0
+            views.window_span[n_views, 1] = 0
             n_views += 1
         if mirrors and _mirror(walls, wall, trail.bounds, h, views, window, (n_views, n_corners), eye):
             views.begin[n_views, 0], views.begin[n_views, 1] = t, i

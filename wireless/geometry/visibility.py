@@ -1,4 +1,4 @@
-"""What a point sees of a floor plan or of stacked storeys, directly and over mirrors.
+"""Visibility of a floor plan or of stacked storeys from a point, in line of sight and by the image method.
 
 A view starts in the triangle around its source and goes on through the sides that are no walls, narrowed to the sector
 that is seen through each (triangular expansion). Where it meets a wall, the sector becomes that of the mirrored source.
@@ -48,13 +48,13 @@ class Visibility(NamedTuple):
     image: Float[np.ndarray, "b 2"]
     """Mirrored source of each view; the first is the source itself."""
     chain: Int[np.ndarray, "b 5"]
-    """Of each view the wall that it was mirrored at or passed last, the view before it (-1 for none), its numbers of
+    """Wall that each view was mirrored at or passed last, the view before it (-1 for none), its numbers of
     reflections and of walls passed, and 1 if that wall was passed. A view through an opening repeats that before it."""
     edge_hit: Int[np.ndarray, "e 2"]
     """Pairs of edge and view. Edges are corners, and after these rims."""
     edge_range: Float[np.ndarray, "e 2"]
-    """Of a corner the least and most height gained on each metre of the plan for which it is seen; of a rim, from where
-    to where along it is seen [m]."""
+    """Visible range: for a corner, least and most height gained per metre of the plan; for a rim, from where to where
+    along it [m]."""
     last_visit: Int[np.ndarray, " t"]
     """Last visit of each triangle by a view; -1 for none."""
     visit: Int[np.ndarray, "v 3"]
@@ -64,7 +64,7 @@ class Visibility(NamedTuple):
     """A point on the right and one on the left bound of what is in view there."""
     height_m: float
     """Height of the source."""
-    part: Int[np.ndarray, "b 2"]
+    window_span: Int[np.ndarray, "b 2"]
     """Where the corners of each view's window begin, and their number; 0 if it has none."""
     rise_m: Float[np.ndarray, " b"]
     """Height of its window above the source."""
@@ -96,14 +96,14 @@ def find_visibility(
     count, now, most_order = (1, 0), 0, max(limits.target_order, limits.edge_order)
     while now < count[0]:
         # A view through an opening begins with all of a triangle, the source with all around it.
-        own, enters = around if now == 0 else views.begin[now, :1], views.begin[now, 1]
-        layer = layers.tri_layer[own[0]] if len(own) else 0
+        starts, enters = around if now == 0 else views.begin[now, :1], views.begin[now, 1]
+        layer = layers.tri_layer[starts[0]] if len(starts) else 0
         eye = eye_of(views, now, (level_m[layer], level_m[layer + 1]), limits, source[2])
         reach2, aside = look_through(eye, views, window) if eye.corners else (np.inf, False)
-        steps, hits = follow(sides, eye, own, enters, views.sector[now], aside, reach2, trail, stack)
+        steps, hits = follow(sides, eye, starts, enters, views.sector[now], aside, reach2, trail, stack)
         while steps < 0:
             trail, stack = new_trail(2 * len(trail.step))
-            steps, hits = follow(sides, eye, own, enters, views.sector[now], aside, reach2, trail, stack)
+            steps, hits = follow(sides, eye, starts, enters, views.sector[now], aside, reach2, trail, stack)
         if eye.order <= limits.target_order:
             while n_visits + steps > len(visits.visit):
                 visits = VisitList(visits.last, longer(visits.visit), longer(visits.sector))
@@ -112,7 +112,7 @@ def find_visibility(
         if eye.order <= limits.edge_order:
             most_rims = 6 * steps if has_rims else 0
             while n_edges + min(3 * steps, len(edges.stamp)) + most_rims > len(edges.hit):
-                edges = EdgeList(longer(edges.hit), longer(edges.part), edges.stamp)
+                edges = EdgeList(longer(edges.hit), longer(edges.seen_range), edges.stamp)
             own_trail = trail.step, trail.sector, steps
             n_edges = add_corners(
                 plan.vertex, plan.tri_vertex, plan.tri_corner, own_trail, eye, window, edges, n_edges
@@ -136,12 +136,12 @@ def find_visibility(
         views.image[:n],
         views.chain[:n],
         edges.hit[:n_edges],
-        edges.part[:n_edges],
+        edges.seen_range[:n_edges],
         visits.last,
         visits.visit[:n_visits],
         visits.sector[:n_visits],
         source[2],
-        views.part[:n],
+        views.window_span[:n],
         views.rise_m[:n],
         window[: count[1]],
         whole,
@@ -161,7 +161,7 @@ def views_onto(
         Where each target's views begin, and an end; views by rising number.
     """
     n, image, visit, sector = len(target), seen.image, seen.visit, seen.sector
-    first, found, count = np.zeros(n + 1, np.int64), np.empty(64, np.int64), 0
+    first, views, count = np.zeros(n + 1, np.int64), np.empty(64, np.int64), 0
     stamp = np.full(len(image), -1, np.int64)
     for i in range(n):
         px, py = target[i, 0], target[i, 1]
@@ -172,21 +172,21 @@ def views_onto(
                 if (
                     stamp[v] != i
                     and (visit[j, 2] or is_within(sector, j, image[v, 0], image[v, 1], px, py))
-                    and (seen.part[v, 1] == 0 or _is_behind_window(seen, v, target[i]))
+                    and (seen.window_span[v, 1] == 0 or _is_behind_window(seen, v, target[i]))
                 ):
                     stamp[v] = i
-                    if count == len(found):
-                        found = longer(found)
+                    if count == len(views):
+                        views = longer(views)
                     place = count
-                    while place > first[i] and found[place - 1] < v:
-                        found[place] = found[place - 1]
+                    while place > first[i] and views[place - 1] < v:
+                        views[place] = views[place - 1]
                         place -= 1
-                    found[place] = v
+                    views[place] = v
                     count += 1
                 j = visit[j, 1]
         first[i + 1] = count
-        found[first[i] : count] = found[first[i] : count][::-1].copy()  # visits come from the last one on
-    return first, found[:count].copy()
+        views[first[i] : count] = views[first[i] : count][::-1].copy()  # visits come from the last one on
+    return first, views[:count].copy()
 
 
 @compiled
@@ -196,5 +196,5 @@ def _is_behind_window(seen: Visibility, view: int, target: Point) -> bool:
     if climb * rise_m <= 0:
         return False
     f, x, y = rise_m / climb, seen.image[view, 0], seen.image[view, 1]
-    first, last = seen.part[view, 0], seen.part[view, 0] + seen.part[view, 1]
+    first, last = seen.window_span[view, 0], seen.window_span[view, 0] + seen.window_span[view, 1]
     return is_in_window(seen.window[first:last], x + f * (target[0] - x), y + f * (target[1] - y))

@@ -57,12 +57,12 @@ def fit_temperature(probability: Float[np.ndarray, "n k"], state: Integer[np.nda
     """The temperature between 1/10 and 10 of the greatest likelihood; 1 if there are no links."""
     if not len(state):
         return 1.0
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         lambda log_t: cross_entropy(scaled(probability, math.exp(log_t)), state),
         bounds=(-math.log(10), math.log(10)),
         method="bounded",
     )
-    return float(math.exp(found.x))
+    return float(math.exp(optimum.x))
 
 
 def scaled(probability: Float[np.ndarray, "n k"], temperature: float) -> Float[np.ndarray, "n k"]:

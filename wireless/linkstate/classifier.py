@@ -18,7 +18,7 @@ from safetensors.numpy import load, save
 from robosim.support.reading import reading
 from wireless.linkstate.calibration import scaled
 from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, softmax
-from wireless.linkstate.tokens import COLUMNS, found, make_tokens
+from wireless.linkstate.tokens import COLUMNS, is_path, make_tokens
 from wireless.paths import LinkState
 
 #: Links given to a network at once, which bounds the memory.
@@ -50,7 +50,7 @@ class LinkStateClassifier:
             options: What they were made with besides the inputs.
             states: States possible of links with paths.
             temperature: See `wireless.linkstate.calibration`.
-            card: What is known about the training and the scores.
+            card: Record of the training and the scores.
 
         Raises:
             ValueError: If weights do not fit the model, or one is no number.
@@ -101,10 +101,10 @@ class LinkStateClassifier:
         Raises:
             ValueError: If something is missing, or arrays do not fit.
         """
-        given = {"aoa": aoa_rad, "snr": snr_db} | {
+        measured = {"aoa": aoa_rad, "snr": snr_db} | {
             name.split("_")[0]: value for name, value in others.items()
         }
-        if missing := [name for name in self.inputs if given.get(name) is None]:
+        if missing := [name for name in self.inputs if measured.get(name) is None]:
             raise ValueError(
                 f"{missing[0]} is missing, but this classifier uses {', '.join(self.inputs)}. "
                 "Give it, or load one without."
@@ -112,9 +112,9 @@ class LinkStateClassifier:
         return make_tokens(aoa_rad, snr_db, **others)
 
     def predict_tokens(self, tokens: Float32[np.ndarray, "n 5 5"]) -> Float[np.ndarray, "n 4"]:
-        """The same from `make_tokens`."""
+        """Predict link states from the array of `make_tokens`."""
         probability = np.zeros((len(tokens), N_STATES))
-        reached = found(tokens).any(1)
+        reached = is_path(tokens).any(1)
         probability[~reached, LinkState.OUTAGE] = 1.0
         if reached.any():
             x = tokens if reached.all() else tokens[reached]
@@ -192,8 +192,8 @@ def _checked(card: dict[str, Any]) -> dict[str, Any]:
     return card
 
 
-def _is_whole(value: Any, least: int, most: int) -> bool:
-    return isinstance(value, int) and least <= value <= most
+def _is_whole(value: Any, least: int, greatest: int) -> bool:
+    return isinstance(value, int) and least <= value <= greatest
 
 
 def _part(weights: Weights, name: str) -> dict[str, np.ndarray]:

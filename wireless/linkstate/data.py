@@ -45,7 +45,7 @@ class Links:
     """Names of the buildings, sorted."""
 
     def __getitem__(self, rows: Bool[np.ndarray, " n"]) -> "Links":
-        """Some of the links."""
+        """Return the links of a mask."""
         return Links(
             **{name: values if name == "names" else values[rows] for name, values in vars(self).items()}
         )
@@ -91,7 +91,7 @@ def read_links(data: Path) -> Links:
 
 def is_data_set(data: Path) -> bool:
     """Whether a folder is a data set of our own."""
-    # One that cannot be read is said to be, rather than passed over.
+    # A folder that cannot be read is reported, rather than passed over.
     return os.path.lexists(data / "manifest.json")
 
 
@@ -100,10 +100,10 @@ def carrier_hz(data: Path) -> float | None:
     if not is_data_set(data):
         return 28e9  # of all public measurements
     with _manifest(data) as file:
-        found = json.loads(file.read()).get("config", {}).get("radio", {}).get("frequency_hz")
-        if found is not None and not 0 < float(found) < np.inf:
-            raise ValueError(f"frequency_hz is {found}, expected more than 0")
-        return None if found is None else float(found)
+        frequency_hz = json.loads(file.read()).get("config", {}).get("radio", {}).get("frequency_hz")
+        if frequency_hz is not None and not 0 < float(frequency_hz) < np.inf:
+            raise ValueError(f"frequency_hz is {frequency_hz}, expected more than 0")
+        return None if frequency_hz is None else float(frequency_hz)
 
 
 def _manifest(data: Path) -> AbstractContextManager[BinaryIO]:

@@ -1,4 +1,4 @@
-"""What a path, and a pair of paths, say about the link state: geometry that a mirrored building keeps.
+"""Features of paths and of pairs of paths for link states: geometry that a mirrored building keeps.
 
 With azimuths of arrival a and departure d, both in the frame of the building:
 
@@ -44,10 +44,10 @@ def path_and_pair_features(
     arrival = _differences(x[..., AOA])
     pair = [np.cos(arrival), abs(arrival) / math.pi, _bump(arrival, 4), _bump(arrival, 15), _plain(snr)]
     if "aod" in inputs:
-        for found, into in zip(
+        for features, into in zip(
             _departure_features(x[..., AOA], x[..., AOD], arrival), (path, pair), strict=True
         ):
-            into += found
+            into += features
     if "peak" in inputs:
         peak = x[..., PEAK] / PEAK_UNIT
         path += [peak, peak - peak[:, :1]]
@@ -133,7 +133,7 @@ def moment_count(inputs: Sequence[str]) -> int:
 def _departure_features(
     a: Float32[np.ndarray, "n 5"], d: Float32[np.ndarray, "n 5"], arrival: Float32[np.ndarray, "n 5 5"]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """What departures add to the features of paths and of pairs."""
+    """Return the additional features of paths and of pairs by angles of departure."""
     back, mirror = wrapped(a - d - math.pi), wrapped(2 * (a + d)) / 2
     path = [np.cos(back), abs(back) / math.pi, *(_bump(back, width) for width in (4, 10, 30))]
     path += [np.cos(mirror), _bump(mirror, 5), _bump(mirror, 12), _bump(wrapped(2 * mirror) / 2, 6)]

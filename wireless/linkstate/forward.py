@@ -32,7 +32,7 @@ N_STATES = 4
 WIDEST = 512
 #: Largest magnitude of a weight. Trained weights are of order one; damaged ones overflow float32.
 LARGEST = 1e6
-#: What normalisation adds to variances; PyTorch's own.
+#: Constant that normalisation adds to variances, as in PyTorch.
 _EPSILON = np.float32(1e-5)
 
 
@@ -60,7 +60,7 @@ def relation_logits(
         name = f"rounds.{i}"
         seen = _normalised(weights, f"{name}.norm", state)
         of_pair = _dense(weights, f"{name}.pair", every).reshape(n, N_PATHS, N_PATHS, -1)
-        taker, giver = (seen @ weights[f"{name}.{one}.weight"].T for one in ("taker", "giver"))
+        taker, giver = (seen @ weights[f"{name}.{role}.weight"].T for role in ("taker", "giver"))
         sent = _relu(of_pair + taker[:, :, None] + giver[:, None]) * present[:, None]
         message = _dense(weights, f"{name}.message", sent.mean(2))
         step = _relu(_dense(weights, f"{name}.update.0", np.concatenate([seen, message], -1)))
@@ -169,8 +169,8 @@ def _published_shapes(n_inputs: int) -> Shapes:
 def _dense(weights: Weights, name: str, x: Float32[np.ndarray, "*n f"]) -> Float32[np.ndarray, "*n g"]:
     """A dense layer. Rows of a plain table are multiplied one by one, so that none depends on the others."""
     rows = x[:, None] if x.ndim == 2 else x
-    found = rows @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
-    return found[:, 0] if x.ndim == 2 else found
+    outputs = rows @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
+    return outputs[:, 0] if x.ndim == 2 else outputs
 
 
 def _dense_shapes(name: str, inputs: int, outputs: int) -> Shapes:

@@ -36,9 +36,15 @@ def make_tokens(
     Raises:
         ValueError: If the arrays differ in shape, or a path that is not missing has an angle that is no number.
     """
-    given = {"aoa_rad": aoa_rad, "aod_rad": aod_rad, "snr_db": snr_db, "peak": peak, "delay_s": delay_s}
+    measurements = {
+        "aoa_rad": aoa_rad,
+        "aod_rad": aod_rad,
+        "snr_db": snr_db,
+        "peak": peak,
+        "delay_s": delay_s,
+    }
     tokens = np.full((*aoa_rad.shape, len(COLUMNS)), np.nan)
-    for column, (name, values) in enumerate(given.items()):
+    for column, (name, values) in enumerate(measurements.items()):
         if values is None:
             continue
         if values.shape != aoa_rad.shape:
@@ -49,25 +55,25 @@ def make_tokens(
     measured = [AOA, SNR] if aod_rad is None else [AOA, AOD, SNR]
     missing = ~np.isfinite(tokens[..., SNR]) | (tokens[..., measured] == 0).all(-1)
     tokens[missing] = np.nan
-    columns = [column for column, values in enumerate(given.values()) if values is not None]
+    columns = [column for column, values in enumerate(measurements.values()) if values is not None]
     bad = ~np.isfinite(tokens[..., columns]) & ~missing[..., None]
     if bad.any():
         link, path, column = np.argwhere(bad)[0]
         raise ValueError(
-            f"{list(given)[columns[column]]} of path {path} of link {link} is no finite number though its SNR is; "
-            f"set the SNR to -inf if the path is missing."
+            f"{list(measurements)[columns[column]]} of path {path} of link {link} is no finite number though its SNR "
+            f"is; set the SNR to -inf if the path is missing."
         )
     return _sorted(tokens)[:, :N_PATHS].astype(np.float32)
 
 
-def found(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, "n paths"]:
+def is_path(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, "n paths"]:
     """Which paths are there."""
     return np.isfinite(tokens[..., SNR])
 
 
 def reached(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, " n"]:
     """Which links have a path."""
-    return np.asarray(found(tokens).any(axis=1))
+    return np.asarray(is_path(tokens).any(axis=1))
 
 
 def _sorted(tokens: Float[np.ndarray, "n paths 5"]) -> Float[np.ndarray, "n places 5"]:

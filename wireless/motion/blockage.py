@@ -22,13 +22,14 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int, UInt8
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.checks import check_choice
 from robosim.support.compiled import compiled
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, SCATTERING
 from wireless.em.screens import SCREEN_MODELS, edge_share
-from wireless.motion.bodies import Bodies
+from wireless.motion.bodies import Bodies, people
 from wireless.paths import Paths
 
 #: The effect of an edge at these distances from the path begins to fade, and ends, in first Fresnel radii.
@@ -38,7 +39,7 @@ _LEAST = 1e-15
 
 
 class Blockage(NamedTuple):
-    """What bodies do to paths."""
+    """Blockage of paths by bodies."""
 
     factor: Complex[np.ndarray, " n"]
     """By which the gain of each path is multiplied."""
@@ -48,16 +49,16 @@ class Blockage(NamedTuple):
     """Loss by that body [dB]; 0 if there is none."""
 
 
-def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Paths, Blockage]:
-    """The same paths, weakened by bodies, strongest first again.
+def block(paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges") -> tuple[Paths, Blockage]:
+    """Return the paths attenuated by bodies, strongest first again.
 
     Paths that no body affects keep every bit. Link states follow the powers: `link_state` of the given
     paths is that of the building, and of the returned ones that of the building with the bodies in it.
 
     Args:
         paths: Paths of any links.
-        bodies: Bodies, also none.
-        model: One of `wireless.em.screens.SCREEN_MODELS`.
+        bodies: Bodies, also none; or the positions of people who stand, n x 2 or n x 3 numbers [m].
+        model: A key of `wireless.em.screens.SCREEN_MODELS`.
 
     Returns:
         Paths, and what the bodies do to each of them, in the same order.
@@ -65,11 +66,11 @@ def block(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> tuple[Pat
     Raises:
         ValueError: If there is no such model.
     """
-    found = find_blockage(paths, bodies, model)
-    if not (found.factor != 1).any():
-        return paths, found
-    weaker, by_power = weaken(paths, found.factor)
-    return weaker, Blockage(*(column[by_power] for column in found))
+    blockage = find_blockage(paths, bodies, model)
+    if not (blockage.factor != 1).any():
+        return paths, blockage
+    weaker, by_power = weaken(paths, blockage.factor)
+    return weaker, Blockage(*(column[by_power] for column in blockage))
 
 
 def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[np.ndarray, " n"]]:
@@ -83,11 +84,12 @@ def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[
     return weaker.select(by_power), by_power
 
 
-def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> Blockage:
-    """What bodies do to each path, in the order of the paths; see `block`."""
+def find_blockage(paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges") -> Blockage:
+    """Compute the blockage of each path by bodies, in the order of the paths; see `block`."""
     check_choice("model", model, tuple(SCREEN_MODELS))
+    bodies = bodies if isinstance(bodies, Bodies) else people(bodies)
     n = len(paths)
-    found = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
+    blockage = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
     if n and len(bodies):
         _find(
             paths.corners(),
@@ -96,11 +98,11 @@ def find_blockage(paths: Paths, bodies: Bodies, model: str = "knife-edges") -> B
             (bodies.position, bodies.radius_m, bodies.height_m),
             speed_of_light / paths.frequency_hz,
             SCREEN_MODELS[model],
-            found.factor,
-            found.body,
-            found.loss_db,
+            blockage.factor,
+            blockage.body,
+            blockage.loss_db,
         )
-    return found
+    return blockage
 
 
 @compiled
@@ -122,7 +124,7 @@ def _find(
         _unfold(corner, interaction[i], last, before, after)
         for k in range(len(bodies[1])):
             feet, radius_m, height_m = bodies[0][k], bodies[1][k], bodies[2][k]
-            own = 1.0 + 0.0j
+            product = 1.0 + 0.0j
             for j in range(last + 1):
                 begins = j == 0 or interaction[i, j - 1] == SCATTERING
                 ends = j == last or interaction[i, j] == SCATTERING
@@ -131,13 +133,13 @@ def _find(
                 if ends and _contains(feet, radius_m, height_m, corner[j + 1]):
                     continue
                 ends_m = before[j], after[j]
-                own *= _factor(
+                product *= _factor(
                     corner[j], corner[j + 1], ends_m, feet, radius_m, height_m, wavelength_m, phases
                 )
-            loss = -20 * np.log10(max(abs(own), _LEAST))
+            loss = -20 * np.log10(max(abs(product), _LEAST))
             if loss > loss_db[i]:
                 loss_db[i], body[i] = loss, k
-            factor[i] *= own
+            factor[i] *= product
 
 
 @compiled
@@ -180,7 +182,7 @@ def _factor(
     wavelength_m: float,
     phases: bool,
 ) -> complex:
-    """What one body does to the segment from a to b of a wave that has come and has to go as far as ends_m beyond."""
+    """Compute the factor of a body on the segment from a to b of a wave that goes on by ends_m beyond both ends."""
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     level = np.hypot(x, y)
     if level < NOWHERE_M:

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from wireless.geometry.array_types import to_array
 
 #: Size of a person as a screen: 0.3 m by 1.7 m [m] (3GPP TR 38.901 V17, table 7.6.4.2-5).
 PERSON_RADIUS_M, PERSON_HEIGHT_M = 0.15, 1.7
@@ -24,7 +27,7 @@ class Bodies:
 
     def __post_init__(self) -> None:
         for name in ("position", "radius_m", "height_m", "velocity"):
-            values = getattr(self, name)
+            object.__setattr__(self, name, values := to_array(getattr(self, name), name))
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} of bodies has NaN or infinite values, expected finite ones.")
             if name.endswith("_m") and (values <= 0).any():
@@ -35,32 +38,38 @@ class Bodies:
 
 
 def people(
-    position: Float[np.ndarray, "n 2"] | Float[np.ndarray, "n 3"],
+    position: ArrayLike,
     *,
-    radius_m: float | Float[np.ndarray, " n"] = PERSON_RADIUS_M,
-    height_m: float | Float[np.ndarray, " n"] = PERSON_HEIGHT_M,
-    velocity: Float[np.ndarray, "n 2"] | Float[np.ndarray, "n 3"] | None = None,
+    radius_m: ArrayLike = PERSON_RADIUS_M,
+    height_m: ArrayLike = PERSON_HEIGHT_M,
+    velocity: ArrayLike | None = None,
 ) -> Bodies:
     """Bodies of one size or of many, by default persons who stand still.
 
     Args:
-        position: Position of the feet [m]; on the height 0 if there are two columns.
-        radius_m: Half of the width.
-        height_m: Height above the feet.
+        position: Position of the feet [m], n x 2 or n x 3; on the height 0 if there are two columns.
+        radius_m: Half of the width [m], of all or of each.
+        height_m: Height above the feet [m], likewise.
         velocity: Velocity [m/s], level if there are two columns; None for none.
 
     Raises:
         ValueError: If a value is not finite, or a size is not positive.
     """
-    n = len(position)
+    feet = _with_height(position, "position")
+    n = len(feet)
     return Bodies(
-        position=_with_height(position),
+        position=feet,
         radius_m=np.broadcast_to(np.asarray(radius_m, float), n),
         height_m=np.broadcast_to(np.asarray(height_m, float), n),
-        velocity=np.zeros((n, 3)) if velocity is None else _with_height(velocity),
+        velocity=np.zeros((n, 3)) if velocity is None else _with_height(velocity, "velocity"),
     )
 
 
-def _with_height(level: Float[np.ndarray, "n _"]) -> Float[np.ndarray, "n 3"]:
+def _with_height(values: ArrayLike, name: str) -> Float[np.ndarray, "n 3"]:
     """Vectors with a third column, of zeros if there is none."""
-    return np.pad(np.asarray(level, float), ((0, 0), (0, 3 - level.shape[1])))
+    level = to_array(values, name)
+    if not level.size:
+        return np.empty((0, 3))
+    if level.ndim != 2 or level.shape[1] not in (2, 3):
+        raise ValueError(f"{name} of bodies has shape {level.shape}, expected (n, 2) or (n, 3).")
+    return np.pad(level, ((0, 0), (0, 3 - level.shape[1])))

@@ -30,7 +30,7 @@ SIGHT = TracerConfig(max_reflections=0, diffraction=False, max_transmissions=0, 
 def add_echoes(
     paths: Paths, bodies: Bodies, sight: Tracer, *, cross_section_m2: float = PERSON_CROSS_SECTION_M2
 ) -> Paths:
-    """The same paths and one off each body that both ends of a link see, strongest first.
+    """Return the paths and an echo off each body that both ends of a link see, strongest first.
 
     Args:
         paths: Paths of any links.
@@ -82,18 +82,18 @@ def _is_seen(direct: Paths) -> Bool[np.ndarray, "n_tx n_rx"]:
     return direct.select(direct.order == 0).count() > 0
 
 
-def _merge(one: Paths, other: Paths) -> Paths:
+def _merge(first: Paths, other: Paths) -> Paths:
     """The paths of both, strongest first; columns of points become as wide as the wider."""
-    width = max(one.point.shape[1], other.point.shape[1])
+    width = max(first.point.shape[1], other.point.shape[1])
     columns: dict[str, Any] = {}
     for field in fields(Paths)[3:]:
         beyond = {"primitive": -1, "point": np.nan}.get(field.name, 0)
-        both = [getattr(paths, field.name) for paths in (one, other)]
+        both = [getattr(paths, field.name) for paths in (first, other)]
         if field.name in ("interaction", "primitive", "point"):
             pads = [[(0, 0), (0, width - values.shape[1])] + [(0, 0)] * (values.ndim - 2) for values in both]
             both = [
                 np.pad(values, pad, constant_values=beyond) for values, pad in zip(both, pads, strict=True)
             ]
         columns[field.name] = np.concatenate(both)
-    merged = replace(one, **columns)
+    merged = replace(first, **columns)
     return merged.select(np.lexsort((-merged.power, merged.link)))

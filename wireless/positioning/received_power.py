@@ -10,7 +10,7 @@ independent. Power at 1 m P1, exponent n, loss of a wall L, and the receiver's p
 the robot's body, have normal priors. P is linear in them, so the density of all readings given the candidate has a
 closed form (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
 
-Both ends are short vertical dipoles at different heights: below the transmitter there is no peak.
+The antennas at both ends are short vertical dipoles at different heights: below the transmitter there is no peak.
 """
 
 import math
@@ -46,10 +46,10 @@ class PowerReadings:
     count: Float[np.ndarray, " n"]
     """Number of readings that each of them is the mean of."""
 
-    def thinned(self, step_m: float, turn_rad: float, most: int) -> "PowerReadings":
+    def thinned(self, step_m: float, turn_rad: float, n_max: int) -> "PowerReadings":
         """Means of successive readings within a distance and a turn, which grow until there are at most so many."""
         starts = self._starts(step_m, turn_rad)
-        while len(starts) > most:
+        while len(starts) > n_max:
             step_m, turn_rad = 1.2 * step_m, 1.2 * turn_rad
             starts = self._starts(step_m, turn_rad)
         if not starts:
@@ -115,7 +115,7 @@ def log_evidence(
         readings: Received powers.
         candidates: Places [m].
         walls: Number of walls between each reading and each candidate.
-        config: What is known before.
+        config: Prior of the model's parameters.
     """
     c = config or PowerLawConfig()
     if not len(readings.xy):
@@ -124,11 +124,11 @@ def log_evidence(
     variance = c.reading_db**2 / np.minimum(readings.count, c.averaged) + _ROUNDING
     covariance = c.shadowing_db**2 * np.exp(-apart_m / c.correlation_m) + np.diag(variance)
     root = np.linalg.cholesky(covariance)
-    found = np.empty((len(c.above_m), len(candidates)))
+    evidence = np.empty((len(c.above_m), len(candidates)))
     for i, above_m in enumerate(c.above_m):
         for start in range(0, len(candidates), _TOGETHER):
-            some = slice(start, start + _TOGETHER)
-            offset, factors = _terms(readings, candidates[some], walls[:, some], above_m, c)
+            batch = slice(start, start + _TOGETHER)
+            offset, factors = _terms(readings, candidates[batch], walls[:, batch], above_m, c)
             # White noise of unit variance: of the readings less their mean, and of what unknowns of unit variance add.
             rest = solve_triangular(root, readings.power_dbm[:, None] - offset, lower=True)
             flat = factors.reshape(len(offset), -1)
@@ -136,8 +136,8 @@ def log_evidence(
             precision = np.eye(factors.shape[2]) + np.einsum("nmk,nml->mkl", white, white, optimize=True)
             along = np.einsum("nmk,nm->mk", white, rest, optimize=True)
             explained = (along * np.linalg.solve(precision, along[..., None])[..., 0]).sum(axis=1)
-            found[i, some] = -0.5 * ((rest**2).sum(axis=0) - explained + np.linalg.slogdet(precision)[1])
-    return np.asarray(np.logaddexp.reduce(found, axis=0))
+            evidence[i, batch] = -0.5 * ((rest**2).sum(axis=0) - explained + np.linalg.slogdet(precision)[1])
+    return np.asarray(np.logaddexp.reduce(evidence, axis=0))
 
 
 def _terms(

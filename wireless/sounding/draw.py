@@ -6,7 +6,7 @@ Those where paths are too weak to be seen are noise, independent and alike, so t
 all needs to be drawn, from its exact law. At the rest paths are seen but cannot win, whatever the noise: they
 are drawn only if they fall in the window. A window that lies in noise is drawn given its strongest cell.
 
-What is neglected: paths whose strongest cell is below `FAINT` of the noise's amplitude.
+Neglected are paths whose strongest cell is below `FAINT` of the noise's amplitude.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from robosim.support.compiled import compiled
 
 #: Amplitude [of the noise] of the strongest cell below which a path cannot be seen at a delay.
 FAINT = 0.2
-#: The same, below which a path is left out altogether.
+#: Amplitude over noise below which a path is left out altogether.
 NOTHING = 1e-3
 #: Delays before and after paths that are looked at one by one.
 MARGIN = 8
@@ -52,7 +52,7 @@ def _signal(
     b: Complex[np.ndarray, "rays beams"],
     n: int,
 ) -> Complex[np.ndarray, "n_basis beams"]:
-    """What paths add at one delay."""
+    """Return the contribution of paths at a delay."""
     shifted = np.zeros((a.shape[1], len(tau)), np.complex64)
     for p in range(len(tau)):
         if reach[p] > NOTHING:
@@ -183,7 +183,7 @@ def draw_windows(
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
     rival: Float[np.ndarray, " links"],
-    found: Candidates,
+    candidates: Candidates,
     n: int,
     rng: np.random.Generator,
     out: Complex[np.ndarray, "links window n_basis beams"],
@@ -197,12 +197,12 @@ def draw_windows(
         b: Responses of the beams.
         ports: Dimensions of one receive array.
         rival: Energy of the strongest cell of all delays that are noise; 0 for none.
-        found: Delays that are looked at.
+        candidates: Delays that are looked at.
         n: Samples of the waveform.
         rng: Source of noise.
         out: Where windows go.
     """
-    half, (first, kind, n_noise) = out.shape[1] // 2, found
+    half, (first, kind, n_noise) = out.shape[1] // 2, candidates
     zone = kind.shape[1]
     for i in range(len(tau)):
         top, best = -1, rival[i]

@@ -110,7 +110,7 @@ class Rays:
         return len(self.gain)
 
     def __getitem__(self, links: slice) -> "Rays":
-        """Some of the links."""
+        """Return the rays of a slice of the links."""
         return replace(self, **{f.name: getattr(self, f.name)[links] for f in fields(self)})
 
     @classmethod
@@ -118,7 +118,7 @@ class Rays:
         cls,
         paths: Paths,
         *,
-        most: int = 25,
+        n_max: int = 25,
         rx_heading_rad: float | Float[np.ndarray, " rx"] = 0.0,
         tx_heading_rad: float | Float[np.ndarray, " tx"] = 0.0,
     ) -> "Rays":
@@ -126,11 +126,11 @@ class Rays:
 
         Args:
             paths: What the tracer found, for all pairs of transmitters and receivers.
-            most: Most paths of a link, the strongest.
+            n_max: Most paths of a link, the strongest.
             rx_heading_rad: Azimuth in the scene of each receiver's own +x.
             tx_heading_rad: Likewise of each transmitter.
         """
-        paths = paths.strongest(most)
+        paths = paths.strongest(n_max)
         n_tx, n_rx = len(paths.tx_position), len(paths.rx_position)
         at = paths.link, paths.rank
         shape = n_tx * n_rx, int(paths.rank.max(initial=0)) + 1
@@ -154,7 +154,7 @@ class Rays:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clocks:
-    """What is random about links besides noise."""
+    """Random clocks of links, besides noise."""
 
     offset: Float[np.ndarray, " links"]
     """Delay of the strongest path in the receiver's recording [samples]."""
@@ -236,7 +236,7 @@ class Sounder:
     def snr_of_seen_db(
         self, energy: Float[np.ndarray, "*batch"], seen: Float[np.ndarray, "*batch"]
     ) -> Float[np.ndarray, "*batch"]:
-        """The same, where the squared norm of a path's receive and transmit signatures together is known."""
+        """SNR [dB], where the squared norm of a path's receive and transmit signatures together is known."""
         with np.errstate(divide="ignore"):
             gain_db = 10 * np.log10(energy / seen) - self.config.snr_per_gain_db
         return gain_db + self.budget_db
@@ -323,9 +323,9 @@ class Sounder:
         n_cells = len(self.rx.platform.face_rad) * self.tx.n_beams
         noise_reach = float(np.sqrt(gammainccinv(n_basis, 1e-15)))
         a, b = a.astype(np.complex64), b.astype(np.complex64)
-        found = find_candidates(tau, reach, a, b, n_basis, noise_reach, self.config.n_samples)
+        candidates = find_candidates(tau, reach, a, b, n_basis, noise_reach, self.config.n_samples)
         # Strongest of so many noise-only cells: 1 - F(t) = 1 - u^(1 / cells), F of Gamma(n_basis).
         with np.errstate(divide="ignore"):
-            tail = -np.expm1(np.log(rng.random(len(rays))) / np.maximum(found.n_noise * n_cells, 1))
-        rival = np.where(found.n_noise > 0, gammainccinv(n_basis, tail), 0.0)
-        draw_windows(tau, reach, a, b, n_basis, rival, found, self.config.n_samples, rng, out)
+            tail = -np.expm1(np.log(rng.random(len(rays))) / np.maximum(candidates.n_noise * n_cells, 1))
+        rival = np.where(candidates.n_noise > 0, gammainccinv(n_basis, tail), 0.0)
+        draw_windows(tau, reach, a, b, n_basis, rival, candidates, self.config.n_samples, rng, out)

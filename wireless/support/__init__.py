@@ -1,1 +1,1 @@
-"""What all of the package stands on: files from outside, and compiled inner loops."""
+"""Support of all of the package: files from outside, and compiled inner loops."""

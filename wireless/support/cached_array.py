@@ -30,20 +30,20 @@ def cached_array(
     name: str, made_of: Iterable[bytes], code: Iterable[Path], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
     """An array from disk, or computed and stored there."""
-    looks = hashlib.sha256()
+    key = hashlib.sha256()
     machine = (np.__version__, numba.__version__, llvmlite.binding.get_host_cpu_name())
-    for part in (*made_of, *(file.read_bytes() for file in code), repr(machine).encode()):
-        looks.update(hashlib.sha256(part).digest())
+    for source in (*made_of, *(file.read_bytes() for file in code), repr(machine).encode()):
+        key.update(hashlib.sha256(source).digest())
     folder = writable_folder(cache_folders())
     if folder is None:
         return make()
-    file = folder / f"{name}-{looks.hexdigest()[:32]}.cached"
+    file = folder / f"{name}-{key.hexdigest()[:32]}.cached"
     with suppress(OSError):
         content = file.read_bytes()
         if hashlib.sha256(content[32:]).digest() == content[:32]:
             os.utime(file)
-            found: np.ndarray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
-            return found
+            array: np.ndarray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
+            return array
     made = make()
     packed = io.BytesIO()
     np.save(packed, made)

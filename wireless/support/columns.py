@@ -48,9 +48,9 @@ def numbers(
     table: pa.Table, name: str, kind: pa.DataType, low: float = -FAR, high: float = FAR
 ) -> np.ndarray:
     """A column of numbers within bounds; raises as `values` does, and of the first number beyond them."""
-    found = values(table, name, kind)
-    check_within(found, name, low, high)
-    return found
+    column = values(table, name, kind)
+    check_within(column, name, low, high)
+    return column
 
 
 def lists(table: pa.Table, name: str, kind: pa.DataType) -> tuple[np.ndarray, np.ndarray]:
@@ -69,16 +69,16 @@ def lists(table: pa.Table, name: str, kind: pa.DataType) -> tuple[np.ndarray, np
     return entries.to_numpy(zero_copy_only=False), pc.list_value_length(column).to_numpy(zero_copy_only=False)
 
 
-def check_within(found: np.ndarray, name: str, low: float, high: float) -> None:
+def check_within(column: np.ndarray, name: str, low: float, high: float) -> None:
     """Reject numbers outside bounds, NaN and infinities.
 
     Raises:
         ValueError: Of the first.
     """
-    wrong = ~((found >= low) & (found <= high))
+    wrong = ~((column >= low) & (column <= high))
     if wrong.any():
         row = np.argwhere(wrong)[0]
-        raise ValueError(f"{name} of row {row[0] + 1} is {found[tuple(row)]}, expected {low:g} to {high:g}")
+        raise ValueError(f"{name} of row {row[0] + 1} is {column[tuple(row)]}, expected {low:g} to {high:g}")
 
 
 def _plain(table: pa.Table, name: str, kind: pa.DataType) -> pa.ChunkedArray:

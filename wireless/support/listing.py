@@ -10,10 +10,10 @@ MOST_ROWS = 20
 
 @dataclass(frozen=True, kw_only=True)
 class Listing:
-    """Some rows of a table, and how many there are."""
+    """Rows of a table to show, and how many there are."""
 
     title: str
-    """What stands above."""
+    """Line above the table."""
     heads: tuple[str, ...]
     """Names of the columns, with units."""
     rows: Sequence[tuple[str, ...]]
@@ -23,7 +23,7 @@ class Listing:
 
     @property
     def rest(self) -> str:
-        """What stands below: how many rows are not shown, if any."""
+        """Return the line below: how many rows are not shown, if any."""
         left_out = self.n_rows - len(self.rows)
         return f"... and {left_out} more" if left_out else ""
 
@@ -37,7 +37,7 @@ class Listing:
         return "\n".join(line for line in (self.title, *aligned, self.rest) if line)
 
     def html(self) -> str:
-        """The same as an HTML table; whatever stands in the cells is text."""
+        """Return an HTML table; the cells are escaped text."""
         head = "".join(f"<th>{escape(name)}</th>" for name in self.heads)
         rows = "".join(
             "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in self.rows

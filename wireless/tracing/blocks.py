@@ -2,8 +2,8 @@
 
 A block is some transmitters and some receivers. Blocks do not depend on the number of workers, and no link
 depends on its block, so that results are the same bit for bit however many there are. Threads suffice, since
-the inner loops let go of the interpreter lock (`robosim.support.compiled`). What fits in one block is traced at
-once: a single link pays for no threads.
+the inner loops let go of the interpreter lock (`robosim.support.compiled`). A set of links that fits in
+one block is traced at once: a single link pays for no threads.
 """
 
 import itertools
@@ -68,10 +68,10 @@ def trace_blocks(
 
     def run(block: tuple[slice, slice]) -> list[Table]:
         tables: list[Table] = []
-        found = iter(trace(*block))
+        traced = iter(trace(*block))
         while len(tables) < block[0].stop - block[0].start and not stopped.is_set():
             with delayed_signals():  # once, not for each of the loops that a short link calls
-                tables.append(_packed(next(found)))
+                tables.append(_packed(next(traced)))
         return tables
 
     done = in_threads(run, blocks, workers=workers, stop=stopped.set)
@@ -83,6 +83,6 @@ def trace_blocks(
 
 
 def _packed(table: Table) -> Table:
-    """The same without the rows that no path fills."""
-    used = int(table.found.sum())
-    return Table(table.found, *(column[:used].copy() for column in table[1:]))
+    """Return a table without the rows that no path fills."""
+    used = int(table.n_paths.sum())
+    return Table(table.n_paths, *(column[:used].copy() for column in table[1:]))

@@ -1,9 +1,9 @@
 """Candidates for paths among very many triangles, found once for each transmitter and stored.
 
-Where patches are few, all that can be is tried: chains of two patches that are not certainly hidden, edges over one,
-and one behind an edge. What is longer, and where patches are many all but single patches and edges, rays find that
-the transmitter shoots and that edges bend; and what is next to the pairs that they find. Where paths may pass walls,
-only what lets nothing through hides. What is found depends on nothing but the transmitter's place and the number of
+Where patches are few, all short chains are tried: two patches that are not certainly hidden, edges over one patch, and
+one patch behind an edge. Rays from the transmitter, also diffracted ones, find longer chains, and where patches are
+many all but single patches and edges; neighbours of their pairs are added. Where paths may pass walls, only opaque
+walls occlude. The result depends on nothing but the transmitter's place and the number of
 rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same candidates.
 """
 
@@ -49,7 +49,7 @@ Possible = Callable[[Int[np.ndarray, "_ 2"]], Int[np.ndarray, "_ 2"]]
 
 
 class Reach(NamedTuple):
-    """What a transmitter may reach."""
+    """Chains of patches and edges that a transmitter may reach."""
 
     chains: OpenChains
     """Chains of patches."""
@@ -59,7 +59,7 @@ class Reach(NamedTuple):
     @property
     def size(self) -> int:
         """Memory that it takes [bytes]."""
-        return sum(a.nbytes for part in self if part is not None for a in part)
+        return sum(a.nbytes for column in self if column is not None for a in column)
 
 
 class Candidates:
@@ -82,39 +82,39 @@ class Candidates:
 
     def trace(self, tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]) -> Iterator[Table]:
         """Strongest paths from each transmitter to receivers, around the space's origin [m]."""
-        for one in tx:
-            yield trace_candidates(self._space, self._setting, one, rx, *self._reach(one), self._most)
+        for source in tx:
+            yield trace_candidates(self._space, self._setting, source, rx, *self._reach(source), self._most)
 
     def _reach(self, tx: Point) -> Reach:
-        """What a transmitter may reach, as remembered or found now."""
+        """Return the chains that a transmitter may reach, as cached or searched now."""
         key = tx.tobytes()
         with self._lock:  # another thread may be about to find the same
             if key in self._known:
                 self._known.move_to_end(key)
             else:
                 self._known[key] = self._found(tx)
-                while len(self._known) > 1 and sum(one.size for one in self._known.values()) > MEMORY:
+                while len(self._known) > 1 and sum(reach.size for reach in self._known.values()) > MEMORY:
                     self._known.popitem(last=False)
             return self._known[key]
 
     def _found(self, tx: Point) -> Reach:
         """Chains from a transmitter, and edges that it sees."""
-        space, most, side = self._space, self._setting.max_reflections, self._side
+        space, max_order, side = self._space, self._setting.max_reflections, self._side
         # Where patches are few, rays are left what is longer.
         tried = (2, 1) if self._few else (1, 0)
-        rays = self._rays if most > tried[0] or side > tried[1] else 0
-        seen = self._shooter.shoot(tx, rays, most, side)
+        rays = self._rays if max_order > tried[0] or side > tried[1] else 0
+        seen = self._shooter.shoot(tx, rays, max_order, side)
         if self._few:
-            views, n = all_views(self._veiled, tx, min(2, most), True)
-            parts = [views.chain[:n][views.order[:n] == k, :k] for k in range(min(2, most) + 1)]
+            views, n = all_views(self._veiled, tx, min(2, max_order), True)
+            parts = [views.chain[:n][views.order[:n] == k, :k] for k in range(min(2, max_order) + 1)]
         else:
-            parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: most + 1]
-        parts = [part[np.lexsort(part.T[::-1])] if part.size else part for part in parts]
-        chains = list(seen.chains[len(parts) - 2 :]) if most > 1 else []
+            parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: max_order + 1]
+        parts = [chain[np.lexsort(chain.T[::-1])] if chain.size else chain for chain in parts]
+        chains = list(seen.chains[len(parts) - 2 :]) if max_order > 1 else []
         if chains and self._near is not None:
             _, patches = self._near
             chains[0] = self._nearby(chains[0], (patches, patches), partial(self._pairs, tx))
-        reached = open_chains(space, tx, _padded(parts + chains, most))
+        reached = open_chains(space, tx, _padded(parts + chains, max_order))
         if side < 0:
             return Reach(reached, None)
         sights = self._sights(tx, seen.edge, seen.over)
@@ -154,28 +154,28 @@ class Candidates:
         seen = (
             np.zeros(len(space.patch_facet), np.int64) if self._backs is None else self._backs.seen_from(tx)
         )
-        found: list[Bent] = []
+        bent_chains: list[Bent] = []
         for order in range(min(bent - 1, side) + 1):
             which = np.flatnonzero(sights.order == order)
-            most = min(bent - order, side)
-            if self._few and most > 0:
+            n_max = min(bent - order, side)
+            if self._few and n_max > 0:
                 patch = np.sort(space.patch_boxes.number)
                 at_once = max(1, _PAIRS // max(len(patch), 1))
                 for first in range(0, len(which), at_once):
-                    some = which[first : first + at_once]
-                    pairs = np.column_stack([np.repeat(some, len(patch)), np.tile(patch, len(some))])
+                    batch = which[first : first + at_once]
+                    pairs = np.column_stack([np.repeat(batch, len(patch)), np.tile(patch, len(batch))])
                     pairs = self._bent(sights, pairs, seen)
-                    found.append(Bent(pairs[:, 0], pairs[:, 1:]))
-            if most > (1 if self._few else 0):
+                    bent_chains.append(Bent(pairs[:, 0], pairs[:, 1:]))
+            if n_max > (1 if self._few else 0):
                 source = _images(self._space.panes.plane, tx, sights.over[which, :order])
                 rays = self._shooter.bend(
-                    source, sights.edge[which], np.full(len(which), order == 0), self._rays, most
+                    source, sights.edge[which], np.full(len(which), order == 0), self._rays, n_max
                 )
                 behind = [Bent(which[b.sight], b.chain) for b in rays]
                 if order == 0 and self._near is not None and behind:
                     behind[0] = self._bent_nearby(sights, which, behind[0], self._near, seen)
-                found += behind[1 if self._few else 0 :]
-        return found
+                bent_chains += behind[1 if self._few else 0 :]
+        return bent_chains
 
     def _bent_nearby(
         self,
@@ -203,30 +203,30 @@ class Candidates:
     ) -> Int[np.ndarray, "m 2"]:
         """Pairs, and those next to them, of patches that reflect."""
         mirrors = self._space.mirrors[self._space.patch_facet]
-        return with_neighbours(pairs, near, lambda some: possible(some[mirrors[some[:, 1]]]))
+        return with_neighbours(pairs, near, lambda rows: possible(rows[mirrors[rows[:, 1]]]))
 
-    def _pairs(self, tx: Point, some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+    def _pairs(self, tx: Point, pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
         """Pairs of patches, the second of which the transmitter's image over the first may see."""
-        return open_chains(self._space, tx, some).chain
+        return open_chains(self._space, tx, pairs).chain
 
-    def _seen(self, tx: Point, some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+    def _seen(self, tx: Point, pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
         """Pairs of an edge and a patch, over which the transmitter may see it."""
-        some = some[np.argsort(some[:, 1], kind="stable")]
-        seen = place_edges(self._space, tx, some[:, 0], some[:, 1:])
+        pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
+        seen = place_edges(self._space, tx, pairs[:, 0], pairs[:, 1:])
         return np.column_stack([seen.edge, seen.over[:, 0]])
 
     def _bent(
-        self, sights: SeenEdges, some: Int[np.ndarray, "n 2"], seen: Int[np.ndarray, " p"]
+        self, sights: SeenEdges, pairs: Int[np.ndarray, "n 2"], seen: Int[np.ndarray, " p"]
     ) -> Int[np.ndarray, "m 2"]:
         """Pairs of a sight and a patch that its edge may bend rays to, on the side of it that can be reached."""
         panes = self._space.panes
         radius = np.linalg.norm(panes.high - panes.low, axis=1) / 2
         sphere = np.column_stack([(panes.low + panes.high) / 2, radius])
-        return some[can_bend(self._space.ground, sights, some, sphere, seen)]
+        return pairs[can_bend(self._space.ground, sights, pairs, sphere, seen)]
 
 
 def hidden_by_opaque(space: Space) -> Space:
-    """The same space, in which what lets paths through hides nothing."""
+    """Return a space in which walls with transmission occlude nothing."""
     opaque = np.flatnonzero(~space.tree_passes)
     old = space.tree
     plane = np.column_stack([old.normal, old.level])
@@ -238,13 +238,13 @@ def hidden_by_opaque(space: Space) -> Space:
     )
 
 
-def _padded(parts: list[Int[np.ndarray, "_ _"]], most: int) -> Int[np.ndarray, "c m"]:
+def _padded(parts: list[Int[np.ndarray, "_ _"]], max_order: int) -> Int[np.ndarray, "c m"]:
     """Chains of several lengths in one table; -1 beyond the last patch."""
-    chains = np.full((sum(map(len, parts)), most), -1, np.int64)
+    chains = np.full((sum(map(len, parts)), max_order), -1, np.int64)
     row = 0
-    for part in parts:
-        chains[row : row + len(part), : part.shape[1]] = part[:, :most]
-        row += len(part)
+    for lot in parts:
+        chains[row : row + len(lot), : lot.shape[1]] = lot[:, :max_order]
+        row += len(lot)
     return chains
 
 

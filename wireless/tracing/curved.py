@@ -8,7 +8,7 @@ as along any path. Walls, floor and ceiling may reflect before and after it, and
 
 The legs are traced, by the plan's engine, to places around each arc (`wireless.geometry.arcs`), and count for the part
 of the arc around that place; then the path is laid out exactly. What the flat walls of an arc reflect, or their corners
-diffract, away from it is left out; what bends around it is not.
+diffract, away from it is left out; paths diffracted around it are not.
 
 Left out: two arcs on a path, the inner side of curved walls, waves that creep around an arc.
 Reference: McNamara, Pistorius and Malherbe, Introduction to the Uniform Geometrical Theory of Diffraction, 1990,
@@ -106,8 +106,8 @@ class CurvedWalls:
         level = (normal * outline.wall_point).sum(axis=1)
         upright = np.column_stack([normal, np.zeros(len(level)), level])
         self._planes = np.concatenate([upright, [(0, 0, 1, low), (0, 0, 1, high)]])
-        most = max(scene.setting.max_reflections - 1, 0)
-        self._legs = scene.limited(max_reflections=most, edge_reflections=-1, side_reflections=-1)
+        max_reflections = max(scene.setting.max_reflections - 1, 0)
+        self._legs = scene.limited(max_reflections=max_reflections, edge_reflections=-1, side_reflections=-1)
 
     def added(
         self,
@@ -122,14 +122,16 @@ class CurvedWalls:
             return [[(merged([table], keep), first) for table, first in tables] for tables in rows]
         legs = self._traced(np.concatenate([tx, rx]), workers)
         settings = self.scene.setting, self.scene.setting._replace(max_through=0)
-        found: Rows = []
+        joined: Rows = []
         for i, tables in enumerate(rows):
-            found.append([])
+            joined.append([])
             for table, first in tables:
-                some = rx[first : first + len(table.found)]
-                new = _join(self._planes, settings, self._pieces, legs, (tx[i], i), some, len(tx) + first)
-                found[-1].append((merged([self._without_arcs(table), new], keep), first))
-        return found
+                receivers = rx[first : first + len(table.n_paths)]
+                new = _join(
+                    self._planes, settings, self._pieces, legs, (tx[i], i), receivers, len(tx) + first
+                )
+                joined[-1].append((merged([self._without_arcs(table), new], keep), first))
+        return joined
 
     def _traced(self, ends: Points, workers: int | None) -> Legs:
         """Legs from each place to all ends, without reflections by arcs."""
@@ -139,10 +141,10 @@ class CurvedWalls:
         order, kind, primitive = (
             np.concatenate([getattr(t, name) for t in tables]) for name in ("order", "kind", "primitive")
         )
-        found = np.concatenate([t.found for t in tables])
+        n_paths = np.concatenate([t.n_paths for t in tables])
         flat = ~((kind == REFLECTION) & (self._arc[primitive] >= 0)).any(axis=1)
-        of = np.repeat(np.arange(len(found)), found)[flat]
-        start = np.searchsorted(of, np.arange(len(found) + 1))
+        of = np.repeat(np.arange(len(n_paths)), n_paths)[flat]
+        start = np.searchsorted(of, np.arange(len(n_paths) + 1))
         through = (kind == TRANSMISSION).sum(axis=1)
         return Legs(start, order[flat], through[flat], kind[flat], primitive[flat])
 
@@ -290,6 +292,6 @@ def _join(
                     scratch.gain[:] *= np.sqrt(share)
                     table = with_room(setting, table, row + 1)
                     write_row(table, row, length, power * share, m, scratch)
-                    table.found[r] += 1
+                    table.n_paths[r] += 1
                     row += 1
     return table

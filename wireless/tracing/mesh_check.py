@@ -1,4 +1,4 @@
-"""What a mesh must be like to be traced."""
+"""Requirements of a mesh for tracing."""
 
 import numpy as np
 import trimesh

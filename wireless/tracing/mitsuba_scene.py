@@ -1,13 +1,17 @@
 """Mitsuba 3 scenes with radio materials, such as those of Sionna RT and of `robosim plan`, as meshes for the tracer.
 
-Shapes are PLY and OBJ files, rectangles and cubes, placed by matrices, translations, rotations and scales. Materials
-are `itu-radio-material` (a slab of a material of ITU-R P.2040, 0.1 m thick if the scene does not say), or are named
-itu_TYPE or mat-itu_TYPE, as in older scenes. Units are metres, z points upwards.
-Left out: lights, sensors, scattering of materials, and anything but shapes and materials.
+Shapes are PLY and OBJ files, rectangles and cubes, placed by matrices, translations, rotations and scales; files that
+`<include>` names are parts of the scene. What a scene states of a material counts more than its name: `radio-material`
+has its own permittivity and conductivity, `itu-radio-material` a type of ITU-R P.2040, both a thickness (0.1 m if the
+scene does not say) and a scattering coefficient, which counts where the tracer scatters. Other materials are those of
+ITU-R P.2040 by their names, itu_TYPE or mat-itu_TYPE, as in older scenes. Units are metres, z points upwards.
+Left out: lights, sensors, the cross-polarisation of scattering, and anything but shapes and materials.
 """
 
 import io
+import logging
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -19,11 +23,18 @@ from jaxtyping import Float, Int
 
 from robosim.support.reading import FileError, reading
 from wireless.em.materials import MATERIALS, Layer, Material
+from wireless.tracing.mesh_check import check_mesh
+
+logger = logging.getLogger(__name__)
 
 #: Thickness of a slab that the scene does not give [m], as in Sionna RT.
-_THICK_M = 0.1
+THICK_M = 0.1
 _REMEDY = "Give a Mitsuba 3 scene with shapes and ITU radio materials."
 _AXES = ("x", "y", "z")
+#: Types of radio materials, and their properties; those of the second line change nothing, or are said to be left out.
+_RADIO = ("radio-material", "itu-radio-material", "radio_material", "itu_radio_material")
+_PROPERTIES = ("type", "relative_permittivity", "conductivity", "thickness", "scattering_coefficient")
+_LEFT_OUT = ("xpd_coefficient", "scattering_pattern", "color")
 
 
 class MitsubaScene(NamedTuple):
@@ -33,6 +44,10 @@ class MitsubaScene(NamedTuple):
     materials: tuple[str | Material, ...]
     face_material: Int[np.ndarray, " n_faces"]
     """Index into `materials`."""
+    shapes: tuple[tuple[str, int, str], ...] = ()
+    """Name, number of triangles and material of each shape."""
+    notes: tuple[str, ...] = ()
+    """What was assumed."""
     floor_ceiling: bool = True
     """All surfaces reflect, level ones too."""
 
@@ -60,33 +75,71 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         FileError: If a file is damaged, a shape or material is not understood, or there is no shape.
     """
     given = dict(materials or {})
-    with reading(path, "a Mitsuba scene", _REMEDY) as file:
-        root = ET.parse(file).getroot()
-        if root.tag != "scene":
-            raise ValueError(f"it begins with <{root.tag}>, expected <scene>")
-        values = {f"${one.get('name')}": one.get("value", "") for one in root.iter("default")}
-        for one in root.iter():
-            one.attrib.update({key: values.get(value, value) for key, value in one.attrib.items()})
-        bsdfs = {one.get("id", ""): one for one in root.findall("bsdf")}
+    with reading(path, "a Mitsuba scene", _REMEDY):
+        try:
+            root = _read_root(path, path.parent, ())
+        except FileError as error:
+            error.file = None  # of an included file: the message names both
+            raise
+        values = {f"${each.get('name')}": each.get("value", "") for each in root.iter("default")}
+        for element in root.iter():
+            element.attrib.update({key: values.get(value, value) for key, value in element.attrib.items()})
+        bsdfs: dict[str, ET.Element] = {}
+        for bsdf in root.iter("bsdf"):
+            if bsdfs.setdefault(bsdf.get("id", ""), bsdf) is not bsdf and bsdf.get("id"):
+                raise ValueError(f"there are two materials {bsdf.get('id')!r}, expected one")
         names: list[str] = []
-        parts: list[trimesh.Trimesh] = []
-        of_part: list[int] = []
+        shapes: list[tuple[str, int, str]] = []
+        meshes: list[trimesh.Trimesh] = []
+        of_mesh: list[int] = []
         for number, shape in enumerate(root.iter("shape"), 1):
             name = shape.get("id") or f"number {number}"
-            parts.append(_mesh(shape, path.parent, name))
-            material = _material_name(shape, name)
+            meshes.append(_mesh(shape, path.parent, name))
+            material = _material_name(shape, name, bsdfs)
             if material not in names:
                 names.append(material)
-            of_part.append(names.index(material))
-        if not parts:
+            of_mesh.append(names.index(material))
+            shapes.append((name, len(meshes[-1].faces), material))
+        if not meshes:
             raise ValueError("there is no shape in it")
-        mesh = trimesh.util.concatenate(parts)
-        assert isinstance(mesh, trimesh.Trimesh)
-        return MitsubaScene(
-            mesh=trimesh.Trimesh(mesh.vertices, mesh.faces, process=False),
-            materials=tuple(_material(name, bsdfs.get(name), given) for name in names),
-            face_material=np.repeat(of_part, [len(part.faces) for part in parts]),
+        if unknown := sorted(set(given) - set(names)):
+            raise ValueError(f"there is no material {unknown[0]!r} in it, expected one of {', '.join(names)}")
+        whole = trimesh.util.concatenate(meshes)
+        assert isinstance(whole, trimesh.Trimesh)
+        mesh = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
+        check_mesh(mesh, 0.0)
+        notes: list[str] = []
+        made = [given[name] if name in given else _material(name, bsdfs.get(name), notes) for name in names]
+        scene = MitsubaScene(
+            mesh=mesh,
+            materials=tuple(made),
+            face_material=np.repeat(of_mesh, [len(each.faces) for each in meshes]),
+            shapes=tuple(shapes),
+            notes=tuple(notes),
         )
+    for note in notes:
+        logger.log(logging.INFO if "thickness" in note else logging.WARNING, "%s: %s", path, note)
+    return scene
+
+
+def _read_root(path: Path, folder: Path, chain: tuple[Path, ...]) -> ET.Element:
+    """The root of a scene in a folder, with the content of the files that it includes in their place."""
+    with reading(path, "a Mitsuba scene", _REMEDY) as file:
+        root = ET.parse(file).getroot()
+    if root.tag != "scene":
+        raise ValueError(f"it begins with <{root.tag}>, expected <scene>")
+    if path.resolve() in chain:
+        raise ValueError(f"{path} includes itself, expected no cycle")
+    for element in root.iter("string"):
+        here, there = (at / element.get("value", "") for at in (path.parent, folder))
+        if element.get("name") == "filename" and here.exists() and not there.exists():
+            element.set("value", str(here.absolute()))
+    for number, element in reversed(list(enumerate(root))):
+        if element.tag == "include":
+            name = element.get("filename", "")
+            other = next((at / name for at in (folder, path.parent) if (at / name).exists()), folder / name)
+            root[number : number + 1] = list(_read_root(other, folder, (*chain, path.resolve())))
+    return root
 
 
 def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
@@ -98,7 +151,7 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
         )
         try:
             with reading(folder / file, "a mesh of a scene") as content:
-                mesh = trimesh.load_mesh(io.BytesIO(content.read()), file_type=kind, process=False)
+                mesh = _loaded(content.read(), kind)
         except FileError as error:
             raise FileError(f"shape {name}: {error}") from error
     elif kind == "rectangle":
@@ -113,6 +166,24 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
     for transform in shape.findall("transform"):
         for step in transform:
             mesh.apply_transform(_matrix(step, name))
+    return mesh
+
+
+def _loaded(content: bytes, kind: str) -> trimesh.Trimesh:
+    """The mesh of a file; ValueError if it lacks faces, or a vertex is not finite."""
+    if kind == "ply":
+        header, _, data = content.partition(b"end_header")
+        counts = {name: int(count) for name, count in re.findall(rb"element\s+(\w+)\s+(\d+)", header)}
+        lines = sum(bool(line.strip()) for line in data.splitlines())
+        if b"format ascii" in header and lines < sum(counts.values()):
+            raise ValueError(f"it announces {sum(counts.values())} vertices and faces, but has {lines} lines")
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise ValueError("it has no faces, expected triangles")
+    if kind == "ply" and len(mesh.faces) < counts.get(b"face", 0):
+        raise ValueError(f"it announces {counts[b'face']} faces, but has {len(mesh.faces)}")
+    if not np.isfinite(mesh.vertices).all():
+        raise ValueError("a vertex is not finite, expected numbers")
     return mesh
 
 
@@ -135,27 +206,51 @@ def _matrix(step: ET.Element, name: str) -> Float[np.ndarray, "4 4"]:
     )
 
 
-def _material_name(shape: ET.Element, name: str) -> str:
-    """The name of a shape's material."""
-    for one in (*shape.findall("ref"), *shape.findall("bsdf")):
-        if one.get("id"):
-            return str(one.get("id"))
+def _material_name(shape: ET.Element, name: str, bsdfs: dict[str, ET.Element]) -> str:
+    """The name of a shape's material; a material without a name inside of a shape gets that of the shape."""
+    for each in (*shape.findall("ref"), *shape.findall("bsdf")):
+        if each.tag == "bsdf":
+            material = each.get("id") or f"of {name}"
+            bsdfs[material] = each
+            return material
+        if each.get("id") and each.get("name", "bsdf") == "bsdf":
+            return str(each.get("id"))
     raise FileError(f"shape {name} has no material. Give it one by <ref id=.../>.")
 
 
-def _material(name: str, bsdf: ET.Element | None, given: Mapping[str, Material | str]) -> str | Material:
-    """A material by its name in the scene."""
-    if name in given:
-        return given[name]
-    values: dict[str, str] = {}
-    if bsdf is not None:
-        values = {one.get("name", ""): one.get("value", "") for one in bsdf}
-    kind = values.get("type") or name.removeprefix("mat-").removeprefix("itu_")
-    kind = kind.replace("-", "_")
+def _material(name: str, bsdf: ET.Element | None, notes: list[str]) -> Material:
+    """A material of a scene: what it states or, for others than radio materials, what its name means."""
+    nested = () if bsdf is None else bsdf.iter("bsdf")
+    radio = next((each for each in nested if each.get("type") in _RADIO), None)
+    values = {} if radio is None else {each.get("name", ""): each.get("value", "") for each in radio}
+    if wrong := sorted(set(values) - {*_PROPERTIES, *_LEFT_OUT}):
+        raise FileError(
+            f"material {name!r} has {wrong[0]!r}, expected only {', '.join((*_PROPERTIES, *_LEFT_OUT))}."
+        )
+    scattering = float(values.get("scattering_coefficient", 0))
+    if scattering:
+        notes.append(f"material {name} scatters (S = {scattering:g}) only if the tracer does (--scattering)")
+        if "xpd_coefficient" in values or values.get("scattering_pattern", "lambertian") != "lambertian":
+            notes.append(f"xpd_coefficient and scattering_pattern of material {name} are left out")
+    thickness_m = float(values.get("thickness", THICK_M))
+    if "thickness" not in values:
+        notes.append(f"material {name} states no thickness: {THICK_M:g} m")
+    if "relative_permittivity" in values or (radio is not None and "itu" not in radio.get("type", "")):
+        layer = Layer(
+            thickness_m=thickness_m,
+            relative_permittivity=float(values.get("relative_permittivity", 1)),
+            conductivity_spm=float(values.get("conductivity", 0)),
+        )
+        return Material(name, (layer,), scattering=scattering or None)
+    if "conductivity" in values:
+        raise FileError(f"material {name!r} has a conductivity without relative_permittivity, expected both.")
+    plain = name.removeprefix("mat-")
+    kind = (values.get("type") or plain.removeprefix("itu_")).replace("-", "_")
     if kind not in MATERIALS:
         raise FileError(
-            f"material {name!r} is {kind!r}, expected one of ITU-R P.2040: {', '.join(MATERIALS)}. Give materials="
-            f"{{{name!r}: 'concrete'}} or another one."
+            f"material {name!r} is {kind!r}, expected one of ITU-R P.2040: {', '.join(MATERIALS)}. Give "
+            f"--scene-material {name}=concrete, materials={{{name!r}: 'concrete'}} or another one."
         )
-    thickness_m = float(values.get("thickness", _THICK_M))
-    return Material(name, (Layer(thickness_m=thickness_m, material=kind),))
+    if radio is None and bsdf is not None and not plain.startswith("itu"):
+        notes.append(f"material {name} is no radio material: its name makes it {kind} of ITU-R P.2040")
+    return Material(name, (Layer(thickness_m=thickness_m, material=kind),), scattering=scattering or None)

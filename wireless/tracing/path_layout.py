@@ -51,7 +51,7 @@ def find_reflections(ground: Ground, chain: Chain, target: Point, points: Float[
     """
     plane, start, triangle, inward = ground.plane, ground.start, ground.triangle, ground.inward
     image, order = chain.image, chain.order
-    x, y, z, found, near_m = target[0], target[1], target[2], 1, ground.near_m
+    x, y, z, status, near_m = target[0], target[1], target[2], 1, ground.near_m
     for j in range(order):
         k = order - 1 - j
         patch = chain.patch[k]
@@ -67,7 +67,7 @@ def find_reflections(ground: Ground, chain: Chain, target: Point, points: Float[
         x, y, z = u + f * (x - u), v + f * (y - v), w + f * (z - w)
         first, last = start[patch], start[patch + 1]
         if last - first > FEW_TRIANGLES:
-            found = 2
+            status = 2
         else:
             inside = False
             for t in range(first, last):
@@ -75,18 +75,18 @@ def find_reflections(ground: Ground, chain: Chain, target: Point, points: Float[
             if not inside:
                 return 0
         points[j, 0], points[j, 1], points[j, 2] = x, y, z
-    return found
+    return status
 
 
 @compiled
 def reflects_to(space: Space, chain: Chain, target: Point, points: Float[np.ndarray, "m 3"]) -> bool:
     """Whether there are reflection points from a target back to the source, put into `points`."""
-    found = find_reflections(space.ground, chain, target, points)
-    if found == 2:
+    status = find_reflections(space.ground, chain, target, points)
+    if status == 2:
         for j in range(chain.order):
             if not _is_in_large(space, chain.patch[chain.order - 1 - j], points[j]):
                 return False
-    return found > 0
+    return status > 0
 
 
 @compiled
@@ -127,7 +127,7 @@ def lay_out(
     """Put a path into `path`; legs may be hidden.
 
     Args:
-        ground: What paths are laid out over.
+        ground: Facets and edges that paths are laid out over.
         ends: Transmitter and receiver.
         near: Patches from the transmitter.
         edge: Edge behind these; -1 for none.
@@ -137,7 +137,7 @@ def lay_out(
     Returns:
         Its number of interactions, -1 if there is none; and whether `is_on_large` has to be checked too.
     """
-    n, m, target, found, near_m = near.order, near.order, ends[1], 1, ground.near_m
+    n, m, target, status, near_m = near.order, near.order, ends[1], 1, ground.near_m
     point, kind, primitive = path.point, path.kind, path.primitive
     for i in range(3):
         point[0, i] = ends[0, i]
@@ -145,8 +145,8 @@ def lay_out(
         target = point[n + 1]
         if not _meet_edge(ground, edge, near.image[n], far.image[far.order], target):
             return -1, False
-        found = find_reflections(ground, far, target, path.back)
-        if found == 0:
+        status = find_reflections(ground, far, target, path.back)
+        if status == 0:
             return -1, False
         m = n + 1 + far.order
         for j in range(n + 1, m):
@@ -169,7 +169,7 @@ def lay_out(
             _, distance, angle = edge_sight(ground.edge, ground.edge_wedge, edge, point[j])
             if not is_open(gap, distance, angle, near_m):
                 return -1, False
-    return m, found == 2 or back == 2
+    return m, status == 2 or back == 2
 
 
 @compiled

@@ -97,16 +97,18 @@ def views_of(
     hit, seen = np.empty((1024, 2), np.int64), np.empty((1024, 2))
     no_targets = np.zeros(len(layers.plan.tri_vertex), np.bool_)
     for i in range(n):
-        found = find_visibility(layers, start_list[start[i] : start[i + 1]], points[i], no_targets, limits)
+        visibility = find_visibility(
+            layers, start_list[start[i] : start[i + 1]], points[i], no_targets, limits
+        )
         v, e = view_start[i], edge_start[i]
-        view_start[i + 1], edge_start[i + 1] = v + len(found.image), e + len(found.edge_hit)
-        image, chain = _with_rows(image, v, found.image), _with_rows(chain, v, found.chain)
-        hit, seen = _with_rows(hit, e, found.edge_hit), _with_rows(seen, e, found.edge_range)
+        view_start[i + 1], edge_start[i + 1] = v + len(visibility.image), e + len(visibility.edge_hit)
+        image, chain = _with_rows(image, v, visibility.image), _with_rows(chain, v, visibility.chain)
+        hit, seen = _with_rows(hit, e, visibility.edge_hit), _with_rows(seen, e, visibility.edge_range)
         if len(outline.edge_gap_rad) > outline.n_corners:
-            order = np.argsort(found.edge_hit[:, 0] >= outline.n_corners, kind="mergesort")
+            order = np.argsort(visibility.edge_hit[:, 0] >= outline.n_corners, kind="mergesort")
             hit[e : edge_start[i + 1]], seen[e : edge_start[i + 1]] = (
-                found.edge_hit[order],
-                found.edge_range[order],
+                visibility.edge_hit[order],
+                visibility.edge_range[order],
             )
     return Views(
         view_start,
@@ -150,11 +152,11 @@ def _try_path(
     outline: Outline, setting: Setting, link: Link, parts: Parts, scratch: Scratch, best: Best, count: int
 ) -> int:
     """Enter a path into a link's list, with each allowed number of reflections at floor and ceiling; its new length."""
-    edge, most = parts[1], setting.max_reflections - link.chain[parts[0], 2]
+    edge, n_max = parts[1], setting.max_reflections - link.chain[parts[0], 2]
     if edge >= 0:
-        most = setting.edge_reflections - link.chain[parts[0], 2] - link.far_chain[parts[2], 2]
-    up = min(most, 1 if not setting.has_floor else most) if setting.has_ceiling else 0
-    down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
+        n_max = setting.edge_reflections - link.chain[parts[0], 2] - link.far_chain[parts[2], 2]
+    up = min(n_max, 1 if not setting.has_floor else n_max) if setting.has_ceiling else 0
+    down = min(n_max, 1 if not setting.has_ceiling else n_max) if setting.has_floor else 0
     for bounce in range(-down, up + 1):
         parts[3] = bounce
         m = lay_path(outline, setting, link, parts, scratch)
@@ -189,11 +191,11 @@ def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " 
 def _near_edges(outline: Outline, seen: Visibility) -> _NearEdges:
     """Edges that a transmitter sees, by edge."""
     start, number = _by_first(seen.edge_hit, len(outline.edge_gap_rad))
-    view, sight, part = seen.edge_hit[number, 1], np.empty((len(number), 3)), seen.edge_range[number]
+    view, sight, seen_range = seen.edge_hit[number, 1], np.empty((len(number), 3)), seen.edge_range[number]
     for j in range(len(number)):
         image = seen.image[view[j]]
         sight[j] = edge_sight(outline, seen.edge_hit[number[j], 0], image[0], image[1], seen.height_m)
-    return _NearEdges(start, view, sight, part)
+    return _NearEdges(start, view, sight, seen_range)
 
 
 @compiled
@@ -287,7 +289,7 @@ def trace_links(
             parts[0] = node
             count = _try_path(layers.outline, setting, link, parts, scratch, best, count)
         count = _diffract(layers.outline, setting, link, near, far, i, scratch, best, count)
-        table.found[i] = count
+        table.n_paths[i] = count
         table = with_room(setting, table, row + count)
         for j in range(count):
             m = lay_path(layers.outline, setting, link, best.parts[j], scratch)

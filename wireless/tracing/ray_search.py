@@ -1,10 +1,10 @@
 """The strongest paths of links among very many triangles: candidates of the transmitter, computed and checked exactly.
 
 For each transmitter there is a table of what it may reach, over patches and edges (`wireless.tracing.candidates`).
-One sweep over it leaves few rows for each receiver (`wireless.tracing.receiver_sweep`). Those are laid out and checked
-as in exhaustive search (`wireless.tracing.path_layout`, `wireless.tracing.space_paths`), so that each path is one that
-exhaustive search finds; what is not in the table is missed. Of edges what may be strongest comes first, so that a full
-list spares the rest. Rows do not name walls that are passed: these are found on the legs of paths.
+One sweep over it leaves few rows for each receiver (`wireless.tracing.receiver_sweep`). These rows are laid out and
+checked as in exhaustive search (`wireless.tracing.path_layout`, `wireless.tracing.space_paths`), so that each path is
+one that exhaustive search finds; paths that are not in the table are missed. The edges that may be strongest come
+first, so that a full list spares the rest. Rows do not name walls that are passed: these are found along the legs.
 """
 
 from typing import NamedTuple
@@ -52,9 +52,9 @@ class _Rows(NamedTuple):
     far: Int[np.ndarray, "n l"]
     """Patches behind it, the first from the receiver first."""
     bound: Float[np.ndarray, " n"]
-    """What the power of each cannot exceed."""
+    """Upper bound of the power of each."""
     bare: Float[np.ndarray, " n"]
-    """The same if its patches reflected everything."""
+    """Upper bound if its patches reflected everything."""
 
 
 @compiled
@@ -73,8 +73,8 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
         if m < 0 or m > setting.max_met:
             continue
         if full and near.order + far.order > 1:
-            most = rows.bare[h] * left_by_mirrors(ground.facet_normal, setting, m, scratch)
-            if most < rank[keep - 1, 0]:
+            limit = rows.bare[h] * left_by_mirrors(ground.facet_normal, setting, m, scratch)
+            if limit < rank[keep - 1, 0]:
                 continue
         if large and not is_on_large(space, near, edge, far, scratch.point):
             continue
@@ -93,7 +93,7 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
 
 @compiled
 def _reflect(
-    space: Space, setting: Setting, links: Links, chains: OpenChains, most: Reflected, work: Workspace
+    space: Space, setting: Setting, links: Links, chains: OpenChains, reflected: Reflected, work: Workspace
 ) -> None:
     """Enter the paths over patches into the lists of all links."""
     hits = chains_at(chains, links.rx)
@@ -111,10 +111,12 @@ def _reflect(
                 off += step * chains.column[3 + i, row]
             bare[h] = 1 / (4 * setting.wavenumber**2 * length2)
             facet = space.patch_facet[chains.chain[row, order - 1]]
-            bound[h] = bare[h] * by_mirror(most.mirror, most.row[facet], abs(off) / np.sqrt(length2))
+            bound[h] = bare[h] * by_mirror(
+                reflected.mirror, reflected.row[facet], abs(off) / np.sqrt(length2)
+            )
         none = np.full((len(mine), 1), -1)
         rows = _Rows(none[:, 0].copy(), chains.chain[mine], none, bound, bare)
-        links.found[r] = _enter(space, setting, link_of(links, r), rows, work, links.found[r])
+        links.n_paths[r] = _enter(space, setting, link_of(links, r), rows, work, links.n_paths[r])
 
 
 @compiled
@@ -127,7 +129,7 @@ def _rough_bounds(
     least: float,
     sight: Points,
 ) -> Float[np.ndarray, " n"]:
-    """What the power over edges cannot exceed if their faces were mirrors; -1 if it is none or below the least."""
+    """Upper bounds of the power over edges if their faces were mirrors; -1 if it is zero or below the least."""
     # Puts where the receiver's image is, as seen from the edge, into `sight` (see `edge_sight`).
     rough, far, image = np.empty(len(mine)), edges.far, np.empty((edges.far.shape[1] + 1, 3))
     for h in range(len(mine)):
@@ -138,9 +140,9 @@ def _rough_bounds(
         sight[h, 0], sight[h, 1], sight[h, 2], rough[h] = z, distance, behind, -1.0
         if distance >= NOWHERE_M and is_open(ground.edge_gap_rad[e], distance, behind, ground.near_m):
             off = edges.column[8, q]
-            most = edge_bound(behind, edges.angle[q], ground.edge_gap_rad[e], wavenumber, off, distance)
-            if most >= least:
-                rough[h] = most
+            limit = edge_bound(behind, edges.angle[q], ground.edge_gap_rad[e], wavenumber, off, distance)
+            if limit >= least:
+                rough[h] = limit
     return rough
 
 
@@ -154,21 +156,21 @@ def _within(angle: float, gap: float) -> float:
 def _bounds(
     ground: Ground,
     setting: Setting,
-    most: Reflected,
+    reflected: Reflected,
     edges: EdgeChains,
-    some: Int[np.ndarray, " m"],
+    rows: Int[np.ndarray, " m"],
     ends: Float[np.ndarray, "2 3"],
     sight: Float[np.ndarray, "m 3"],
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """What the power over some edges cannot exceed, and what if patches reflected everything."""
+    """Upper bounds of the power over edges, and the bounds if patches reflected everything."""
     # For many at once, as handing these tables on takes longer than finding one. Sights are those of `_rough_bounds`.
     edge, edge_wedge, gaps = ground.edge, ground.edge_wedge, ground.edge_gap_rad
     edge_facets, plane, patch_facet = ground.edge_facets, ground.plane, ground.patch_facet
-    image, bound, bare = np.empty((edges.near.shape[1] + 1, 3)), np.empty(len(some)), np.empty(len(some))
-    mirror, apart, alike, row = most.mirror, most.apart, most.alike, most.row
+    image, bound, bare = np.empty((edges.near.shape[1] + 1, 3)), np.empty(len(rows)), np.empty(len(rows))
+    mirror, apart, alike, row = reflected.mirror, reflected.apart, reflected.alike, reflected.row
     column, wavenumber, bisector = edges.column, setting.wavenumber, setting.bisector
-    for j in range(len(some)):
-        q = some[j]
+    for j in range(len(rows)):
+        q = rows[j]
         e, distance, place, off = edges.edge[q], sight[j, 1], column[7, q], column[8, q]
         gap, z = gaps[e], 0.0
         phi, phi_source = _within(sight[j, 2], gap), _within(edges.angle[q], gap)
@@ -183,7 +185,7 @@ def _bounds(
         )
         bare[j] = close_edge_bound(phi, phi_source, gap, wavenumber, before, after, sin_b0, faces)
         bound[j] = bare[j]
-        # Of the patches, those next to the receiver and next to the edge count.
+        # The patches next to the receiver and next to the edge count.
         far, order = edges.far[q, 0], 0
         if far >= 0:
             cosine = 0.0
@@ -203,31 +205,34 @@ def _bounds(
 
 @compiled
 def _bend(
-    space: Space, setting: Setting, links: Links, edges: EdgeChains, most: Reflected, work: Workspace
+    space: Space, setting: Setting, links: Links, edges: EdgeChains, reflected: Reflected, work: Workspace
 ) -> None:
     """Enter the paths over edges into the lists of all links."""
     ground, keep, hits = space.ground, setting.keep, edges_at(space.panes, edges, links.rx)
     for r in range(len(links.rx)):
         mine, link = hits.row[hits.start[r] : hits.start[r + 1]], link_of(links, r)
-        least, sight = links.rank[r, keep - 1, 0] if links.found[r] == keep else 0.0, np.empty((len(mine), 3))
+        least, sight = (
+            links.rank[r, keep - 1, 0] if links.n_paths[r] == keep else 0.0,
+            np.empty((len(mine), 3)),
+        )
         rough = _rough_bounds(ground, setting.wavenumber, edges, mine, links.rx[r], least, sight)
-        # What may be strongest comes first, so that a full list spares the rest.
+        # Edges that may be strongest come first, so that a full list spares the rest.
         order = np.argsort(-rough, kind="mergesort")
         order = order[: (rough >= 0).sum()]
         for first in range(0, len(order), _LOT):
             lot = order[first : first + _LOT]
-            least = links.rank[r, keep - 1, 0] if links.found[r] == keep else 0.0
+            least = links.rank[r, keep - 1, 0] if links.n_paths[r] == keep else 0.0
             if rough[lot[0]] < least:
                 break
-            some = mine[lot]
-            bound, bare = _bounds(ground, setting, most, edges, some, link.ends, sight[lot])
+            nearby = mine[lot]
+            bound, bare = _bounds(ground, setting, reflected, edges, nearby, link.ends, sight[lot])
             bound = np.minimum(bound, rough[lot])
             best_first = np.argsort(-bound, kind="mergesort")
-            some = some[best_first]
+            nearby = nearby[best_first]
             rows = _Rows(
-                edges.edge[some], edges.near[some], edges.far[some], bound[best_first], bare[best_first]
+                edges.edge[nearby], edges.near[nearby], edges.far[nearby], bound[best_first], bare[best_first]
             )
-            links.found[r] = _enter(space, setting, link, rows, work, links.found[r])
+            links.n_paths[r] = _enter(space, setting, link, rows, work, links.n_paths[r])
 
 
 @compiled
@@ -238,12 +243,12 @@ def trace_candidates(
     rx: Float[np.ndarray, "r 3"],
     chains: OpenChains,
     edges: EdgeChains | None,
-    most: Reflected,
+    reflected: Reflected,
 ) -> Table:
     """Strongest paths from one transmitter to many receivers over what it may reach; `edges` is None for no edges."""
-    # One loop, as numba takes some 10 us to make each record that Python sees.
+    # A single loop, as numba takes some 10 us to make each record that Python sees.
     links, work = make_links(setting, tx, rx), make_workspace(setting)
-    _reflect(space, setting, links, chains, most, work)
+    _reflect(space, setting, links, chains, reflected, work)
     if edges is not None:
-        _bend(space, setting, links, edges, most, work)
+        _bend(space, setting, links, edges, reflected, work)
     return table_of(space, setting, links, work)

@@ -1,4 +1,4 @@
-"""What a transmitter may reach, prepared once for all receivers: chains of patches, and edges with patches around them.
+"""Chains that a transmitter may reach, prepared once for all receivers: patches, and edges with patches around them.
 
 Each row of these tables shows in some ten operations whether a receiver may get a path from it, and no row depends on
 receivers. A chain of patches is an image and the window that it looks through. An edge comes with the image that it is
@@ -45,10 +45,10 @@ class SeenEdges(NamedTuple):
     order: Int[np.ndarray, " q"]
     """Number of patches that each is seen over."""
     over: Int[np.ndarray, "q m"]
-    """These patches, the first from the transmitter first; -1 beyond the last."""
+    """Numbers of these patches, the first from the transmitter first; -1 beyond the last."""
     place: Float[np.ndarray, "q 3"]
     """Where the image is, as seen from the edge (`wireless.tracing.path_layout.edge_sight`)."""
-    part: Float[np.ndarray, "q 2"]
+    seen_range: Float[np.ndarray, "q 2"]
     """From where to where along the edge the image sees it, past the windows if not past what hides [m]."""
 
 
@@ -71,9 +71,9 @@ class EdgeChains(NamedTuple):
 @compiled
 def open_chains(space: Space, tx: Point, chain: Int[np.ndarray, "c m"]) -> OpenChains:
     """Chains of patches whose windows do not close."""
-    most, count, windows = chain.shape[1], 0, space.windows
+    max_order, count, windows = chain.shape[1], 0, space.windows
     # View k looks over the first k patches of a chain: of the next one only the views that differ are new.
-    views, same = new_views(most + 1, most), 0
+    views, same = new_views(max_order + 1, max_order), 0
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
     used, orders, column = (
         np.empty(len(chain), np.int64),
@@ -83,7 +83,7 @@ def open_chains(space: Space, tx: Point, chain: Int[np.ndarray, "c m"]) -> OpenC
     views.image[0, 0] = tx
     for c in range(len(chain)):
         order, shared = 0, 0
-        while order < most and chain[c, order] >= 0:
+        while order < max_order and chain[c, order] >= 0:
             order += 1
         while c > 0 and shared < order and chain[c, shared] == chain[c - 1, shared]:
             shared += 1
@@ -122,17 +122,21 @@ def place_edges(
 
     Rows with the same chain that follow each other share its views.
     """
-    most, count, windows = over.shape[1], 0, space.windows
-    order, place, part = np.empty(len(edge), np.int64), np.empty((len(edge), 3)), np.empty((len(edge), 2))
-    views, same, n_planes, used = new_views(most + 1, most), 0, 0, np.empty(len(edge), np.int64)
+    max_order, count, windows = over.shape[1], 0, space.windows
+    order, place, seen_range = (
+        np.empty(len(edge), np.int64),
+        np.empty((len(edge), 3)),
+        np.empty((len(edge), 2)),
+    )
+    views, same, n_planes, used = new_views(max_order + 1, max_order), 0, 0, np.empty(len(edge), np.int64)
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
     views.image[0, 0] = tx
     for j in range(len(edge)):
         k, new = 0, j == 0
-        while k < most and over[j, k] >= 0:
+        while k < max_order and over[j, k] >= 0:
             new = new or over[j, k] != over[j - 1, k]
             k += 1
-        if new or (k < most and over[j - 1, k] >= 0):
+        if new or (k < max_order and over[j - 1, k] >= 0):
             same = 0
             while same <= k:
                 n_planes = cone_of(windows, views, same, plane)
@@ -152,14 +156,14 @@ def place_edges(
         if low <= high:
             used[count], order[count] = j, k
             place[count, 0], place[count, 1], place[count, 2] = z, distance, angle
-            part[count, 0], part[count, 1] = low, high
+            seen_range[count, 0], seen_range[count, 1] = low, high
             count += 1
     return SeenEdges(
         edge[used[:count]],
         order[:count].copy(),
         over[used[:count]],
         place[:count].copy(),
-        part[:count].copy(),
+        seen_range[:count].copy(),
     )
 
 
@@ -197,26 +201,33 @@ def can_bend(
     Args:
         ground: Planes of patches, and edges.
         sights: Edges, where their images are, and what these see of the edges.
-        pairs: A sight and a patch each; those of one sight in a row.
+        pairs: A sight and a patch each; pairs of a sight in a row.
         sphere: Centre and radius of a sphere around each patch [m].
         side: Which side of each can be reached, see `wireless.geometry.reachable_sides.Backs.seen_from`.
     """
     ends, wedge, gap, plane = ground.edge, ground.edge_wedge, ground.edge_gap_rad, ground.plane
-    edge, place, part = sights.edge, sights.place, sights.part
+    edge, place, seen_range = sights.edge, sights.place, sights.seen_range
     can, last, e = np.zeros(len(pairs), np.bool_), -1, 0
     z0, r0, low, high, begin, end, c, s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(len(pairs)):
         j, p = pairs[b, 0], pairs[b, 1]
         if j != last:
-            last, e, z0, r0, low, high = j, edge[j], place[j, 0], place[j, 1], part[j, 0], part[j, 1]
+            last, e, z0, r0, low, high = (
+                j,
+                edge[j],
+                place[j, 0],
+                place[j, 1],
+                seen_range[j, 0],
+                seen_range[j, 1],
+            )
             begin, end = np.hypot(z0 - low, r0), np.hypot(z0 - high, r0)
             c, s = np.cos(gap[e]), np.sin(gap[e])
         if side[p] != 0:
-            one, other = -plane[p, 3], -plane[p, 3]
+            start, other = -plane[p, 3], -plane[p, 3]
             for i in range(3):
-                one += plane[p, i] * (ends[e, 0, i] + low * wedge[e, 0, i])
+                start += plane[p, i] * (ends[e, 0, i] + low * wedge[e, 0, i])
                 other += plane[p, i] * (ends[e, 0, i] + high * wedge[e, 0, i])
-            if max(side[p] * one, side[p] * other) < -WIDER_M:  # all of the edge is behind the patch
+            if max(side[p] * start, side[p] * other) < -WIDER_M:  # all of the edge is behind the patch
                 continue
         x, y, z, radius = 0.0, 0.0, 0.0, sphere[p, 3] + WIDER_M
         for i in range(3):
@@ -241,21 +252,29 @@ def make_edge_chains(space: Space, sights: SeenEdges, behind: list[Bent]) -> Edg
     for bent in behind:
         far[row : row + len(bent.sight), : bent.chain.shape[1]] = bent.chain[:, ::-1]
         row += len(bent.sight)
-    edge, place, part = sights.edge[sight], sights.place[sight], sights.part[sight]
+    edge, place, seen_range = sights.edge[sight], sights.place[sight], sights.seen_range[sight]
     along = space.ground.edge_wedge[edge, 0]
-    begin = space.ground.edge[edge, 0] + part[:, :1] * along
-    for patch in far.T[::-1]:  # what is next to the edge comes first
-        some = np.flatnonzero(patch >= 0)
-        normal, level = space.panes.plane[patch[some], :3], space.panes.plane[patch[some], 3]
-        off = np.einsum("qi,qi->q", begin[some], normal) - level
-        begin[some] -= 2 * off[:, None] * normal
-        along[some] -= 2 * np.einsum("qi,qi->q", along[some], normal)[:, None] * normal
+    begin = space.ground.edge[edge, 0] + seen_range[:, :1] * along
+    for patch in far.T[::-1]:  # the patch next to the edge comes first
+        with_patch = np.flatnonzero(patch >= 0)
+        normal, level = space.panes.plane[patch[with_patch], :3], space.panes.plane[patch[with_patch], 3]
+        off = np.einsum("qi,qi->q", begin[with_patch], normal) - level
+        begin[with_patch] -= 2 * off[:, None] * normal
+        along[with_patch] -= 2 * np.einsum("qi,qi->q", along[with_patch], normal)[:, None] * normal
     return EdgeChains(
         edge=edge,
         near=sights.over[sight],
         far=far,
         angle=place[:, 2].copy(),
         column=np.ascontiguousarray(
-            np.column_stack([begin, along, part[:, 1] - part[:, 0], place[:, 0] - part[:, 0], place[:, 1]]).T
+            np.column_stack(
+                [
+                    begin,
+                    along,
+                    seen_range[:, 1] - seen_range[:, 0],
+                    place[:, 0] - seen_range[:, 0],
+                    place[:, 1],
+                ]
+            ).T
         ),
     )

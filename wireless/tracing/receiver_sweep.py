@@ -35,7 +35,7 @@ def _in_windows(
     last: int,
     p: Point,
     work: Float[np.ndarray, "3 n"],
-    found: Int[np.ndarray, " n"],
+    numbers: Int[np.ndarray, " n"],
 ) -> int:
     """Chains from first to last whose window is between image and receiver, or almost; their number."""
     n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
@@ -61,7 +61,7 @@ def _in_windows(
             margin[c] = margin[c] if margin[c] < least else least
     for c in range(size):
         if margin[c] >= 0:
-            found[n] = first + c
+            numbers[n] = first + c
             n += 1
     return n
 
@@ -73,7 +73,7 @@ def _past_edges(
     last: int,
     p: Point,
     work: Float[np.ndarray, "3 n"],
-    found: Int[np.ndarray, " n"],
+    numbers: Int[np.ndarray, " n"],
 ) -> int:
     """Edges from first to last that are met where the ray leaves for a point at its angle of arrival; their number."""
     n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
@@ -94,7 +94,7 @@ def _past_edges(
         margin[q] = low if low < high else high
     for q in range(size):
         if margin[q] >= 0:
-            found[n] = first + q
+            numbers[n] = first + q
             n += 1
     return n
 
@@ -107,14 +107,14 @@ def _through_pane(
     rx: Point,
     first: int,
     work: Float[np.ndarray, "3 n"],
-    found: Int[np.ndarray, " n"],
+    numbers: Int[np.ndarray, " n"],
     n: int,
 ) -> int:
     """Keep the edges, of n, whose rays meet the patch next to the receiver, or that have none; their number."""
     # Places along the edges and distances from them are in `work`, from the first edge on (`_past_edges`).
     plane, low, high, n_left = panes.plane, panes.low, panes.high, 0
     for j in range(n):
-        q, inside = found[j], True
+        q, inside = numbers[j], True
         patch = far[q, 0]
         if patch >= 0:
             along, distance, off = work[0, q - first], work[1, q - first], column[8, q]
@@ -137,7 +137,7 @@ def _through_pane(
                     and low[patch, 2] - WIDER_M <= z <= high[patch, 2] + WIDER_M
                 )
         if inside:
-            found[n_left] = q
+            numbers[n_left] = q
             n_left += 1
     return n_left
 
@@ -161,7 +161,7 @@ def _by_receiver(receiver: Int[np.ndarray, " h"], row: Int[np.ndarray, " h"], n_
 def chains_at(chains: OpenChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
     """Chains of patches that may reach each receiver."""
     receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
-    found, work, direct, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), 0, chains.column
+    numbers, work, direct, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), 0, chains.column
     while direct < len(chains.order) and chains.order[direct] == 0:
         direct += 1
     for first in range(0, len(chains.order), _ROWS):
@@ -169,12 +169,12 @@ def chains_at(chains: OpenChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
         for r in range(len(rx)):
             n = 0
             for c in range(first, min(last, direct)):
-                found[n] = c
+                numbers[n] = c
                 n += 1
-            n += _in_windows(column, max(first, direct), last, rx[r], work, found[n:])
+            n += _in_windows(column, max(first, direct), last, rx[r], work, numbers[n:])
             if count + n > len(hit):
                 receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
-            receiver[count : count + n], hit[count : count + n] = r, found[:n]
+            receiver[count : count + n], hit[count : count + n] = r, numbers[:n]
             count += n
     return _by_receiver(receiver[:count], hit[:count], len(rx))
 
@@ -183,14 +183,14 @@ def chains_at(chains: OpenChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
 def edges_at(panes: Panes, edges: EdgeChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
     """Edges that may reach each receiver."""
     receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
-    found, work, far, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), edges.far, edges.column
+    numbers, work, far, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), edges.far, edges.column
     for first in range(0, len(far), _ROWS):
         last = min(first + _ROWS, len(far))
         for r in range(len(rx)):
-            n = _past_edges(column, first, last, rx[r], work, found)
-            n = _through_pane(panes, far, column, rx[r], first, work, found, n)
+            n = _past_edges(column, first, last, rx[r], work, numbers)
+            n = _through_pane(panes, far, column, rx[r], first, work, numbers, n)
             if count + n > len(hit):
                 receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
-            receiver[count : count + n], hit[count : count + n] = r, found[:n]
+            receiver[count : count + n], hit[count : count + n] = r, numbers[:n]
             count += n
     return _by_receiver(receiver[:count], hit[:count], len(rx))

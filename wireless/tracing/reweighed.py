@@ -1,7 +1,7 @@
 """Powers of paths that are already traced, after their walls have changed material: no path is searched again.
 
 Points, kinds of interactions and the walls met do not depend on materials, so that only the field is computed again
-(`wireless.em.fields`). Both faces of a passed wall count as one wall of the material of the first face.
+(`wireless.em.fields`). The two faces of a passed wall count as one wall of the material of the first face.
 
 Left out: paths that the first materials were too weak for (`TracerConfig.max_paths`); scattering; scenes in space.
 """

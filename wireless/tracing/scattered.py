@@ -55,14 +55,14 @@ class Tiles:
         """Middles of the tiles."""
         return self.corner + self.side.sum(axis=1) / (2 if self.corners == 4 else 3)
 
-    def points(self, some: Int[np.ndarray, " m"], n: int, m: int) -> Float[np.ndarray, "m q 3"]:
+    def points(self, tiles: Int[np.ndarray, " m"], n: int, m: int) -> Float[np.ndarray, "m q 3"]:
         """Points of even areas on some tiles: n along one side and m along the other, or n^2 on triangles."""
         if self.corners == 4:
             share = np.stack(np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m), axis=-1)
         else:
             begin, sign = _parts(n)
             share = (begin + sign[:, None] / 3) / n
-        return self.corner[some, None] + share.reshape(-1, 2) @ self.side[some]
+        return self.corner[tiles, None] + share.reshape(-1, 2) @ self.side[tiles]
 
 
 def _parts(n: int) -> tuple[Int[np.ndarray, "n2 2"], Int[np.ndarray, " n2"]]:
@@ -100,29 +100,29 @@ class Scattering:
         self, rows: Rows, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], keep: int
     ) -> Rows:
         """The paths of each link with those scattered, the strongest of both."""
-        of_rx = [self._seen(one) for one in rx]
-        found: Rows = []
-        for one, tables in zip(tx, rows, strict=True):
-            from_tx = self._seen(one)
+        of_rx = [self._seen(end) for end in rx]
+        joined: Rows = []
+        for end, tables in zip(tx, rows, strict=True):
+            from_tx = self._seen(end)
             seen = [from_tx & strips for strips in of_rx]
-            found.append(
-                [(self._joined(table, first, one, rx, seen, keep), first) for table, first in tables]
+            joined.append(
+                [(self._joined(table, first, end, rx, seen, keep), first) for table, first in tables]
             )
-        return found
+        return joined
 
-    def powers(self, tx: Point, rx: Point, some: Int[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
+    def powers(self, tx: Point, rx: Point, tiles: Int[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
         """Power gain over some tiles, vertical and horizontal polarisation."""
-        near = np.minimum(*(np.linalg.norm(self._middle[some] - end, axis=1) for end in (tx, rx)))
-        fine = np.ceil(self._length_m[some] / (FINE * near[:, None]))
+        near = np.minimum(*(np.linalg.norm(self._middle[tiles] - end, axis=1) for end in (tx, rx)))
+        fine = np.ceil(self._length_m[tiles] / (FINE * near[:, None]))
         number = np.clip(fine, 1, MOST_POINTS).astype(np.int64)
-        found = np.zeros((len(some), 2))
+        power = np.zeros((len(tiles), 2))
         for n, m in np.unique(number, axis=0).tolist():
             alike = np.flatnonzero((number == (n, m)).all(axis=1))
-            point = self.tiles.points(some[alike], n, m)
-            tile = np.repeat(some[alike], point.shape[1])
+            point = self.tiles.points(tiles[alike], n, m)
+            tile = np.repeat(tiles[alike], point.shape[1])
             gain = self._density(tx, rx, point.reshape(-1, 3), tile).reshape(*point.shape[:2], 2)
-            found[alike] = gain.mean(axis=1) * self._area_m2[some[alike], None]
-        return found
+            power[alike] = gain.mean(axis=1) * self._area_m2[tiles[alike], None]
+        return power
 
     def _density(
         self,
@@ -142,11 +142,11 @@ class Scattering:
         cos_psi = np.clip((mirrored * out).sum(axis=1), -1.0, 1.0)
         shape = np.empty(len(point))
         for alpha in np.unique(self.alpha[wall]):
-            some = self.alpha[wall] == alpha
+            mask = self.alpha[wall] == alpha
             law = None if alpha < 0 else int(alpha)
-            shape[some] = lobe(cos_psi[some], cos_s[some], law) / lobe_integral(cos_i[some], law)
+            shape[mask] = lobe(cos_psi[mask], cos_s[mask], law) / lobe_integral(cos_i[mask], law)
         te, tm = _reflected(cos_i, setting.walls, wall, setting.wavenumber)
-        # Of a vertical field, theta, the TE part is that along ray x normal.
+        # The TE component of a vertical field, theta, is that along ray x normal.
         level2, sine2 = np.maximum(1 - ray[:, 2] ** 2, 1e-12), 1 - cos_i**2
         sideways = (ray[:, 0] * normal[:, 1] - ray[:, 1] * normal[:, 0]) ** 2
         vertical_te = np.clip(sideways / (level2 * np.maximum(sine2, 1e-12)), 0.0, 1.0)
@@ -171,26 +171,26 @@ class Scattering:
         reflects = table.kind == REFLECTION
         lost = np.where(reflects, of_wall[np.where(reflects, table.primitive, 0)], 1.0).prod(axis=1)
         table = table._replace(power=table.power * lost, gain=table.gain * np.sqrt(lost)[:, None, None])
-        numbers = range(first, first + len(table.found))
+        numbers = range(first, first + len(table.n_paths))
         new = [self._paths(tx, rx[i], np.flatnonzero(seen[i]), table.kind.shape[1]) for i in numbers]
-        found = np.array([len(columns[0]) for columns in new])
-        return merged([table, Table(found, *map(np.concatenate, zip(*new, strict=True)))], keep)
+        n_paths = np.array([len(columns[0]) for columns in new])
+        return merged([table, Table(n_paths, *map(np.concatenate, zip(*new, strict=True)))], keep)
 
-    def _paths(self, tx: Point, rx: Point, some: Int[np.ndarray, " m"], most: int) -> list[np.ndarray]:
+    def _paths(self, tx: Point, rx: Point, tiles: Int[np.ndarray, " m"], max_order: int) -> list[np.ndarray]:
         """Columns of a table after the first: a path by each of some tiles."""
         setting = self.setting
-        powers = self.powers(tx, rx, some)
+        powers = self.powers(tx, rx, tiles)
         weighted = setting.vertical * powers[:, 0] + setting.horizontal * powers[:, 1]
-        some, powers, weighted = some[weighted > 0], powers[weighted > 0], weighted[weighted > 0]
-        m = len(some)
-        middle = self._middle[some]
+        tiles, powers, weighted = tiles[weighted > 0], powers[weighted > 0], weighted[weighted > 0]
+        m = len(tiles)
+        middle = self._middle[tiles]
         length = np.linalg.norm(middle - tx, axis=1) + np.linalg.norm(rx - middle, axis=1)
-        turn = np.exp(1j * (self._phase_rad[some] - setting.wavenumber * length))
+        turn = np.exp(1j * (self._phase_rad[tiles] - setting.wavenumber * length))
         gain = np.zeros((m, 2, 2), complex)
         gain[:, 0, 0], gain[:, 1, 1] = np.sqrt(powers[:, 0]) * turn, -np.sqrt(powers[:, 1]) * turn
-        kind, primitive = np.zeros((m, most), np.int64), np.full((m, most), -1, np.int64)
-        kind[:, 0], primitive[:, 0] = SCATTERING, self.tiles.wall[some]
-        point = np.zeros((m, most + 2, 3))
+        kind, primitive = np.zeros((m, max_order), np.int64), np.full((m, max_order), -1, np.int64)
+        kind[:, 0], primitive[:, 0] = SCATTERING, self.tiles.wall[tiles]
+        point = np.zeros((m, max_order + 2, 3))
         point[:, 0], point[:, 1], point[:, 2] = tx, middle, rx
         return [weighted, gain, length, np.ones(m, np.int64), kind, primitive, point]
 
@@ -245,11 +245,11 @@ def scattering_in_space(
     n = np.maximum(1, np.ceil(longest / tile_m - 1e-9)).astype(np.int64)
     begin, side, wall = [np.empty((0, 3))], [np.empty((0, 2, 3))], [facet[:0]]
     for number in np.unique(n).tolist():
-        some, (steps, sign) = np.flatnonzero(n == number), _parts(number)
-        sides = (corner[some, 1:] - corner[some, :1]) / number
-        begin.append((corner[some, :1] + steps @ sides).reshape(-1, 3))
+        triangles, (steps, sign) = np.flatnonzero(n == number), _parts(number)
+        sides = (corner[triangles, 1:] - corner[triangles, :1]) / number
+        begin.append((corner[triangles, :1] + steps @ sides).reshape(-1, 3))
         side.append((sign[:, None, None] * sides[:, None]).reshape(-1, 2, 3))
-        wall.append(np.repeat(facet[some], len(steps)))
+        wall.append(np.repeat(facet[triangles], len(steps)))
     corner, sides, facet = (np.concatenate(2 * parts) for parts in (begin, side, wall))
     normal = surfaces.facet_normal[facet]
     normal[len(normal) // 2 :] *= -1

@@ -34,8 +34,8 @@ logger = logging.getLogger(__name__)
 #: From so many facets on, chains of them are found by rays: below, what a transmitter's own search takes is more than
 #: its first links take by exhaustive search.
 MANY_FACETS = 150
-#: What transmitters see is stored for their next links: of so many, and no more than this [bytes]; not if their views
-#: pass triangles more often than that.
+#: Visibility of transmitters is stored for their next links: of so many, and no more than this [bytes]; not if their
+#: views pass triangles more often than that.
 STORED_SIGHTS, STORED_BYTES, MOST_VISITS = 32, 32_000_000, 500_000
 #: Where each point's triangles begin (and an end), and these triangles.
 Around = tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]
@@ -71,7 +71,7 @@ class PlanScene:
         self._layers = one_storey(self.plan, extruded.low_m, extruded.high_m)
         self.outline = self._layers.outline
         self._region = regions(plan)
-        #: What was found last: links of the same transmitter and region follow each other.
+        #: Visibility of the last transmitters: links of the same transmitter and region follow each other.
         self._around: dict[bytes, Around] = {}
         self._passed: dict[int, tuple[Layers, Setting]] = {}
         self._sights: dict[tuple[bytes, int], Visibility] = {}
@@ -86,20 +86,22 @@ class PlanScene:
         layers, setting = self._passable(region)
         limits = limits_of(setting, MOST_VISITS)
 
-        def visible(one: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
-            """What a transmitter sees, where paths must not leave a region; stored for its next links."""
-            key = one[:2].tobytes(), region
-            found = self._sights.get(key)
-            if found is None:
-                found = find_visibility(layers, around, one, mask_of(targets, len(self._region)), limits)
-                if found.whole:  # otherwise it sees too much to store
-                    self._store(key, found)
-            return found
+        def visible(source: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
+            """Return the visibility from a transmitter in a region that paths must not leave; stored for next links."""
+            key = source[:2].tobytes(), region
+            visibility = self._sights.get(key)
+            if visibility is None:
+                visibility = find_visibility(
+                    layers, around, source, mask_of(targets, len(self._region)), limits
+                )
+                if visibility.whole:  # otherwise it sees too much to store
+                    self._store(key, visibility)
+            return visibility
 
         return trace_plans(layers, setting, limits, (tx, around_tx), (rx, around_rx), visible, workers)
 
     def misplaced(self, points: Points) -> str:
-        """What is wrong with points, around the origin, that do not lie between floor and ceiling; empty if all do."""
+        """Return an error message for points, around the origin, not between floor and ceiling; empty if all are."""
         z, low, high = points[:, 2], self.extruded.low_m, self.extruded.high_m
         if np.all((z >= low) & (z <= high)):
             return ""
@@ -117,7 +119,7 @@ class PlanScene:
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
 
     def limited(self, **limits: Any) -> "PlanScene":
-        """The same scene with some fields of its setting changed."""
+        """Return the scene with fields of its setting changed."""
         scene = copy(self)
         scene.setting = self.setting._replace(**limits)
         scene._around, scene._passed, scene._sights = {}, {}, {}
@@ -127,8 +129,8 @@ class PlanScene:
         """The region that some triangles lie in, if paths must not leave it; -1 otherwise."""
         # A path that passes only one wall, from a region to itself, must find that region on both sides of the wall: a
         # wall between rooms is passed by its two sides.
-        if self.setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
-            return int(found[0])
+        if self.setting.max_through == 1 and len(regions := np.unique(self._region[around])) == 1:
+            return int(regions[0])
         return -1
 
     def _passable(self, region: int) -> tuple[Layers, Setting]:
@@ -146,9 +148,9 @@ class PlanScene:
             self._passed = {region: (layers, setting)}
         return self._passed[region]
 
-    def _store(self, key: tuple[bytes, int], found: Visibility) -> None:
+    def _store(self, key: tuple[bytes, int], visibility: Visibility) -> None:
         """Store what a transmitter sees, and forget what was stored first if that is too much."""
-        stored = {**self._sights, key: found}
+        stored = {**self._sights, key: visibility}
         while len(stored) > STORED_SIGHTS or (
             len(stored) > 1 and sum(map(_bytes, stored.values())) > STORED_BYTES
         ):
@@ -158,15 +160,15 @@ class PlanScene:
     def _located(self, points: Float[np.ndarray, "n 2"]) -> Around:
         """`locate`, whose last result is stored."""
         key = points.tobytes()
-        found = self._around.get(key)
-        if found is None:
-            found = self.locate(points)
-            self._around = {key: found}
-        return found
+        around = self._around.get(key)
+        if around is None:
+            around = self.locate(points)
+            self._around = {key: around}
+        return around
 
 
 class SpaceScene:
-    """Any triangles, and how links among them are traced.
+    """Scene of arbitrary triangles, and how links among them are traced.
 
     Heights of floors and ceilings (`level_m`) are those of storeys, if it has some.
     """
@@ -218,10 +220,10 @@ class SpaceScene:
         setting = self._passing(np.concatenate([tx, rx]))
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some = rx[rxs]
-            boxes = make_boxes(some, some)
-            for one in tx[txs]:
-                yield trace_space(self.space, setting, one, some, boxes)
+            receivers = rx[rxs]
+            boxes = make_boxes(receivers, receivers)
+            for source in tx[txs]:
+                yield trace_space(self.space, setting, source, receivers, boxes)
 
         if not self._by_rays:
             return trace_blocks(len(tx), len(rx), trace, workers)
@@ -256,12 +258,12 @@ def trace_plans(
     """Paths of each transmitter, to receivers in blocks."""
 
     def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-        some, (start, triangle) = np.ascontiguousarray(rx[0][rxs]), part_of(*rx[1], rxs)
-        views = views_of(layers, some, start, triangle, limits._replace(target_order=-1))
+        receivers, (start, triangle) = np.ascontiguousarray(rx[0][rxs]), part_of(*rx[1], rxs)
+        views = views_of(layers, receivers, start, triangle, limits._replace(target_order=-1))
         tx_start, tx_triangle = part_of(*tx[1], txs)
-        for i, one in enumerate(np.ascontiguousarray(tx[0][txs])):
-            seen = visible(one, tx_triangle[tx_start[i] : tx_start[i + 1]], triangle)
-            yield trace_links(layers, setting, one, seen, some, start, triangle, views)
+        for i, source in enumerate(np.ascontiguousarray(tx[0][txs])):
+            seen = visible(source, tx_triangle[tx_start[i] : tx_start[i + 1]], triangle)
+            yield trace_links(layers, setting, source, seen, receivers, start, triangle, views)
 
     return trace_blocks(len(tx[0]), len(rx[0]), trace, workers)
 
@@ -270,16 +272,16 @@ def _bytes(seen: Visibility) -> int:
     return seen.sector.nbytes + seen.visit.nbytes  # the rest is small
 
 
-def mask_of(some: Int[np.ndarray, " s"], n: int) -> Bool[np.ndarray, " n"]:
+def mask_of(places: Int[np.ndarray, " s"], n: int) -> Bool[np.ndarray, " n"]:
     """True at some of n places."""
     flags = np.zeros(n, bool)
-    flags[some] = True
+    flags[places] = True
     return flags
 
 
 def part_of(
-    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], rows: slice
 ) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
     """The triangles of some points in a row, counted from their own first."""
-    first, last = start[some.start], start[some.stop]
-    return start[some.start : some.stop + 1] - first, triangle[first:last]
+    first, last = start[rows.start], start[rows.stop]
+    return start[rows.start : rows.stop + 1] - first, triangle[first:last]

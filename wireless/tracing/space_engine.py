@@ -44,12 +44,12 @@ def _enter_view(
 ) -> None:
     """Enter the paths over the chain of one view into the lists of the receivers in its cone."""
     keep, k2, rx, ground = setting.keep, 2 * setting.wavenumber, links.rx, space.ground
-    order, plane, found = views.order[v], np.empty((MAX_CORNERS + 1, 4)), np.empty(len(rx), np.int64)
+    order, plane, receivers = views.order[v], np.empty((MAX_CORNERS + 1, 4)), np.empty(len(rx), np.int64)
     n_planes = cone_of(space.windows, views, v, plane)
     image = views.image[v]
     near, far = Chain(image, views.chain[v], order), Chain(image, views.chain[v], 0)
-    for h in range(things_within(rx_boxes, plane, n_planes, found)):
-        r = found[h]
+    for h in range(things_within(rx_boxes, plane, n_planes, receivers)):
+        r = receivers[h]
         inside = True
         for k in range(n_planes):
             depth = SLACK_M - plane[k, 3]
@@ -58,7 +58,7 @@ def _enter_view(
             inside = inside and depth >= 0
         if not inside:
             continue
-        if links.found[r] == keep:
+        if links.n_paths[r] == keep:
             length2 = 0.0
             for i in range(3):
                 length2 += (image[order, i] - rx[r, i]) ** 2
@@ -67,7 +67,7 @@ def _enter_view(
         m, large = lay_out(ground, links.ends[r], near, -1, far, work.layout)
         if m >= 0:
             link, chains = link_of(links, r), (near, -1, far)
-            links.found[r] = enter_laid(space, setting, link, chains, m, large, work, links.found[r])
+            links.n_paths[r] = enter_laid(space, setting, link, chains, m, large, work, links.n_paths[r])
 
 
 @compiled
@@ -75,16 +75,16 @@ def _reflect(space: Space, setting: Setting, links: Links, rx_boxes: Boxes, work
     """Enter all paths without diffraction into the lists of their links; chains are walked depth first."""
     views, n = new_views(64, setting.max_reflections), 1
     views.image[0, 0] = links.tx
-    found, plane = np.empty(len(space.patch_facet), np.int64), np.empty((MAX_CORNERS + 1, 4))
+    patches, plane = np.empty(len(space.patch_facet), np.int64), np.empty((MAX_CORNERS + 1, 4))
     piece = np.empty((PIECES, MAX_CORNERS, 3))
     while n > 0:
         n -= 1
         order = views.order[n]
         _enter_view(space, setting, links, rx_boxes, views, n, work)
         if order < setting.max_reflections:
-            worth = order + 1 < setting.max_reflections or len(links.rx) > _FEW
-            occluding = worth and setting.max_through == 0
-            views, n = add_next_views(space, views, n, n, occluding, plane, found, piece)
+            is_extended = order + 1 < setting.max_reflections or len(links.rx) > _FEW
+            occluding = is_extended and setting.max_through == 0
+            views, n = add_next_views(space, views, n, n, occluding, plane, patches, piece)
 
 
 @compiled
@@ -109,7 +109,7 @@ def seen_edges(
 ) -> tuple[Int[np.ndarray, "h 2"], Float[np.ndarray, "h 3"]]:
     """Pairs of edge and view that sees it, by edge, and where the image is (`edge_sight`)."""
     ground, near_m, h = space.ground, space.ground.near_m, 0
-    found, pair, sight = np.empty(len(ground.edge), np.int64), np.empty((64, 2), np.int64), np.empty((64, 3))
+    edges, pair, sight = np.empty(len(ground.edge), np.int64), np.empty((64, 2), np.int64), np.empty((64, 3))
     plane, piece = np.empty((MAX_CORNERS + 1, 4)), np.empty((PIECES, MAX_CORNERS, 3))
     line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
     strip = np.empty((4, 3))
@@ -118,8 +118,8 @@ def seen_edges(
         if n_planes > 0:
             behind[:] = plane[n_planes - 1]
         image = views.image[v, views.order[v]]
-        for j in range(things_within(space.edge_boxes, plane, n_planes, found)):
-            edge = found[j]
+        for j in range(things_within(space.edge_boxes, plane, n_planes, edges)):
+            edge = edges[j]
             z, distance, angle = edge_sight(ground.edge, ground.edge_wedge, edge, image)
             if distance < near_m or not is_open(ground.edge_gap_rad[edge], distance, angle, near_m):
                 continue
@@ -145,15 +145,15 @@ def _bend(space: Space, setting: Setting, links: Links, work: Workspace) -> None
     near, n_near = all_views(space, links.tx, side, occluding)
     pair, sight = seen_edges(space, near, n_near, occluding)
     start = np.searchsorted(pair[:, 0], np.arange(len(ground.edge) + 1))
-    found, plane = np.empty(len(ground.edge), np.int64), np.empty((MAX_CORNERS + 1, 4))
+    edges, plane = np.empty(len(ground.edge), np.int64), np.empty((MAX_CORNERS + 1, 4))
     for r in range(len(links.rx)):
         far, n_far = all_views(space, links.rx[r], side, occluding)
         for v in range(n_far):
             after = far.order[v]
             chain = Chain(far.image[v], far.chain[v], after)
             n_planes = cone_of(space.windows, far, v, plane)
-            for e in range(things_within(space.edge_boxes, plane, n_planes, found)):
-                edge = found[e]
+            for e in range(things_within(space.edge_boxes, plane, n_planes, edges)):
+                edge = edges[e]
                 if start[edge] == start[edge + 1]:
                     continue
                 place, gap = (
@@ -171,8 +171,8 @@ def _bend(space: Space, setting: Setting, links: Links, work: Workspace) -> None
                         m, large = lay_out(ground, links.ends[r], before, edge, chain, work.layout)
                         if m >= 0:
                             link, chains = link_of(links, r), (before, edge, chain)
-                            links.found[r] = enter_laid(
-                                space, setting, link, chains, m, large, work, links.found[r]
+                            links.n_paths[r] = enter_laid(
+                                space, setting, link, chains, m, large, work, links.n_paths[r]
                             )
 
 
@@ -193,7 +193,7 @@ def _may_join(
     z = (near[0] * far[1] + far[0] * near[1]) / (near[1] + far[1])
     if z < -touch_m or z > end + touch_m:
         return False
-    if links.found[r] < setting.keep:
+    if links.n_paths[r] < setting.keep:
         return True
     bound = edge_bound(far[2], near[2], ground.edge_gap_rad[edge], setting.wavenumber, near[1], far[1])
     return bound >= links.rank[r, setting.keep - 1, 0]

@@ -1,4 +1,4 @@
-"""One path in space: looked at leg by leg, weighed, and entered into a link's list.
+"""Paths in space: line of sight of each leg, power, and entry into a link's list.
 
 It is laid out before (`wireless.tracing.path_layout`). No leg may pass more walls than are left to pass.
 """
@@ -51,16 +51,16 @@ class Links(NamedTuple):
     rx: Float[np.ndarray, "r 3"]
     """Receivers."""
     ends: Float[np.ndarray, "r 2 3"]
-    """Both, for each receiver."""
+    """Transmitter and receiver, for each receiver."""
     rank: Float[np.ndarray, "r k 5"]
     parts: Int[np.ndarray, "r k w"]
     """Edge (-1 for none), numbers of patches before and behind it, and these, the first from either end first."""
-    found: Int[np.ndarray, " r"]
+    n_paths: Int[np.ndarray, " r"]
     """Number of paths of each."""
 
 
 class Link(NamedTuple):
-    """One of them."""
+    """A link of `Links`."""
 
     ends: Float[np.ndarray, "2 3"]
     """Transmitter and receiver."""
@@ -74,7 +74,7 @@ class Workspace(NamedTuple):
     layout: Layout
     """Shares the path of `scratch`."""
     parts: Int[np.ndarray, " w"]
-    """What the path is made of, see `Links`."""
+    """Edge and patches of the path, see `Links`."""
     share: Float[np.ndarray, " k"]
     """Walls that a leg passes: shares of the leg."""
     triangle: Int[np.ndarray, " k"]
@@ -84,9 +84,9 @@ class Workspace(NamedTuple):
 @compiled
 def make_workspace(setting: Setting) -> Workspace:
     """Arrays to work in."""
-    most, scratch, through = most_interactions(setting), make_scratch(setting), setting.max_through
-    layout = Layout(scratch.point, scratch.kind, scratch.primitive, np.empty((most, 3)))
-    parts = np.zeros(3 + most, np.int64)
+    n_max, scratch, through = most_interactions(setting), make_scratch(setting), setting.max_through
+    layout = Layout(scratch.point, scratch.kind, scratch.primitive, np.empty((n_max, 3)))
+    parts = np.zeros(3 + n_max, np.int64)
     return Workspace(scratch, layout, parts, np.empty(through), np.empty(through, np.int64))
 
 
@@ -139,7 +139,7 @@ def left_by_mirrors(
     facet_normal: Float[np.ndarray, "f 3"], setting: Setting, m: int, scratch: Scratch
 ) -> float:
     """Most of the power of the path in `scratch` that its reflections leave, of the better polarisation at each."""
-    most, point = 1.0, scratch.point
+    power, point = 1.0, scratch.point
     for j in range(m):
         if scratch.kind[j] != REFLECTION:
             continue
@@ -152,8 +152,8 @@ def left_by_mirrors(
             continue
         cos_i = min(abs(off) / np.sqrt(size), 1.0)
         te, tm, _, _ = fresnel(cos_i, setting.walls[primitive], setting.wavenumber)
-        most *= max(abs(te), abs(tm)) ** 2
-    return 1.0001 * most
+        power *= max(abs(te), abs(tm)) ** 2
+    return 1.0001 * power
 
 
 @compiled
@@ -188,11 +188,11 @@ def pass_walls(space: Space, setting: Setting, m: int, work: Workspace) -> int:
 @compiled
 def path_sight(tree: Tree, m: int, point: Float[np.ndarray, "m2 3"], kind: Int[np.ndarray, " m"]) -> int:
     """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie a path of m interactions is taken to be."""
-    found = sight_along(tree, point, m + 1)
+    sight = sight_along(tree, point, m + 1)
     for j in range(m):
-        if found == FREE and kind[j] == REFLECTION:
-            found = _turn(tree, point[j], point[j + 1], point[j + 2])
-    return found
+        if sight == FREE and kind[j] == REFLECTION:
+            sight = _turn(tree, point[j], point[j + 1], point[j + 2])
+    return sight
 
 
 @compiled
@@ -348,11 +348,11 @@ def _is_seen(space: Space, ends: Float[np.ndarray, "2 3"], work: Workspace) -> b
 def table_of(space: Space, setting: Setting, links: Links, work: Workspace) -> Table:
     """The table of each link's list, whose paths are laid out and weighed once more."""
     scratch, ground, row = work.scratch, space.ground, 0
-    table = make_table(setting, len(links.rx), links.found.sum())
-    table.found[:] = links.found
+    table = make_table(setting, len(links.rx), links.n_paths.sum())
+    table.n_paths[:] = links.n_paths
     for r in range(len(links.rx)):
         ends = links.ends[r]
-        for j in range(links.found[r]):
+        for j in range(links.n_paths[r]):
             parts = links.parts[r, j]
             edge, before, after = parts[0], parts[1], parts[2]
             near = images_over(ground.plane, ends[0], parts[3 : 3 + before])

@@ -66,11 +66,11 @@ class StackScene:
 
     def _locator(self, layer: int) -> tuple[Locator, Int[np.ndarray, " t"]] | None:
         """Locator of the triangles of a layer, and the numbers of these triangles."""
-        plan, own = self.layers.plan, np.flatnonzero(self.layers.tri_layer == layer)
-        if not len(own):
+        plan, triangles = self.layers.plan, np.flatnonzero(self.layers.tri_layer == layer)
+        if not len(triangles):
             return None
-        part = plan._replace(tri_vertex=plan.tri_vertex[own], tri_wall=plan.tri_wall[own])
-        return Locator(part, 2 * self._snap_m), own
+        layer_plan = plan._replace(tri_vertex=plan.tri_vertex[triangles], tri_wall=plan.tri_wall[triangles])
+        return Locator(layer_plan, 2 * self._snap_m), triangles
 
     def _around(self, points: Points) -> Around:
         """Where each point's triangles begin, and these; none for a point in no layer, or on a floor or ceiling."""
@@ -81,17 +81,17 @@ class StackScene:
         on = (np.abs(points[:, 2, None] - level[1:-1]) <= snap_m).any(axis=1)
         point, triangle = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         for number, place in enumerate(self._places):
-            own = np.flatnonzero((layer == number) & ~on)
-            if place is not None and len(own):
-                start, found = place[0](points[own, :2])
-                point.append(own[np.repeat(np.arange(len(own)), np.diff(start))])
-                triangle.append(place[1][found])
-        of, found = np.concatenate(point), np.concatenate(triangle)
-        order = np.lexsort((found, of))
-        return np.searchsorted(of[order], np.arange(len(points) + 1)), found[order]
+            inside = np.flatnonzero((layer == number) & ~on)
+            if place is not None and len(inside):
+                start, triangles = place[0](points[inside, :2])
+                point.append(inside[np.repeat(np.arange(len(inside)), np.diff(start))])
+                triangle.append(place[1][triangles])
+        of, triangles = np.concatenate(point), np.concatenate(triangle)
+        order = np.lexsort((triangles, of))
+        return np.searchsorted(of[order], np.arange(len(points) + 1)), triangles[order]
 
     def misplaced(self, points: Points) -> str:
-        """What is wrong with points, around the origin, that do not lie in rooms; empty if all do."""
+        """Return an error message for points, around the origin, that do not lie in rooms; empty if all do."""
         start, triangle = self._around(points)
         if (np.diff(start) > 0).all() and self.room[triangle].all():
             return ""
@@ -111,8 +111,8 @@ class StackScene:
         span_m = np.array([[rx[:, 2].min(), rx[:, 2].max()], [both.min(), both.max()]])
         limits = limits_of(setting, 0, span_m)
 
-        def visible(one: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
-            return find_visibility(layers, around, one, mask_of(targets, len(layers.tri_layer)), limits)
+        def visible(source: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
+            return find_visibility(layers, around, source, mask_of(targets, len(layers.tri_layer)), limits)
 
         both_around = self._around(tx), self._around(rx)
         return trace_plans(

@@ -16,7 +16,7 @@ THICKEST_WALL_M = 1.0 + 1e-6
 
 
 class Setting(NamedTuple):
-    """What paths are made of, and how many are listed."""
+    """Physics of paths, and how many are listed."""
 
     walls: Complex[np.ndarray, "n l"]
     """Layers of each wall, then of floor and ceiling, see `wireless.em.fresnel.fresnel`."""
@@ -45,7 +45,7 @@ class Setting(NamedTuple):
     max_interactions: int
     """Most interactions of a path, of all kinds, a passed wall counted once."""
     max_met: int
-    """The same with each face of passed walls counted."""
+    """Largest number with each face of passed walls counted."""
     vertical: float
     """Weight of the power from theta to theta."""
     horizontal: float
@@ -61,7 +61,7 @@ class Setting(NamedTuple):
 class Table(NamedTuple):
     """Paths of links, one row per path: receiver by receiver, strongest first; rows beyond the last path are unused."""
 
-    found: Int[np.ndarray, " r"]
+    n_paths: Int[np.ndarray, " r"]
     """Paths of each receiver."""
     power: Float[np.ndarray, " q"]
     """Power gain by the setting's weights."""
@@ -108,26 +108,26 @@ def most_interactions(setting: Setting) -> int:
 @compiled
 def make_table(setting: Setting, n_rx: int, rows: int) -> Table:
     """Table of so many receivers with room for so many paths, and none in it."""
-    most = most_interactions(setting) - setting.max_through + setting.max_walls
+    n_max = most_interactions(setting) - setting.max_through + setting.max_walls
     return Table(
         np.zeros(n_rx, np.int64),
         np.zeros(rows),
         np.zeros((rows, 2, 2), np.complex128),
         np.zeros(rows),
         np.zeros(rows, np.int64),
-        np.zeros((rows, most), np.int64),
-        np.full((rows, most), -1, np.int64),
-        np.zeros((rows, most + 2, 3)),
+        np.zeros((rows, n_max), np.int64),
+        np.full((rows, n_max), -1, np.int64),
+        np.zeros((rows, n_max + 2, 3)),
     )
 
 
 @compiled
 def with_room(setting: Setting, table: Table, rows: int) -> Table:
-    """The same table, or a copy with at least so many rows: memory follows what is found, not what may be."""
+    """Return the table, or a copy with at least so many rows: memory follows the paths that exist."""
     if rows <= len(table.power):
         return table
-    larger, used = make_table(setting, len(table.found), max(rows, 2 * len(table.power))), len(table.power)
-    larger.found[:] = table.found
+    larger, used = make_table(setting, len(table.n_paths), max(rows, 2 * len(table.power))), len(table.power)
+    larger.n_paths[:] = table.n_paths
     larger.power[:used], larger.gain[:used], larger.length_m[:used] = table.power, table.gain, table.length_m
     larger.order[:used], larger.kind[:used] = table.order, table.kind
     larger.primitive[:used], larger.point[:used] = table.primitive, table.point
@@ -137,18 +137,18 @@ def with_room(setting: Setting, table: Table, rows: int) -> Table:
 @compiled
 def make_scratch(setting: Setting) -> Scratch:
     """Arrays to work out one path in."""
-    most = most_interactions(setting)
+    n_max = most_interactions(setting)
     return Scratch(
-        np.zeros((most + 2, 2)),
-        np.zeros(most, np.int64),
-        np.zeros(most, np.int64),
-        np.zeros((most + 2, 3)),
-        np.zeros(most, np.int64),
-        np.zeros(most, np.int64),
-        np.zeros((most, 3)),
-        np.zeros((most, setting.walls.shape[1]), np.complex128),
-        np.ones(most),
-        np.ones(most, np.bool_),
+        np.zeros((n_max + 2, 2)),
+        np.zeros(n_max, np.int64),
+        np.zeros(n_max, np.int64),
+        np.zeros((n_max + 2, 3)),
+        np.zeros(n_max, np.int64),
+        np.zeros(n_max, np.int64),
+        np.zeros((n_max, 3)),
+        np.zeros((n_max, setting.walls.shape[1]), np.complex128),
+        np.ones(n_max),
+        np.ones(n_max, np.bool_),
         np.zeros((3, 3)),
         np.zeros((2, setting.walls.shape[1]), np.complex128),
         np.zeros((2, 2), np.complex128),
@@ -217,19 +217,19 @@ def share_walls(setting: Setting, m: int, scratch: Scratch) -> bool:
 @compiled
 def _thickness_m(scratch: Scratch, i: int, j: int) -> float:
     """How far apart the faces met at two interactions are, along the normal of either, whichever is less."""
-    one, other = 0.0, 0.0
+    first_m, other = 0.0, 0.0
     for k in range(3):
         step = scratch.point[j + 1, k] - scratch.point[i + 1, k]
-        one += step * scratch.normal[i, k]
+        first_m += step * scratch.normal[i, k]
         other += step * scratch.normal[j, k]
-    return min(abs(one), abs(other))
+    return min(abs(first_m), abs(other))
 
 
 @compiled
 def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path of m interactions laid out in `scratch`, gain set; length -1 if it is none.
 
-    What has no power, having met a wall that lets nothing through, is none.
+    A path without power, having met an opaque wall, is left out.
 
     A wedge on the path, if there is one, fills an angle of (2 - n) pi.
     """
@@ -250,10 +250,10 @@ class Best(NamedTuple):
     """Strongest paths of a link so far, strongest first."""
 
     rank: Float[np.ndarray, "k 5"]
-    """Power, length, directions at both ends and a number for the sequence of interactions: what agrees in all is one
-    path, found twice because it passes an end of a wall."""
+    """Power, length, directions at both ends and a number for the sequence of interactions: rows that agree in all are
+    one path, found twice because it passes an end of a wall."""
     parts: Int[np.ndarray, "k w"]
-    """What each path is made of, each engine in as many numbers as it needs."""
+    """Elements of each path, in as many numbers as the engine needs."""
 
 
 @compiled
@@ -303,17 +303,17 @@ def list_path(
 
 def merged(tables: list[Table], keep: int) -> Table:
     """The strongest paths of tables of the same receivers."""
-    found = np.sum([table.found for table in tables], axis=0)
-    of = np.concatenate([np.repeat(np.arange(len(table.found)), table.found) for table in tables])
-    used = [[column[: table.found.sum()] for column in table[1:]] for table in tables]
+    n_paths = np.sum([table.n_paths for table in tables], axis=0)
+    of = np.concatenate([np.repeat(np.arange(len(table.n_paths)), table.n_paths) for table in tables])
+    used = [[column[: table.n_paths.sum()] for column in table[1:]] for table in tables]
     columns = [np.concatenate(parts) for parts in zip(*used, strict=True)]
     order = np.lexsort((-columns[0], of))
-    rank = np.arange(len(of)) - np.repeat(np.cumsum(found) - found, found)
+    rank = np.arange(len(of)) - np.repeat(np.cumsum(n_paths) - n_paths, n_paths)
     order = order[rank < keep]
-    return Table(np.minimum(found, keep), *(column[order] for column in columns))
+    return Table(np.minimum(n_paths, keep), *(column[order] for column in columns))
 
 
-def chosen(table: Table, some: Bool[np.ndarray, " q"]) -> Table:
+def chosen(table: Table, mask: Bool[np.ndarray, " q"]) -> Table:
     """A table with some of its paths."""
-    of = np.repeat(np.arange(len(table.found)), table.found)
-    return Table(np.bincount(of[some], minlength=len(table.found)), *(column[some] for column in table[1:]))
+    of = np.repeat(np.arange(len(table.n_paths)), table.n_paths)
+    return Table(np.bincount(of[mask], minlength=len(table.n_paths)), *(column[mask] for column in table[1:]))

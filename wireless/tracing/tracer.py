@@ -23,12 +23,13 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Complex, Float, Int, Integer
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.checks import Range, checked
-from wireless.em.materials import Material, wall_row
+from wireless.em.materials import WALLS, Material, wall_row
 from wireless.em.scattering import MOST_NARROW
-from wireless.geometry.array_types import Point
+from wireless.geometry.array_types import Point, to_array
 from wireless.geometry.closed_surfaces import find_two_faced
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
@@ -80,7 +81,7 @@ class Scene(Protocol):
 
     @property
     def face_material(self) -> Integer[np.ndarray, " n_faces"]:
-        """What each face is made of: index into `materials`."""
+        """Material of each face: index into `materials`."""
 
     @property
     def floor_ceiling(self) -> bool:
@@ -111,8 +112,8 @@ class TracerConfig:
     """Most walls that a path passes; half-spaces let nothing through. None for 2 below 10 GHz, and for no wall from
     there on."""
     wall_passage: Literal["wall", "face"] = "wall"
-    """What counts as a wall: both faces of a drawn wall or a solid together, which are passed once, or each face alone,
-    as in the published grids. A sheet without thickness is a wall in both."""
+    """Wall of a transmission: the two faces of a drawn wall or a solid together, which are passed once, or each face
+    alone, as in the published grids. A sheet without thickness is a wall in both."""
     max_interactions: Annotated[int | None, Range(0, MOST_INTERACTIONS)] = None
     """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: Annotated[float | None, Range(1e-9, THICKEST_M, "m")] = None
@@ -133,7 +134,7 @@ class TracerConfig:
     max_paths: Annotated[int, Range(1, MOST_PATHS, "paths")] = 25
     """Most paths of a link: the strongest ones."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
-    """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
+    """Antennas' polarisation, for a path's power; "both" is the mean over the two at the transmitter."""
     scene: Literal["auto", "plan", "storeys", "space"] = "auto"
     """Trace as floor plan, as storeys over each other, in space, or as what it is."""
     search: Literal["auto", "exhaustive", "rays"] = "auto"
@@ -233,6 +234,11 @@ class Tracer:
         self._of_face = of_face
         self._face_wall = self._walls(materials)[of_face]
         self._face_half = self._halves(mesh)
+        upright = np.abs(mesh.face_normals[:, 2]) < 0.5
+        if self.config.walls_passed(self.frequency_hz) and not self.config.wall_thickness_m:
+            for number in np.unique(of_face[upright]):
+                if isinstance(material := materials[number], str) and material not in WALLS:
+                    _report_half_space(material)
         # A face that is a wall by itself is another wall than one of a pair.
         self.scene, self._in_space = self._scenes(mesh, 2 * of_face + self._face_half, slabs_reflect)
         self.config = replace(self.config, floor_ceiling=self.scene.floor_ceiling)
@@ -274,7 +280,8 @@ class Tracer:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""
         c = self.config
         rows = [
-            wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
+            wall_row(material, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m)
+            for material in materials
         ]
         walls = np.zeros((len(rows), max(map(len, rows))), np.complex128)
         for i, row in enumerate(rows):
@@ -284,7 +291,7 @@ class Tracer:
     def _scenes(
         self, mesh: trimesh.Trimesh, of_face: Int[np.ndarray, " n_faces"], slabs_reflect: bool | None
     ) -> tuple[PlanScene | StackScene | SpaceScene, Callable[[], SpaceScene]]:
-        """What the mesh is traced as, and how points are traced that lie outside of a plan or of storeys.
+        """Return the scene that the mesh is traced as, and a factory of the scene for points outside of it.
 
         `slabs_reflect` is what the scene says of `TracerConfig.floor_ceiling`, None for a mesh.
         """
@@ -324,9 +331,7 @@ class Tracer:
             logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
         return in_space(), in_space
 
-    def trace(
-        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], *, workers: int | None = None
-    ) -> Paths:
+    def trace(self, tx: ArrayLike, rx: ArrayLike, *, workers: int | None = None) -> Paths:
         """Paths of all links between transmitters and receivers.
 
         A point on a wall (within 1e-9 m, or what rounding moved its corners by) is on both sides of it, and has no
@@ -336,8 +341,8 @@ class Tracer:
         leads there.
 
         Args:
-            tx: Positions of transmitters [m].
-            rx: Positions of receivers [m].
+            tx: Positions of transmitters [m], an array or lists of n_tx x 3 numbers.
+            rx: Positions of receivers [m], n_rx x 3.
             workers: Threads that many links are traced in; None for one on each available core. The paths
                 do not depend on it.
 
@@ -348,7 +353,7 @@ class Tracer:
             ValueError: If there are no points, or one is not finite, kilometres away, or with scene='plan' not
                 between floor and ceiling, or there is no worker.
         """
-        tx, rx, scene = np.asarray(tx, float), np.asarray(rx, float), self.scene
+        tx, rx, scene = to_array(tx, "tx"), to_array(rx, "rx"), self.scene
         for name, points in (("tx", tx), ("rx", rx)):
             if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
                 raise ValueError(
@@ -407,10 +412,10 @@ class Tracer:
         """Scattering by walls as rough as their materials say, or else the configuration."""
         c = self.config
         share, alpha = np.zeros(len(materials)), np.zeros(len(materials), np.int64)
-        for i, one in enumerate(materials):
-            own = one if isinstance(one, Material) else None
-            share[i] = c.scattering if own is None or own.scattering is None else own.scattering
-            lobe = c.scattering_lobe if own is None or own.lobe is None else own.lobe
+        for i, material in enumerate(materials):
+            custom = material if isinstance(material, Material) else None
+            share[i] = c.scattering if custom is None or custom.scattering is None else custom.scattering
+            lobe = c.scattering_lobe if custom is None or custom.lobe is None else custom.lobe
             alpha[i] = -1 if lobe is None else lobe
         if isinstance(scene, PlanScene):
             wall = self._of_face[scene.extruded.wall_face]
@@ -436,7 +441,7 @@ class Tracer:
         config, half = self.config, self._face_half[faces]
         walls = config.walls_passed(self.frequency_hz)
         through = 2 * walls if half.any() else walls
-        most = 2**62 if config.max_interactions is None else config.max_interactions
+        max_interactions = 2**62 if config.max_interactions is None else config.max_interactions
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
         bent, side = config.diffraction_reflections, config.diffraction_side_reflections
         return Setting(
@@ -452,8 +457,8 @@ class Tracer:
             side_reflections=(bent if side is None else min(bent, side)) if config.diffraction else -1,
             max_walls=walls,
             max_through=through,
-            max_interactions=most,
-            max_met=most + through - walls,
+            max_interactions=max_interactions,
+            max_met=max_interactions + through - walls,
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
@@ -466,7 +471,7 @@ class Tracer:
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], rows: Rows, origin: Point
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
-        owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
+        owner = [np.repeat(np.arange(len(t.n_paths)) + first, t.n_paths) for row in rows for t, first in row]
         transmitter = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
 
         def column(name: str) -> np.ndarray:
@@ -507,4 +512,15 @@ def _report_passage(frequency_hz: float) -> None:
         "robosim episode --radio.tracer.max-transmissions).",
         frequency_hz / 1e9,
         WALLS_PASSED,
+    )
+
+
+@cache
+def _report_half_space(material: str) -> None:
+    """Say, once, that walls of a material have no thickness."""
+    logger.warning(
+        "Walls of %s have no thickness: they are half-spaces, which reflect and let nothing through. Set "
+        "wall_thickness_m (--wall-thickness 0.1), or take a wall of layers: %s.",
+        material,
+        ", ".join(WALLS),
     )

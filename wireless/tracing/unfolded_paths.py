@@ -31,7 +31,7 @@ class Link(NamedTuple):
     far_chain: Int[np.ndarray, "d 5"]
 
 
-#: What a path is made of, as numbers: view of the transmitter, edge (corners, then rims; -1 for none), view of the
+#: Elements of a path, as numbers: view of the transmitter, edge (corners, then rims; -1 for none), view of the
 #: receiver, and reflections at floor and ceiling (positive if the ceiling comes first, negative for the floor).
 Parts = Int[np.ndarray, "4"]
 
@@ -156,10 +156,10 @@ def _raise_flat(
             at = (level - z) / (end - z)
             if at > until:
                 break
-            part = min(max((at - since) / (until - since), 0.0), 1.0) if until > since else 0.0
+            fraction = min(max((at - since) / (until - since), 0.0), 1.0) if until > since else 0.0
             up = (done % 2 == 0) == (bounce > 0)
             for i in range(2):
-                point[m + 1, i] = flat[j, i] + part * (flat[j + 1, i] - flat[j, i])
+                point[m + 1, i] = flat[j, i] + fraction * (flat[j + 1, i] - flat[j, i])
             point[m + 1, 2] = setting.high_m if up else setting.low_m
             scratch.kind[m], scratch.primitive[m] = REFLECTION, len(setting.walls) - (1 if up else 2)
             scratch.normal[m, 0], scratch.normal[m, 1], scratch.normal[m, 2] = 0.0, 0.0, 1.0

@@ -27,7 +27,7 @@ PACKAGES: dict[GLSystem, tuple[str, ...]] = {
     "osmesa": ("libosmesa6",),
     "egl": ("libegl1", "libopengl0", "libgl1-mesa-dri"),
 }
-#: What to do if a system is missing or does not draw.
+#: Remedy if a system is missing or does not draw.
 INSTALL = {system: f"apt-get install {' '.join(packages)}" for system, packages in PACKAGES.items()}
 
 #: Shared libraries of the systems: names to try in turn, and what is wrong if there is none.

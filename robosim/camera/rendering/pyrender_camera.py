@@ -127,7 +127,7 @@ class PyrenderCamera(ClosingCamera):
     """Draws pictures with OpenGL.
 
     Each camera has a context of its own, which is this thread's current one only while a picture is drawn.
-    Cameras work in forked and in spawned processes; one that was made before a fork serves both.
+    Cameras work in forked and in spawned processes; a camera that was made before a fork serves both.
     """
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig, system: GLSystem) -> None:

@@ -120,12 +120,12 @@ def ambient_light(
     centre = mesh.bounds.mean(axis=0)
     scene = make_ray_scene(mesh.triangles - centre)
     places = np.hstack([patches.vertices - centre, patches.normals])
-    _, some, which = np.unique(places.round(6), axis=0, return_index=True, return_inverse=True)
-    starts = (places[:, :3] + 0.01 * patches.inward + 0.002 * patches.normals)[some].astype(np.float32)
-    directions = cosine_directions(n_rays) @ _frames(patches.normals[some])
+    _, first, which = np.unique(places.round(6), axis=0, return_index=True, return_inverse=True)
+    starts = (places[:, :3] + 0.01 * patches.inward + 0.002 * patches.normals)[first].astype(np.float32)
+    directions = cosine_directions(n_rays) @ _frames(patches.normals[first])
     light = [
-        _open_share(scene, starts[part], directions[part], range_m)
-        for part in np.array_split(np.arange(len(some)), 1 + len(some) * n_rays // _RAYS_AT_ONCE)
+        _open_share(scene, starts[batch], directions[batch], range_m)
+        for batch in np.array_split(np.arange(len(first)), 1 + len(first) * n_rays // _RAYS_AT_ONCE)
     ]
     return np.concatenate(light)[which.ravel()]
 
@@ -170,13 +170,13 @@ def _facing(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     low, high = mesh.triangles[upright, :, :2].min(axis=1), mesh.triangles[upright, :, :2].max(axis=1)
     length = np.hypot(*(high - low).T)
     near = cKDTree((low + high) / 2).query_pairs(_STAIRS_M, output_type="ndarray")
-    one, other = np.concatenate([near, near[:, ::-1]]).T
+    first, other = np.concatenate([near, near[:, ::-1]]).T
     normals = facing[upright]
-    same_side = (normals[one] * normals[other]).sum(axis=1) > -0.1
-    short = length[one] < _STAIRS_M
-    one, other = one[short & same_side], other[short & same_side]
+    same_side = (normals[first] * normals[other]).sum(axis=1) > -0.1
+    short = length[first] < _STAIRS_M
+    first, other = first[short & same_side], other[short & same_side]
     total = normals * length[:, None]
-    np.add.at(total, one, normals[other] * length[other, None])
+    np.add.at(total, first, normals[other] * length[other, None])
     facing[upright] = total / np.linalg.norm(total, axis=1, keepdims=True)
     return facing
 
@@ -185,8 +185,8 @@ def _hues(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     """A colour for each face, the same on one piece of furniture and different on the next."""
     mesh = building.mesh
     faces = mesh.faces[building.face_kind == FURNITURE]
-    one, other = faces[:, [0, 0]].ravel(), faces[:, [1, 2]].ravel()
-    links = coo_array((np.ones(len(one)), (one, other)), shape=(len(mesh.vertices), len(mesh.vertices)))
+    first, other = faces[:, [0, 0]].ravel(), faces[:, [1, 2]].ravel()
+    links = coo_array((np.ones(len(first)), (first, other)), shape=(len(mesh.vertices), len(mesh.vertices)))
     _, label = connected_components(links, directed=False)
     hue = _GOLDEN * label[mesh.faces[:, 0]]
     return 138.0 + 28.0 * np.cos(hue[:, None] + np.radians([0.0, 120.0, 240.0]))

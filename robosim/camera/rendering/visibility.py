@@ -119,7 +119,7 @@ def screens(triangles: Float[np.ndarray, "m 3 3"]) -> Float[np.ndarray, "n 2 2"]
     strip, group = np.unique(
         np.column_stack([a, b, z.min(axis=1), z.max(axis=1)])[upright], axis=0, return_inverse=True
     )
-    # Of the four triangles that a rectangle has with one diagonal or the other, two make it whole.
+    # Two of the four triangles that a rectangle has with either diagonal make it whole.
     corner = 2 * (third == b) + (z_third == z.max(axis=1))
     has = np.zeros((len(strip), 4), bool)
     has[group.ravel(), corner[upright]] = True

@@ -36,7 +36,7 @@ def wall_tiles(walls: Float[np.ndarray, "n 2 2"]) -> WallTiles:
     low, high = walls.min(axis=(0, 1)) - TILE_M, walls.max(axis=(0, 1)) + TILE_M
     nx, ny = (int(count) for count in np.ceil((high - low) / TILE_M))
     segments = np.column_stack([walls[:, 0], walls[:, 1] - walls[:, 0]]).astype(float)
-    # One column more than there are tiles, for the end of the last list.
+    # A column more than there are tiles, for the end of the last list.
     first = np.zeros((nx + 1, ny), np.int64)
     _sort_in(segments, low, first, np.zeros(0, np.int64))
     flat = first.ravel()
@@ -75,9 +75,9 @@ def _sort_in(
 
 @compiled
 def nearest_wall(
-    walls: WallTiles, x: float, y: float, dx: float, dy: float, most: float
+    walls: WallTiles, x: float, y: float, dx: float, dy: float, reach: float
 ) -> tuple[float, int]:
-    """Where a ray from (x, y) [m] first meets a wall, looking `most` lengths of its direction far.
+    """Where a ray from (x, y) [m] first meets a wall, looking `reach` lengths of its direction far.
 
     Returned are the distance in lengths of the direction, inf for none, and the number of the wall, -1 for none.
     """
@@ -106,7 +106,7 @@ def nearest_wall(
             if 0.0 <= t < best and -_BEYOND <= s <= 1.0 + _BEYOND:
                 best, nearest = t, wall
         leave = min(next_x, next_y)
-        if best <= leave or leave > most:
+        if best <= leave or leave > reach:
             break
         if next_x < next_y:
             ix += sx
@@ -114,6 +114,6 @@ def nearest_wall(
         else:
             iy += sy
             next_y += step_y
-    if best > most:
+    if best > reach:
         return math.inf, -1
     return best, nearest

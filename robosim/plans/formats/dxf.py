@@ -8,6 +8,8 @@ is the drawing's ($INSUNITS) or given; coordinates become those of `map`.
 Reference: Autodesk, DXF Reference (2018), sections Header and Entities.
 """
 
+import logging
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,19 +18,22 @@ import numpy as np
 
 from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
 from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
+from robosim.support.checks import shown
 from robosim.support.installation import is_installed, missing_extra
-from robosim.support.reading import reading
+from robosim.support.reading import one_line, reading
 
 if TYPE_CHECKING:
     from ezdxf.entities.dxfentity import DXFEntity
+
+logger = logging.getLogger(__name__)
 
 #: Units of length of buildings by their numbers: in, ft, mm, cm, m, yd, dm, US survey ft [m].
 UNITS_M = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 10: 0.9144, 14: 0.1, 21: 1200 / 3937}
 #: Entities that are drawn as lines, as areas by one outline, and as areas by several.
 LINES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 SOLIDS, HATCHES = ("SOLID", "TRACE"), ("HATCH", "MPOLYGON")
-#: Most blocks within blocks, and entities in all.
-MOST_DEEP, MOST_ENTITIES = 20, 300_000
+#: Most blocks within blocks, and entities in all; one of a block is copied, which takes as long as several.
+MOST_DEEP, MOST_ENTITIES, COPY = 20, 300_000, 5
 BINARY = b"AutoCAD Binary DXF"
 _REMEDY = "Save it again as DXF, of any version, with the walls as lines, polylines or hatches."
 
@@ -38,12 +43,13 @@ def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
     if not is_installed("ezdxf"):
         raise missing_extra("ezdxf", "A DXF drawing")
     from ezdxf import recover
+    from ezdxf.audit import AuditError
     from ezdxf.filemanagement import readfile
 
     with reading(path, "a DXF drawing", _REMEDY, kind=MapError) as file:
         is_binary = file.read(len(BINARY)) == BINARY
         file.seek(0)
-        document = readfile(path) if is_binary else recover.read(file)[0]
+        document, auditor = (readfile(path), None) if is_binary else recover.read(file)
         unit_m = options.unit_m or UNITS_M.get(document.units)
         if unit_m is None:
             raise MapError(
@@ -51,16 +57,30 @@ def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
                 "for millimetres, --unit 1 for metres, --unit 0.0254 for inches."
             )
         hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
-        shapes = _shapes(_entities(document.modelspace(), "", [0]), hidden, unit_m)
+        repairs = () if auditor is None else (*auditor.fixes, *auditor.errors)
+        missing = {one_line(each.message) for each in repairs if each.code == AuditError.UNDEFINED_BLOCK}
+        shapes = list(_shapes(_entities(document.modelspace(), "", [0], missing), hidden, unit_m))
+        if missing:
+            logger.warning(
+                "%s: blocks that it does not contain are left out: %s.", path, "; ".join(sorted(missing))
+            )
         return plan_from_shapes(shapes, path, options)
 
 
 def _entities(
-    entities: Iterable["DXFEntity"], layer: str, count: list[int], deep: int = 0
+    entities: Iterable["DXFEntity"], layer: str, count: list[int], missing: set[str], deep: int = 0
 ) -> Iterator[tuple["DXFEntity", str]]:
-    """Entities with their layers, those of blocks in their places; `layer` is that of the block's reference."""
+    """Entities with their layers, those of blocks in their places; `layer` is that of the block's reference.
+
+    Names of blocks that are missing, or are in other files, are added to `missing`.
+    """
     for entity in entities:
-        count[0] += 1
+        count[0] += COPY if deep else 1
+        for key, value in entity.dxfattribs().items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise MapError(
+                    f"{key} of a {entity.dxftype()} is {value}, expected a number. Export it again."
+                )
         if deep > MOST_DEEP or count[0] > MOST_ENTITIES:
             raise MapError(
                 f"it has blocks in blocks, more than {MOST_DEEP} deep, or more than {MOST_ENTITIES} entities. Explode "
@@ -70,10 +90,20 @@ def _entities(
         kind = entity.dxftype()
         inner: Any = entity
         if kind == "INSERT":
+            block = inner.block()
+            if block is None or block.block.is_xref or block.block.is_xref_overlay:
+                name, path = inner.dxf.name, "" if block is None else block.block.dxf.get("xref_path", "")
+                missing.add(f"{shown(name)} of {shown(path)}" if path else shown(name))
+                continue
+            count[0] += COPY * inner.mcount * (inner.mcount > 1)
+            if count[0] > MOST_ENTITIES:
+                raise MapError(
+                    f"it has {inner.mcount} copies of block {shown(inner.dxf.name)}. Explode it first."
+                )
             for reference in inner.multi_insert() if inner.mcount > 1 else [inner]:
-                yield from _entities(reference.virtual_entities(), layer_of_entity, count, deep + 1)
+                yield from _entities(reference.virtual_entities(), layer_of_entity, count, missing, deep + 1)
         elif kind == "MLINE":
-            yield from _entities(inner.virtual_entities(), layer_of_entity, count, deep + 1)
+            yield from _entities(inner.virtual_entities(), layer_of_entity, count, missing, deep + 1)
         elif not entity.dxf.get("invisible", 0):
             yield entity, layer_of_entity
 

@@ -85,8 +85,13 @@ def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOption
     """
     resolution_m = options.resolution_m or RESOLUTION_M
     drawn: list[Shape] = []
-    points = 0
+    points, known = 0, set()
     for shape in shapes:
+        # Copies of blocks lie on each other: their lines would cut each other into many pieces.
+        rounded = tuple(np.round(line / FLAT_M).tobytes() for line in shape.lines)
+        if (key := (shape.names[0], shape.is_area, shape.width_m, rounded)) in known:
+            continue
+        known.add(key)
         points += sum(map(len, shape.lines))
         if points > MOST_POINTS:
             raise MapError(f"it has more than {MOST_POINTS} points. Export the layers of walls alone.")

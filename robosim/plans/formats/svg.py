@@ -24,7 +24,7 @@ import numpy as np
 from robosim.plans.floorplan import FloorPlan, MapError, ReadingOptions
 from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
 from robosim.support.installation import is_installed, missing_extra
-from robosim.support.reading import reading
+from robosim.support.reading import one_line, reading
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6}
 #: A user unit of a picture without a view box [m].
@@ -35,6 +35,10 @@ PAPER = 200
 MOST_SHAPES, MOST_LINES = 100_000, 1000
 _REMEDY = "Save it again as plain SVG."
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+#: Attributes of numbers, and words that are NaN or infinite.
+_NUMBERS = {"x", "y", "r", "cx", "cy", "rx", "ry", "x1", "y1", "x2", "y2", "d", "points", "width", "height"}
+_NUMBERS |= {"transform", "viewBox", "stroke-width", "style"}
+_NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
 
@@ -48,6 +52,13 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
         root = ET.parse(file).getroot()
         if root.tag.rpartition("}")[2] != "svg":
             raise ValueError(f"it begins with <{root.tag}>, expected <svg>")
+        for element in root.iter():
+            for key, value in element.attrib.items():
+                if key in _NUMBERS and _NAN.search(value):
+                    tag = element.tag.rpartition("}")[2]
+                    raise MapError(
+                        f"{key} of <{tag}> is {one_line(value)!r}, expected finite numbers. Export it again."
+                    )
         _check_copies(root)
         (left, top, width, height), physical_m = _view(root)
         unit_m = options.unit_m or physical_m

@@ -41,7 +41,7 @@ class Bodies(NamedTuple):
 
 
 def find_bodies(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> Bodies:
-    """Sort triangles into bodies; those that are points or lines are left out."""
+    """Sort triangles into bodies; triangles that are points or lines are left out."""
     _, first, merged = np.unique(
         np.round(vertices / MERGED_M), axis=0, return_index=True, return_inverse=True
     )

@@ -32,13 +32,13 @@ def solid_of_boxes(boxes: Sequence[Box]) -> trimesh.Trimesh:
         filled[tuple(slice(*(1 + np.searchsorted(planes[k], (low[k], high[k])))) for k in range(3))] = True
     quads = []
     for axis in range(3):
-        one, other = (axis + 1) % 3, (axis + 2) % 3
+        first, other = (axis + 1) % 3, (axis + 2) % 3
         step = np.diff(filled.astype(np.int8), axis=axis)
         for change in (-1, 1):  # leaving a box along the axis, and entering one
             index = np.argwhere(step == change)
             cell = np.repeat(index[:, None], 4, axis=1)
             for corner, (u, v) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
-                cell[:, corner, one] += u - 1
+                cell[:, corner, first] += u - 1
                 cell[:, corner, other] += v - 1
             quads.append(cell if change < 0 else cell[:, ::-1])
     cell = np.concatenate(quads)
@@ -52,12 +52,12 @@ def solid_of_boxes(boxes: Sequence[Box]) -> trimesh.Trimesh:
 _SIDE_M, _BOARD_M = Range(0.05, 20, "m"), Range(0.002, 1, "m")
 
 
-def _check_below(one: object, low: str, high: str) -> None:
+def _check_below(piece: object, low: str, high: str) -> None:
     """See that one size is below another one."""
-    if not getattr(one, low) < getattr(one, high):
+    if not getattr(piece, low) < getattr(piece, high):
         raise ValueError(
-            f"{low} is {getattr(one, low)}, expected less than {high} = {getattr(one, high)} m of a "
-            f"{type(one).__name__.lower()}."
+            f"{low} is {getattr(piece, low)}, expected less than {high} = {getattr(piece, high)} m of a "
+            f"{type(piece).__name__.lower()}."
         )
 
 
@@ -292,7 +292,7 @@ PIECES: dict[str, type[Cupboard | Plant]] = {
     "cupboard": Cupboard,
     "plant": Plant,
 }
-#: Those of chipboard; the others are of wood.
+#: Pieces of chipboard; the others are of wood.
 _CHIPBOARD = ("sofa", "bed", "cupboard", "shelf")
 #: Their colours; the others have that of wood.
 _COLOUR = {
@@ -319,7 +319,7 @@ def make_piece(
     """A piece of furniture at a place.
 
     Args:
-        piece: One of `PIECES`.
+        piece: Key of `PIECES`.
         at: Place of its middle, x, y [m] in `map`.
         yaw_rad: Its rotation, counter-clockwise [rad]; its back is at -y.
         z_m: Its height above the floor [m].

@@ -79,3 +79,27 @@ def test_damaged_files_are_rejected_in_one_line(tmp_path, text, reason):
     with pytest.raises(FileError) as error:
         mover_of_file(tmp_path / "movers.yaml")
     assert reason in str(error.value) and "movers.yaml" in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("interval", ["[15, 5]", "[5, 5]", "[.nan, 5]"])
+def test_mover_of_file_rejects_doors_that_open_after_they_close(tmp_path, interval):
+    path = tmp_path / "movers.yaml"
+    path.write_text(f"- door: [3.0, 2.0]\n  open_s: [{interval}]\n")
+    with pytest.raises(FileError, match=r"movers.yaml: .*entry 1: .*open_s"):
+        mover_of_file(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("robot.tum", "0 100 100 0 0 0 0 1\n1 101 100 0 0 0 0 1\n"),
+        ("people.csv", "time,id,x,y\n0,a,-50,1\n1,a,-49,1\n"),
+        ("movers.yaml", "- door: [40.0, 2.0]\n"),
+    ],
+)
+def test_reset_rejects_movers_outside_of_the_building(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    surroundings = Surroundings(BUILDING, FAR, 0.2)
+    with pytest.raises(ValueError, match="outside of the building"):
+        mover_of_file(path).reset(surroundings, np.random.default_rng(0))

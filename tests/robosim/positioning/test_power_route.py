@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from robosim.calibration.measured_powers import read_measured_powers
 from robosim.cli import main
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.files import write_ros
@@ -216,3 +217,63 @@ def test_clocks_that_do_not_agree_are_rejected():
     )
     with pytest.raises(ValueError, match="by one clock"):
         map_route(log, powers)
+
+
+@pytest.mark.parametrize("value", ["100", "0", "-127", "127", "1", "-128", "-999", "inf"])
+def test_read_power_route_rejects_powers_that_mean_not_received(table, value):
+    lines = table.read_text().split("\n")
+    words = lines[30].split(",")
+    lines[30] = ",".join([*words[:5], value, *words[6:]])
+    table.write_text("\n".join(lines))
+    measured = table.with_name("measured_route.csv")
+    measured.write_text("\n".join([f"{lines[0]},beacon_z_m", *(f"{line},1" for line in lines[1:])]))
+    for read in (
+        lambda: read_power_route(table, needs_time=False),
+        lambda: read_measured_powers(measured, 1.5),
+    ):
+        with pytest.raises(
+            FileError, match=rf"line 31: power_dbm is {value}, .* give --not-received {value}"
+        ) as error:
+            read()
+        assert "route.csv" in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("value", ["100", "0", "-127", ""])
+def test_read_power_route_leaves_out_what_is_not_received(plan, tmp_path, value):
+    """Two thirds of the readings replaced by a number that means nothing: the places are those without these rows."""
+    rows = rows_in(plan, np.random.default_rng(1))
+    lost = np.arange(len(rows)) % 3 > 0
+    marked = [
+        ",".join([*row.split(",")[:5], value, *row.split(",")[6:]]) if is_lost else row
+        for row, is_lost in zip(rows, lost, strict=True)
+    ]
+    tables = {
+        "marked": marked,
+        "without": [row for row, is_lost in zip(rows, lost, strict=True) if not is_lost],
+    }
+    powers = {}
+    for name, lines in tables.items():
+        (tmp_path / name).write_text("\n".join([HEAD, *lines]))
+        number = float(value) if value and name == "marked" else None
+        powers[name] = read_power_route(tmp_path / name, needs_time=False, not_received=number)
+    np.testing.assert_array_equal(powers["marked"].power_dbm, powers["without"].power_dbm)
+    found = locate_beacon(powers["marked"].readings("7"), plan, 0.3)
+    assert np.hypot(*(found.xy - BEACONS["7"])) < 1.0
+
+
+def test_read_power_route_warns_of_a_power_far_below_the_others(plan, tmp_path, caplog):
+    rows = rows_in(plan, np.random.default_rng(1))
+    lines = [
+        ",".join([*row.split(",")[:5], "-110", *row.split(",")[6:]]) if k % 3 else row
+        for k, row in enumerate(rows)
+    ]
+    (tmp_path / "route.csv").write_text("\n".join([HEAD, *lines]))
+    read_power_route(tmp_path / "route.csv", needs_time=False)
+    assert "67 % of power_dbm are -110" in caplog.text and "--not-received -110" in caplog.text
+
+
+def test_read_power_route_rejects_a_column_that_is_there_twice(table):
+    text = table.read_text()
+    table.write_text(text.replace(HEAD, HEAD.replace("time_s", "power_dbm"), 1))
+    with pytest.raises(FileError, match="column 'power_dbm' is there twice"):
+        read_power_route(table, needs_time=False)

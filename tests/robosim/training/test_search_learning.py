@@ -91,7 +91,7 @@ def improved(segment, times=15, config=None, **options):
 
 def test_imitation_learns_the_advised_actions():
     """The advice is always left; the actions of the policy do not matter."""
-    before, after = improved(segment_of(advised=np.ones((6, 4), int)), advice=1.0, own=False)
+    before, after = improved(segment_of(advised=np.ones((6, 4), int)), advice=1.0, has_surrogate=False)
     assert before[1] == pytest.approx(1 / 3, abs=0.02)
     assert after[1] > 0.9
 
@@ -101,7 +101,7 @@ def test_rewarded_actions_become_more_frequent():
     taken = np.zeros((6, 4), int)
     taken[:, :2] = 2
     reward = np.where(taken == 2, 1.0, 0.0)
-    before, after = improved(segment_of(taken=taken, reward=reward), advice=0.0, own=True)
+    before, after = improved(segment_of(taken=taken, reward=reward), advice=0.0, has_surrogate=True)
     assert after[2] > before[2] + 0.05 and after[0] < before[0] - 0.05
 
 
@@ -112,5 +112,5 @@ def test_the_surrogate_is_clipped():
     odds = np.log(np.where(taken == 2, 1 / 3 / 1.5, 1.5 / 3))
     segment = segment_of(taken=taken, reward=np.where(taken == 2, 1.0, 0.0), log_odds=odds)
     alone = replace(LEARNING, value=0.0, entropy=0.0, discount=0.0)  # each step by its own reward
-    before, after = improved(segment, times=3, config=alone, advice=0.0, own=True)
+    before, after = improved(segment, times=3, config=alone, advice=0.0, has_surrogate=True)
     assert after.tolist() == before.tolist()

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
+from wireless import MountedArray
+from wireless.antennas.arrays import uniform_array
 from wireless.antennas.elements import (
     ELEMENTS,
     DipoleElement,
@@ -83,3 +85,12 @@ def test_bad_elements_are_named():
         PatchElement(thickness_wl=0.2)
     with pytest.raises(ValueError, match=r"permittivity is 0.5"):
         PatchElement(permittivity=0.5)
+
+
+def test_3gpp_element_has_the_gain_of_the_standard():
+    """TR 38.901, table 7.3-1: 8 dBi; the directivity of its shape is 9.83 dBi."""
+    ahead = np.zeros(1), np.zeros(1), np.zeros(1, int)
+    field = MountedArray(array=uniform_array(1, element="3gpp")).response(*ahead)
+    assert 20 * np.log10(np.abs(field[0, 0, 0])) == pytest.approx(8.0, abs=1e-9)
+    element = element_named("3gpp")
+    assert 10 * np.log10(directivity(element, np.array([[1.0, 0, 0]]))[0]) == pytest.approx(9.83, abs=0.01)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wireless import Array, FileError, MountedArray, terminal_named
-from wireless.antennas.elements import SectorElement, directivity, element_named, unit_vector
+from wireless.antennas.elements import SectorElement, directivity, element_named, mean_power, unit_vector
 from wireless.antennas.pattern_files import read_pattern
 
 ANGLES = np.arange(360.0)
@@ -19,7 +19,7 @@ def gain_dbi(element, azimuth_deg, elevation_deg):
     return 20 * np.log10(element.amplitude(at(azimuth_deg, elevation_deg)))
 
 
-def write_msi(path, across, along, gain="GAIN 15.5 dBi"):
+def write_msi(path, across, along, gain="GAIN 13.5 dBi"):
     """A file of two cuts, as functions of the azimuth and of the elevation in front and behind."""
     lines = ["NAME sector", "FREQUENCY 3500", gain, "TILT ELECTRICAL", "COMMENT \xe9"]
     for key, cut in (("HORIZONTAL", across), ("VERTICAL", along)):
@@ -50,14 +50,14 @@ def test_cuts_are_met(sector):
     """Right is clockwise, down is below the horizon; both cuts hold to 1e-5 dB, in front and behind."""
     path, across, along = sector
     element = element_named(str(path))
-    right = [15.5 - across(angle) for angle in ANGLES]
+    right = [13.5 - across(angle) for angle in ANGLES]
     np.testing.assert_allclose(gain_dbi(element, -ANGLES, 0), right, atol=1e-5)
     front, behind = np.arange(-90, 91), np.arange(90, 271)
     np.testing.assert_allclose(
-        gain_dbi(element, 0, -front), [15.5 - along(angle) for angle in front], atol=1e-5
+        gain_dbi(element, 0, -front), [13.5 - along(angle) for angle in front], atol=1e-5
     )
     np.testing.assert_allclose(
-        gain_dbi(element, 180, behind - 180), [15.5 - along(angle) for angle in behind], atol=1e-5
+        gain_dbi(element, 180, behind - 180), [13.5 - along(angle) for angle in behind], atol=1e-5
     )
 
 
@@ -70,18 +70,18 @@ def test_sum_of_symmetric_cuts_is_the_sum_of_attenuations(tmp_path):
     def cut(angle):
         return min(12 * (signed(angle) / 65) ** 2, 30)
 
-    element = read_pattern(write_msi(tmp_path / "a.pln", cut, cut))
+    element = read_pattern(write_msi(tmp_path / "a.pln", cut, cut, gain="GAIN 9.5 dBi"))
     azimuth, elevation = np.meshgrid(np.linspace(-30, 30, 13), np.linspace(-30, 30, 13))
-    got = gain_dbi(element, azimuth.ravel(), elevation.ravel()) - 15.5
+    got = gain_dbi(element, azimuth.ravel(), elevation.ravel()) - 9.5
     want = 20 * np.log10(SectorElement().amplitude(at(azimuth.ravel(), elevation.ravel())))
     assert np.abs(got - want).max() < 1.0
     on_cuts = (azimuth.ravel() == 0) | (elevation.ravel() == 0)
     assert np.abs(got - want)[on_cuts].max() < 0.01
 
 
-def write_grid(path, element, step=3):
+def write_grid(path, element, step=3, add_db=0.0):
     azimuth, elevation = np.meshgrid(np.arange(-180, 180, step), np.arange(-90, 91, step))
-    gain = 20 * np.log10(np.maximum(element.amplitude(at(azimuth.ravel(), elevation.ravel())), 1e-9))
+    gain = add_db + 20 * np.log10(np.maximum(element.amplitude(at(azimuth.ravel(), elevation.ravel())), 1e-9))
     rows = zip(azimuth.ravel(), elevation.ravel(), gain, strict=True)
     path.write_text(
         "azimuth_deg,elevation_deg,gain_dbi\n" + "".join(f"{a},{e},{g:.6f}\n" for a, e, g in rows)
@@ -109,9 +109,9 @@ def test_gain_is_as_given_or_that_of_the_pattern(sector):
     """DBd are 2.15 dB above dBi; arrays and terminals scale to directivity unless the gain is to be as given."""
     path, *_ = sector
     text = path.read_text("latin-1")
-    for words in ("GAIN 13.35", "gain 13.35 dBd"):
-        path.write_text(text.replace("GAIN 15.5 dBi", words), "latin-1")
-        assert gain_dbi(read_pattern(path), 0, -6)[0] == pytest.approx(15.5, abs=1e-5)
+    for words in ("GAIN 11.35", "gain 11.35 dBd"):
+        path.write_text(text.replace("GAIN 13.5 dBi", words), "latin-1")
+        assert gain_dbi(read_pattern(path), 0, -6)[0] == pytest.approx(13.5, abs=1e-5)
     element = element_named(str(path))
     array = Array(element=element, position_wl=np.zeros((1, 3)))
     one = np.zeros(1), np.radians(np.full(1, -6.0)), np.zeros(1, int)
@@ -119,7 +119,7 @@ def test_gain_is_as_given_or_that_of_the_pattern(sector):
         np.abs(MountedArray(array=array, scaling=scaling).response(*one)[0, 0, 0]) ** 2
         for scaling in ("given", "directivity")
     )
-    assert 10 * np.log10(given) == pytest.approx(15.5, abs=1e-5)
+    assert 10 * np.log10(given) == pytest.approx(13.5, abs=1e-5)
     assert scaled == pytest.approx(directivity(element, at(0, -6))[0], rel=1e-9)
     assert terminal_named("gnb", str(path)).weight.shape == (48, 16)
 
@@ -180,3 +180,74 @@ def test_damaged_grids_are_rejected(tmp_path, damage, words):
     message = str(rejected.value)
     assert words in message and message.startswith(str(path)) and "\n" not in message
     assert "Give columns azimuth_deg, elevation_deg, gain_dbi" in message
+
+
+def twin(angle):
+    """Two beams at 30 degrees to the right and left, 10.6 dB lower in between."""
+    return min(12 * ((abs(signed(angle)) - 30) / 33) ** 2, 30)
+
+
+def beam(angle):
+    """A beam of 10 degrees at the horizon."""
+    return min(12 * (signed(angle) / 10) ** 2, 30)
+
+
+def test_read_pattern_of_twin_beams_has_its_gain_in_both(tmp_path):
+    """The vertical cut lies in a beam, not between them: 17 dBi there and 12 (30/33)^2 = 9.92 dB less ahead."""
+    element = read_pattern(write_msi(tmp_path / "a.msi", twin, beam, "GAIN 17 dBi"))
+    np.testing.assert_allclose(gain_dbi(element, [-30, 0, 30], 0), [17, 17 - 9.917, 17], atol=1e-3)
+    assert element.gain_dbi.max() == pytest.approx(17)
+
+
+def test_read_pattern_of_a_tilted_cut_keeps_the_maximum(tmp_path):
+    """Cuts that are each relative to their own maximum, with 6 degrees of tilt: no direction is above the gain."""
+    element = read_pattern(
+        write_msi(tmp_path / "a.msi", lambda a: min(12 * (signed(a) / 65) ** 2, 30), lambda e: beam(e - 6))
+    )
+    assert element.gain_dbi.max() == pytest.approx(13.5) == gain_dbi(element, 0, -6)[0]
+
+
+def test_read_pattern_takes_relative_gains(tmp_path, caplog):
+    """Attenuations with a minus sign are those without, with a warning."""
+    want = read_pattern(write_msi(tmp_path / "a.msi", twin, beam))
+    element = read_pattern(write_msi(tmp_path / "b.msi", lambda a: -twin(a), lambda e: -beam(e)))
+    np.testing.assert_array_equal(element.gain_dbi, want.gain_dbi)
+    assert "b.msi: no attenuation of HORIZONTAL is positive" in caplog.text
+
+
+@pytest.mark.parametrize("excess_db", [-3.0, -0.1, 1.0, 10.0])
+@pytest.mark.parametrize("kind", ["cuts", "grid"])
+def test_read_pattern_radiates_at_most_what_it_is_given(tmp_path, kind, excess_db):
+    """Patterns above their directivity are rejected; the mean gain of the others is at most 1.13, on another grid."""
+    if kind == "cuts":
+        path = write_msi(tmp_path / "a.msi", lambda a: min(12 * (signed(a) / 65) ** 2, 30), beam)
+        directivity_dbi = 13.5 - 10 * np.log10(mean_power(read_pattern(path), 150))
+        gain = f"GAIN {directivity_dbi + excess_db} dBi"
+        write_msi(path, lambda a: min(12 * (signed(a) / 65) ** 2, 30), beam, gain)
+    else:
+        path = write_grid(tmp_path / "a.csv", SectorElement(), add_db=9.83 + excess_db)
+    if excess_db > 0.6:
+        with pytest.raises(FileError, match=r"radiates .* times the power"):
+            read_pattern(path)
+    else:
+        assert 10 * np.log10(mean_power(read_pattern(path), 150)) == pytest.approx(excess_db, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda text: text.replace("HORIZONTAL 360\n0.0", "HORIZONTAL 361\n0.0 3\n0.0"), "the angle 0 twice"),
+        (lambda text: text.replace("\n90.0 ", "\n91.0 ", 1), "the angle 91 twice"),
+        (
+            lambda text: "\n".join(line for line in text.split("\n") if not line.startswith("12")).replace(
+                " 360", " 349"
+            ),
+            "HORIZONTAL leaves out 11 degrees after 119",
+        ),
+    ],
+)
+def test_read_pattern_rejects_cuts_with_wrong_angles(sector, change, reason):
+    path, *_ = sector
+    path.write_text(change(path.read_text("latin-1")), "latin-1")
+    with pytest.raises(FileError, match=reason):
+        read_pattern(path)

@@ -50,7 +50,7 @@ def test_blocks_cover_each_link_once():
     rows = blocks.trace_blocks(33, 1025, empty, workers=3)
     assert len(rows) == 33
     for row in rows:
-        firsts, lengths = [first for _, first in row], [len(table.found) for table, _ in row]
+        firsts, lengths = [first for _, first in row], [len(table.n_paths) for table, _ in row]
         assert firsts == [0, 512, 1024] and lengths == [512, 512, 1]
 
 

@@ -12,10 +12,26 @@ from tests.plans import two_rooms
 from wireless import Tracer, TracerConfig
 from wireless.em.materials import Layer, Material
 from wireless.tracing.mitsuba_scene import is_mitsuba, read_mitsuba
+from wireless.tracing.tracer import _report_half_space
 
 SHAPE = """<scene version="2.1.0"><default name="t" value="0.2"/>
 <bsdf type="itu-radio-material" id="m"><string name="type" value="concrete"/><float name="thickness" value="$t"/></bsdf>
 <shape type="{kind}" id="one">{transform}<ref id="{material}" name="bsdf"/></shape></scene>"""
+
+
+PLY_SHAPE = '<shape type="ply" id="p"><string name="filename" value="{}"/><ref id="m" name="bsdf"/></shape>'
+
+
+def write_square(path, scale=1.0, faces=2):
+    """Two squares at different heights as an ASCII PLY file."""
+    corners = [
+        f"{x} {y} {z}".replace("1", str(scale)) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))
+    ]
+    lines = ["4 0 1 2 3", "4 4 5 6 7"][:faces]
+    header = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+    header += f"element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    path.write_text(header + "\n".join([*corners, *lines]) + "\n")
+    return path
 
 
 def scene_of(tmp_path, kind="cube", transform="", material="m"):
@@ -110,13 +126,43 @@ def test_a_rectangle_reflects_like_the_mirror_image(tmp_path):
         (lambda text: text.replace('<ref id="m" name="bsdf"/>', ""), "shape one has no material"),
         (lambda text: text.replace('type="cube"', 'type="ply"'), "is a folder"),
         (lambda text: "<scene/>", "there is no shape"),
+        (lambda text: text.replace("<shape", '<include filename="scene.xml"/><shape', 1), "includes itself"),
+        (
+            lambda text: text.replace("<shape", '<include filename="no.xml"/><shape', 1),
+            "no.xml: no such file",
+        ),
+        (lambda text: text.replace("<shape", '<bsdf type="diffuse" id="m"/><shape', 1), "two materials 'm'"),
+        (lambda text: text.replace('name="thickness"', 'name="thicknes"'), "material 'm' has 'thicknes'"),
+        (lambda text: text.replace('value="$t"', 'value="nan"'), "thickness_m is nan"),
+        (lambda text: text.replace("concrete", "cheese"), "--scene-material m=concrete"),
+        (lambda text: text.replace('type="itu-radio-material"', 'type="diffuse"'), "material 'm' is 'm'"),
+        (
+            lambda text: text.replace("<shape", PLY_SHAPE.format("all.ply") + "<shape", 1),
+            "long, expected under",
+        ),
+        *(
+            (lambda text, name=name: text.replace("<shape", PLY_SHAPE.format(name) + "<shape", 1), reason)
+            for name, reason in {
+                "cut.ply": "shape p: .*cut.ply: .*announces 10 vertices and faces, but has 9 lines",
+                "none.ply": "none.ply: .*it has no faces",
+                "nan.ply": "nan.ply: .*a vertex is not finite",
+                "points.obj": "points.obj: not readable",
+            }.items()
+        ),
     ],
 )
 def test_damaged_scenes_are_rejected(tmp_path, change, message):
     path = scene_of(tmp_path)
     path.write_text(change(path.read_text()))
-    with pytest.raises(FileError, match=message):
+    write_square(tmp_path / "all.ply", scale=1e7)
+    write_square(tmp_path / "nan.ply", scale="nan")
+    write_square(tmp_path / "none.ply", faces=0)
+    whole = write_square(tmp_path / "cut.ply").read_text()
+    (tmp_path / "cut.ply").write_text(whole[: whole.rindex("4 4 5")])
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    with pytest.raises(FileError, match=message) as error:
         read_mitsuba(path)
+    assert "\n" not in str(error.value) and "scene.xml" in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -132,3 +178,82 @@ def test_damaged_scenes_are_rejected(tmp_path, change, message):
 def test_content_decides_what_is_a_scene(tmp_path, name, content, expected):
     (tmp_path / name).write_bytes(content)
     assert is_mitsuba(tmp_path / name) == expected
+
+
+RADIO = """<bsdf type="{}" id="mat-wood"><float name="relative_permittivity" value="12"/>
+<float name="conductivity" value="0.5"/><float name="thickness" value="0.05"/></bsdf>"""
+PLATE = """<shape type="rectangle" id="plate"><transform name="to_world"><scale value="50"/></transform>{}</shape>"""
+REF = '<ref id="mat-wood" name="bsdf"/>'
+
+
+@pytest.mark.parametrize("kind", ["radio-material", "itu-radio-material"])
+@pytest.mark.parametrize("place", ["scene", "shape", "unnamed", "twosided", "included"])
+def test_read_mitsuba_takes_what_the_scene_states_of_a_material(tmp_path, kind, place):
+    """A slab of 12 and 0.5 S/m, 5 cm thick, under the name of wood: the reflection has its Fresnel coefficient.
+
+    3.5 GHz, from (-3, 0, 4) to (3, 0, 4) over the plate, 10 m: free space of -63.33 dB and the slab, vertical
+    polarisation.
+    """
+    bsdf = RADIO.format(kind)
+    content = {
+        "scene": bsdf + PLATE.format(REF),
+        "shape": PLATE.format(bsdf),
+        "unnamed": PLATE.format(bsdf.replace(' id="mat-wood"', "")),
+        "twosided": bsdf.replace(' id="mat-wood"', "").join(
+            ['<bsdf type="twosided" id="mat-wood">', "</bsdf>"]
+        )
+        + PLATE.format(REF),
+        "included": '<include filename="part/materials.xml"/>' + PLATE.format(REF),
+    }[place]
+    (tmp_path / "part").mkdir()
+    (tmp_path / "part" / "materials.xml").write_text(f"<scene version='3.0.0'>{bsdf}</scene>")
+    path = tmp_path / "scene.xml"
+    path.write_text(f"<scene version='3.0.0'>{content}</scene>")
+    (material,) = read_mitsuba(path).materials
+    assert material.layers == (Layer(thickness_m=0.05, relative_permittivity=12.0, conductivity_spm=0.5),)
+    paths = Tracer.from_mitsuba(path, frequency_hz=3.5e9).trace([[-3.0, 0, 4]], [[3.0, 0, 4]])
+    assert 10 * np.log10(paths.power[1]) == pytest.approx(-70.12, abs=0.02)
+
+
+def test_read_mitsuba_follows_includes_with_shapes(tmp_path):
+    (tmp_path / "part").mkdir()
+    write_square(tmp_path / "part" / "wall.ply")
+    wall = PLY_SHAPE.format("wall.ply")
+    (tmp_path / "part" / "walls.xml").write_text(f"<scene version='3.0.0'>{wall}</scene>")
+    path = scene_of(tmp_path)
+    path.write_text(path.read_text().replace("<shape", '<include filename="part/walls.xml"/><shape', 1))
+    assert [shape[:2] for shape in read_mitsuba(path).shapes] == [("p", 4), ("one", 12)]
+
+
+def test_read_mitsuba_says_what_it_assumes_of_materials(tmp_path, caplog):
+    path = scene_of(tmp_path, material="mat-wood")
+    text = path.read_text().replace("<shape", '<bsdf type="diffuse" id="mat-wood"/><shape', 1)
+    path.write_text(text)
+    assert read_mitsuba(path).materials == (Material("mat-wood", (Layer(thickness_m=0.1, material="wood"),)),)
+    assert "material mat-wood is no radio material" in caplog.text
+    rough = '<float name="scattering_coefficient" value="0.3"/><float name="thickness"'
+    path.write_text(text.replace('<float name="thickness"', rough).replace('ref id="mat-wood"', 'ref id="m"'))
+    assert read_mitsuba(path).materials[0].scattering == 0.3
+    assert "material m scatters (S = 0.3) only if the tracer does" in caplog.text
+
+
+def test_read_mitsuba_rejects_given_materials_of_other_names(tmp_path):
+    with pytest.raises(FileError, match="no material 'paint' in it, expected one of m"):
+        read_mitsuba(scene_of(tmp_path), {"paint": "wood"})
+
+
+def test_tracer_warns_of_walls_without_thickness(caplog):
+    """Glass by name is a half-space, which lets nothing through: said below 10 GHz, where paths pass walls."""
+    mesh = make_building(two_rooms(0.8)).mesh
+    for frequency_hz, config, material, is_said in (
+        (3.5e9, TracerConfig(), "glass", True),
+        (3.5e9, TracerConfig(wall_thickness_m=0.1), "marble", False),
+        (3.5e9, TracerConfig(max_transmissions=0), "marble", False),
+        (28e9, TracerConfig(), "marble", False),
+        (3.5e9, TracerConfig(), "glazing", False),
+    ):
+        _report_half_space.cache_clear()
+        caplog.clear()
+        Tracer(mesh, materials=(material,), frequency_hz=frequency_hz, config=config)
+        assert (f"Walls of {material} have no thickness" in caplog.text) == is_said
+        assert ("--wall-thickness" in caplog.text) == is_said

@@ -1,7 +1,7 @@
-"""Training one network on links with known states: the same weights for a seed, however often it is interrupted.
+"""Training of a network on links with known states, reproducible for a seed however often it is interrupted.
 
-Cross entropy with smoothed labels, AdamW, a warm-up and a cosine down to nothing, gradients clipped; what counts
-in the end are weights averaged exponentially over the steps. All randomness of an epoch comes from the seed and
+Cross entropy with smoothed labels, AdamW, a warm-up and a cosine down to nothing, gradients clipped; the result
+are weights averaged exponentially over the steps. All randomness of an epoch comes from the seed and
 the epoch's number, and PyTorch runs in one thread, so that a run resumed from the checkpoint of an epoch gives
 the same weights, bit for bit, as one that was never stopped.
 """
@@ -21,7 +21,7 @@ from robosim.support.restoring import restore_network, restore_optimiser
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
 from wireless.linkstate.learning.networks import NETWORKS, one_thread
-from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
+from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, is_path
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
@@ -78,7 +78,7 @@ class Recipe:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the network is made with in addition to its inputs."""
+        """Return the arguments of the network in addition to its inputs."""
         return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
 
 
@@ -117,7 +117,7 @@ def train(
     Raises:
         ValueError: If no link has a path, or the checkpoint is of another recipe or other links.
     """
-    reached = found(tokens).any(1)
+    reached = is_path(tokens).any(1)
     if not reached.any():
         raise ValueError(
             f"none of {len(tokens)} links has an estimated path: there is nothing to learn from."
@@ -137,7 +137,7 @@ def train(
 
 
 class _Run:
-    """All that changes while training."""
+    """State that changes while training."""
 
     def __init__(self, x: Tensor, y: Tensor, recipe: Recipe) -> None:
         self.x, self.y, self.recipe = x, y, recipe
@@ -153,7 +153,7 @@ class _Run:
         self.steps = math.ceil(len(x) / recipe.batch)
 
     def step_epoch(self, watch: tuple[np.ndarray, np.ndarray] | None) -> None:
-        """One pass over all links."""
+        """Pass once over all links."""
         number = len(self.epochs)
         torch.manual_seed((self.recipe.seed * 1_000_003 + number + 1) % 2**63)
         self.network.train()
@@ -205,7 +205,7 @@ class _Run:
     @torch.no_grad()
     def _score(self, tokens: np.ndarray, state: np.ndarray) -> tuple[float, float]:
         """Accuracy and cross entropy of the averaged weights; links without paths do not count."""
-        reached = found(tokens).any(1)
+        reached = is_path(tokens).any(1)
         x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
         self.averaged.eval()
         logits = torch.cat([self.averaged(block)[:, self.states] for block in x.split(4096)])
@@ -241,7 +241,7 @@ class _Run:
             raise ValueError("its epochs are not those of a training")
 
     def _signature(self) -> dict[str, Any]:
-        """What a checkpoint belongs to."""
+        """Return the configuration that a checkpoint belongs to."""
         recipe = {
             k: list(v) if isinstance(v, Sequence) and not isinstance(v, str) else v
             for k, v in asdict(self.recipe).items()

@@ -164,3 +164,46 @@ def test_options_of_other_formats_are_rejected(tmp_path):
         read_plan(drawing.save(tmp_path), floor_height_m=1.0)
     with pytest.raises(MapError, match=r"wall layers is .*, but this is no DXF drawing or SVG drawing"):
         read_plan("flat", wall_layers=("A",))
+
+
+def test_read_dxf_rejects_numbers_that_are_nan(tmp_path):
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    drawing.space.add_circle((3, 3), 0.777, dxfattribs={"layer": "WALL"})
+    path = drawing.save(tmp_path)
+    path.write_text(path.read_text().replace("0.777", "nan"))
+    with pytest.raises(MapError, match=r"house.dxf: radius of a CIRCLE is nan"):
+        read_plan(path)
+
+
+def test_read_dxf_names_blocks_of_other_files_and_missing_ones(tmp_path, caplog):
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    drawing.outline(INNER)
+    drawing.document.add_xref_def("stairs.dxf", "STAIRS")
+    for name in ("STAIRS", "COLUMNS"):
+        drawing.space.add_blockref(name, (1, 1))
+    assert free_m2(read_plan(drawing.save(tmp_path))) == pytest.approx(FREE_M2)
+    assert "'STAIRS' of 'stairs.dxf'" in caplog.text and "INSERT" in caplog.text
+
+
+def test_read_dxf_rejects_blocks_that_multiply(tmp_path):
+    """Ten references in each of six blocks are a million lines."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    drawing.document.blocks.new("B0").add_line((0, 0), (0.01, 0.01), dxfattribs={"layer": "WALL"})
+    for level in range(1, 7):
+        block = drawing.document.blocks.new(f"B{level}")
+        for number in range(10):
+            block.add_blockref(f"B{level - 1}", (0.001 * number, 0))
+    drawing.space.add_blockref("B6", (1, 1))
+    with pytest.raises(MapError, match="more than 300000 entities"):
+        read_plan(drawing.save(tmp_path))
+
+
+def test_read_dxf_reads_copies_at_one_place_once(tmp_path):
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    for _ in range(300):
+        drawing.outline(INNER)
+    assert free_m2(read_plan(drawing.save(tmp_path))) == pytest.approx(FREE_M2)

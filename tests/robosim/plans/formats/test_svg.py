@@ -129,3 +129,20 @@ def test_other_xml_is_rejected(tmp_path):
     (tmp_path / "page.svg").write_text("<html/>")
     with pytest.raises(MapError, match="begins with <html>, expected <svg>"):
         read_plan(tmp_path / "page.svg")
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<circle cx="3" cy="3" r="nan"/>',
+        '<line x1="NaN" y1="1" x2="3" y2="3" stroke="black"/>',
+        '<path d="M 1 1 L nan 2 L 3 3" stroke="black"/>',
+        '<polyline points="1,1 inf,2 3,3" stroke="black"/>',
+        '<rect transform="translate(nan,1)" x="1" y="1" width="1" height="1"/>',
+        '<path d="M 1 1 L 2 2" stroke="black" stroke-width="nan"/>',
+    ],
+)
+def test_read_svg_rejects_numbers_that_are_nan(tmp_path, shape):
+    with pytest.raises(MapError, match="expected finite numbers") as error:
+        read_plan(save(tmp_path, f'<g id="wall"><path d="{ring(OUTER)}"/>{shape}</g>'), unit_m=1.0)
+    assert ".svg" in str(error.value) and "\n" not in str(error.value)
