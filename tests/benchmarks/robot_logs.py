@@ -20,7 +20,7 @@ from tests.benchmarks.results import Results
 from tests.benchmarks.trial_floors import TRIAL_FLOORS
 
 #: Names of the public logs on the page.
-_TITLES = {
+TITLES = {
     "belgioioso": "Belgioioso castle",
     "csail": "MIT CSAIL",
     "fhw": "FHW museum",
@@ -51,7 +51,7 @@ def main(
     results = Results()
     for path in logs:
         log = read_log(path)
-        title = _TITLES.get(log.name.removesuffix("-corrected"), log.name)
+        title = TITLES.get(log.name.removesuffix("-corrected"), log.name)
         _compare(results, title, log)
         for count in beams:
             found = map_log(_thinned(log, count))
