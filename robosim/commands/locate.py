@@ -40,7 +40,7 @@ def locate(
             known, time_s, heading_rad; beacon_x_m and beacon_y_m to print errors.
         plan: Floor plan in the frame of the table.
         map_from: Log of the robot with laser scans, as for robosim slam, instead of a plan. Rows of the table need
-            time_s. Without x_m and y_m, positions and headings are those of the laser.
+            time_s. Without x_m and y_m, positions and headings are those of the robot.
         scans: Scans for a log that is a TUM file; see robosim slam.
         beyond: Distance from the floor at which a beacon is less probable by a factor of e [m]; 0.3 with a plan,
             otherwise 3.

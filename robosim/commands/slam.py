@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
+from robosim.commands.inspect_log import inspect_logs
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
@@ -31,6 +32,7 @@ def slam(
     how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
     topics: Annotated[OmitArgPrefixes[BagTopics], arg(name="")] = _TOPICS,
     reader: LogReaderPart = "auto",
+    inspect: bool = False,
     out: Path | None = None,
 ) -> None:
     """Make maps and trajectories from logs of real robots.
@@ -38,6 +40,9 @@ def slam(
     Writes a folder for each log: trajectory.tum (from the graph), matching.tum (each scan matched to those before,
     without loop closure) and odometry.tum for evo; map.yaml and map.pgm, a plan for other commands; map.png,
     trajectories.png and result.json: errors against the reference, if the log has one, number of loops, seconds.
+
+    Poses of bags are those of base_link or base_footprint, or of --frame. With --inspect, nothing is mapped or written:
+    topics, frames, odometry, times and beams without return are printed, and what was assumed.
 
     Example: robosim slam intel.log.gz --out out/intel
 
@@ -51,6 +56,7 @@ def slam(
         how: How the map is made.
         topics: What is read of bags.
         reader: Reader of the logs: auto takes the first that matches a file; module:Name is your own.
+        inspect: Print what is read of the logs, without a map.
         out: Output folder; by default a new one under runs/.
     """
     from robosim.logs.log_files import read_log
@@ -62,6 +68,9 @@ def slam(
         raise ValueError("there is no log. Give one or more, such as robosim slam intel.log.gz.")
     if len(logs) > 1 and (scans or reference):
         raise ValueError("--scans and --reference belong to one log: give one log with them.")
+    if inspect:
+        inspect_logs(logs, scans, topics, reader)
+        return
     read = [read_log(path, scans, reference, beam_seconds, topics, reader) for path in logs]
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")

@@ -23,7 +23,7 @@ from slam.matching.line_odometry import line_odometry, points_of_walls, refine_p
 from slam.matching.lines import Ends
 from slam.matching.scan_matching import MatchConfig, ScanPoints, points_of_beams
 from slam.matching.thin_scans import is_thin, thin_scan
-from slam.poses import between, to_map
+from slam.poses import between, compose, to_map
 
 logger = logging.getLogger(__name__)
 
@@ -139,7 +139,7 @@ class Mapped:
     log: RobotLog
     """The log, with scans corrected for the motion between their beams."""
     poses: Float[np.ndarray, "n 3"]
-    """Pose of each scan: x [m], y [m], yaw [rad]; the first is (0, 0, 0)."""
+    """Pose of the robot at each scan: x [m], y [m], yaw [rad]; the first is (0, 0, 0)."""
     loops: int
     """Number of closed loops."""
     seconds: float
@@ -158,9 +158,14 @@ def map_log(
     `watched` is a progress display: it iterates over numbers, given them and their name.
 
     Raises:
-        ValueError: If the poses of odometry make a map of too many cells, or lie too far apart.
+        ValueError: If no beam hits anything, or poses of odometry lie too far apart or make a map of too many cells.
     """
-    begin = process_time()
+    begin, robot, log = process_time(), log, log.seen_from(log.mount)
+    if not (log.range_m < config.range_m).any():
+        raise ValueError(
+            f"{log.file or log.name}: none of its beams hits anything within --range-m, {config.range_m:g} m. Are "
+            "its ranges in metres?"
+        )
     step_m = np.hypot(log.displacement[:, 0], log.displacement[:, 1])
     if step_m.max() > 2 * config.range_m:
         raise ValueError(
@@ -199,6 +204,9 @@ def map_log(
     poses = tracker.poses()
     if lines is not None and loops:
         poses = refine_poses(poses, *lines)
+    back = between(robot.mount, np.zeros(3))
+    poses = np.array([compose(compose(robot.mount, pose), back) for pose in poses])
+    log = replace(log, mount=robot.mount, displacement=robot.displacement, track=robot.track)
     return Mapped(log=log, poses=poses, loops=tracker.closed, seconds=process_time() - begin)
 
 
@@ -275,11 +283,14 @@ def _beams(
 def make_log_plan(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> FloorPlan:
-    """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it.
+    """The map of scans at poses of the robot.
+
+    A cell is occupied if beams ended in more than a quarter of those that reached it.
 
     Scans of few beams end at few cells of a wall: there the lines of several scans are occupied, where not more than
     three times as many beams went through.
     """
+    poses = log.laser_poses(poses)
     low, (nx, ny) = _map_grid(log, poses, resolution_m, range_m)
     passed, hit, crossed = (np.zeros((ny, nx), np.uint16) for _ in range(3))
     thin = is_thin(log.beams()[0])

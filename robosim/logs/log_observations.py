@@ -30,6 +30,8 @@ def observations(log: RobotLog, height_m: float = 0.2) -> Iterator[Observation]:
         log: Scans and odometry; beams count as measured at the time of their scan.
         height_m: Height of the beams above the floor [m].
     """
+    # Scanners of the simulator sit on the robot's middle line.
+    log = log.seen_from(np.array([0.0, log.mount[1], 0.0]))
     no_picture, no_depth = np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2), np.float32)
     bearings, step_s = log.beams(), np.maximum(np.diff(log.times, prepend=log.times[0]), _LEAST_S)
     for k, (bearing_rad, range_m) in enumerate(zip(bearings, log.range_m, strict=True)):
@@ -39,10 +41,11 @@ def observations(log: RobotLog, height_m: float = 0.2) -> Iterator[Observation]:
             depth=no_depth,
             odometry=log.displacement[k],
             laser=LaserScan(
-                bearing_rad=np.array(bearing_rad),
+                bearing_rad=np.array(bearing_rad) + log.mount[2],
                 range_m=np.where(range_m < _FARTHEST_M, range_m, np.inf),
                 max_range_m=_FARTHEST_M,
                 height_m=height_m,
+                ahead_m=float(log.mount[0]),
             ),
             time_s=float(step_s[k]) if k else None,
             action=Velocity(float(dx), float(turn), float(step_s[k])) if k else None,

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Protocol, runtime_checkable
 
@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from robosim.logs.beam_times import OdometryTrack, corrected_beams, relative
 from robosim.support.checks import ADVANCED, Range, checked
-from slam.poses import compose
+from slam.poses import between, compose
 
 logger = logging.getLogger(__name__)
 
@@ -60,6 +60,8 @@ class RobotLog:
     """Odometry at times of its own; None if it is known at the scans only."""
     file: Path | None = None
     """The file it was read from, for messages."""
+    mount: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """Pose of the laser on the robot, whose poses all others are: x, y [m], yaw [rad]."""
     reference: Float[np.ndarray, "n 3"] | None = None
     """Poses from another source: x [m], y [m], yaw [rad]; None if the log has none."""
 
@@ -104,7 +106,22 @@ class RobotLog:
                 )
         return replace(self, bearing_rad=bearing_rad, range_m=range_m, beam_s=None)
 
+    def seen_from(self, offset: Float[np.ndarray, "3"]) -> "RobotLog":
+        """The log of a frame at a pose on the robot [m, rad] instead of the robot's; the first pose is (0, 0, 0)."""
+        if not offset.any():
+            return self
+        steps = [between(offset, compose(step, offset)) for step in self.displacement]
+        track = self.track
+        if track is not None:
+            track = replace(track, poses=np.array([compose(pose, offset) for pose in track.poses]))
+        return replace(self, displacement=np.array(steps), track=track, mount=between(offset, self.mount))
+
+    def laser_poses(self, poses: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Poses of the laser, of those of the robot: x, y [m], yaw [rad]."""
+        return np.array([compose(pose, self.mount) for pose in poses])
+
     def _track(self) -> OdometryTrack:
+        """Odometry of the laser; `mount` is zero where beams are corrected."""
         return self.track or OdometryTrack(times=self.times, poses=self.odometry(), known=self.known)
 
 
@@ -116,7 +133,9 @@ class BagTopics:
     scan_topic: Annotated[str | None, ADVANCED] = None
     """Topic of a bag with scans, point clouds or depth images."""
     odometry_topic: Annotated[str | None, ADVANCED] = None
-    """Topic of a bag with odometry; tf for transforms."""
+    """Topic of a bag with odometry; tf for transforms, none for a map of scans alone."""
+    frame: Annotated[str | None, ADVANCED] = None
+    """Frame of a bag whose trajectory is given, such as that of the laser; base_link by default, or base_footprint."""
     slice_m: Annotated[float, Range(-10, 100, "m"), ADVANCED] = 0.3
     """Height above the base at which point clouds and depth images of a bag become scans [m]."""
 

@@ -76,7 +76,10 @@ def ends_of_beams(
                 (ranges[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)]))[ranges < range_m],
             )
             for pose, bearing, ranges in zip(
-                poses, log.beams(), np.where(np.isfinite(log.range_m), log.range_m, 1e9), strict=True
+                log.laser_poses(poses),
+                log.beams(),
+                np.where(np.isfinite(log.range_m), log.range_m, 1e9),
+                strict=True,
             )
         ]
     )

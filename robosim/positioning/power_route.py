@@ -129,7 +129,7 @@ def map_route(
 ) -> tuple[FloorPlan, PowerRoute]:
     """Map a robot's log, and bring map and readings into one frame.
 
-    Readings with positions place the map in their frame. Without positions they get the laser's by the map, and without
+    Readings with positions place the map in their frame. Without positions they get the robot's by the map, and without
     headings its headings. Readings outside of the log's times do not count.
 
     Raises:

@@ -1,7 +1,8 @@
 """Bags of a robot in a made hall, written by `rosbags` in all formats."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,8 @@ def laser_scan(
     frame: str = "laser",
     step_s: float = 0.0,
     is_ros1: bool = False,
+    range_max: float = 30.0,
+    range_min: float = 0.1,
 ) -> Any:
     """A LaserScan."""
     return message(
@@ -76,8 +79,8 @@ def laser_scan(
         angle_increment=float(bearing[1] - bearing[0]),
         time_increment=step_s,
         scan_time=0.0,
-        range_min=0.1,
-        range_max=30.0,
+        range_min=range_min,
+        range_max=range_max,
         ranges=ranges.astype(np.float32),
         intensities=np.zeros(0, np.float32),
         is_ros1=is_ros1,
@@ -109,13 +112,28 @@ def odometry(time_s: float, pose: np.ndarray, *, child: str = "base_link", is_ro
     )
 
 
-def write_bag(path: Path, kind: str, messages: Sequence[tuple[str, float, Any]]) -> Path:
-    """Write messages with their topics and times of arrival [s]; returns what a user would name."""
+def write_bag(
+    path: Path,
+    kind: str,
+    messages: Sequence[tuple[str, float, Any]],
+    names: Mapping[str, str] = MappingProxyType({}),
+    **options: Any,
+) -> Path:
+    """Write messages with their topics and times of arrival [s]; returns what a user would name.
+
+    `names` are other names of types, by the last word of those of ROS.
+    """
     store = STORE1 if kind == "ros1" else STORE
+    for word, name in names.items():
+        original = next(each for each in store.fielddefs if each.rpartition("/")[2] == word)
+        if name not in store.fielddefs:
+            store.register({name: store.fielddefs[original]})
     writer: Any
     if kind == "ros1":
         path = path.with_suffix(".bag")
         writer = Writer1(path)
+        if "compression" in options:
+            writer.set_compression(options["compression"])
         encode: Callable[[Any, str], Any] = store.serialize_ros1
     else:
         plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
@@ -124,7 +142,7 @@ def write_bag(path: Path, kind: str, messages: Sequence[tuple[str, float, Any]])
     with writer:
         connections: dict[str, Any] = {}
         for topic, time_s, one in messages:
-            name = one.__msgtype__
+            name = names.get(one.__msgtype__.rpartition("/")[2], one.__msgtype__)
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, name, typestore=store)
             writer.write(connections[topic], round(1e9 * time_s), encode(one, name))

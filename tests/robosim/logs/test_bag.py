@@ -2,7 +2,6 @@
 
 import json
 import logging
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from robosim.logs.bag import is_bag, read_bag
 from robosim.logs.log_files import read_log
 from robosim.logs.robot_log import BagTopics
 from robosim.support.reading import FileError
-from slam.poses import between, compose, to_map
+from slam.poses import compose, to_map
 
 pytest.importorskip("rosbags")
 from tests.robosim.logs.made_bags import (
@@ -27,62 +26,27 @@ from tests.robosim.logs.made_bags import (
     transform,
     write_bag,
 )
-
-TIMES = 100 + 0.5 * np.arange(40)
-BEARING = np.radians(np.arange(-180, 180, 1.0))
-
-
-def base_poses():
-    """A round through a hall of 6 m x 4 m, in its frame."""
-    turn = 2 * np.pi * (TIMES - TIMES[0]) / 20
-    return np.column_stack([3 + 1.5 * np.cos(turn), 2 + 1.2 * np.sin(turn), turn + np.pi / 2])
-
-
-def hall_ranges(pose, bearing):
-    """Distances to the walls and to a pillar."""
-    x, y, yaw = pose
-    dx, dy = np.cos(yaw + bearing), np.sin(yaw + bearing)
-    with np.errstate(divide="ignore"):
-        far = np.minimum(
-            np.where(dx > 0, (6 - x) / dx, -x / dx), np.where(dy > 0, (4 - y) / dy, y / np.abs(dy))
-        )
-    along, aside = (3 - x) * dx + (2 - y) * dy, np.abs((3 - x) * dy - (2 - y) * dx)
-    near = along - np.sqrt(np.maximum(0.3**2 - aside**2, 0))
-    return np.where((aside < 0.3) & (along > 0), near, far)
-
-
-POSES = base_poses()
-LASER = np.array([compose(pose, MOUNT) for pose in POSES])
-RANGES = np.array([hall_ranges(pose, BEARING) for pose in LASER])
-STEPS = np.array([np.zeros(3), *(between(a, b) for a, b in pairwise(LASER))])
-
-
-def recording(is_ros1=False, *, scans=True, has_odometry=True):
-    """Topics, times of arrival and messages: fixed transform, odometry twice as often as scans, scans."""
-    mount = transform(0.0, "base_link", "laser", placed(MOUNT, MOUNT_Z, is_ros1=is_ros1), is_ros1)
-    rows = [("/tf_static", TIMES[0], mount)]
-    for k, time_s in enumerate(TIMES):
-        if has_odometry:
-            rows.append(("/odom", time_s, odometry(time_s, POSES[k], is_ros1=is_ros1)))
-        if scans:
-            rows.append(("/scan", time_s + 0.01, laser_scan(time_s, BEARING, RANGES[k], is_ros1=is_ros1)))
-    return rows
-
-
-def assert_hall(log, atol=1e-5):
-    assert log.times == pytest.approx(TIMES, abs=1e-6)
-    assert log.range_m == pytest.approx(RANGES, abs=atol)
-    assert log.displacement == pytest.approx(STEPS, abs=atol)
-    assert log.known.all()
+from tests.robosim.logs.rounds import (
+    BEARING,
+    LASER,
+    POSES,
+    RANGES,
+    STEPS,
+    TIMES,
+    assert_hall,
+    hall_ranges,
+    recording,
+)
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_bag_of_each_format_holds_the_scans_and_the_motion_of_the_laser(kind, tmp_path):
+def test_read_log_gives_scans_and_the_motion_of_the_base_of_each_format(kind, tmp_path):
     path = write_bag(tmp_path / "run", kind, recording(kind == "ros1"))
     assert is_bag(path)
     log = read_log(path)
     assert log.name == "run"
     assert log.bearing_rad == pytest.approx(BEARING, abs=1e-6)
+    assert log.mount == pytest.approx(MOUNT)
     assert_hall(log)
 
 
@@ -195,6 +159,12 @@ def test_point_clouds_become_scans_of_a_slice(tmp_path):
     assert np.nanpercentile(np.abs(log.range_m - expected), 90) < 0.03
 
 
+def test_read_bag_rejects_clouds_without_a_point_in_the_slice(tmp_path):
+    rows = [*recording(scans=False), *(("/points", t, cloud(t, np.array([[2.0, 0.0, 5.0]]))) for t in TIMES)]
+    with pytest.raises(FileError, match=r"none of the 28800 beams of /points hits anything, .* --slice-m"):
+        read_bag(write_bag(tmp_path / "run", "mcap", rows))
+
+
 def test_depth_images_become_scans_of_a_slice(tmp_path):
     rows = [row for row in recording(scans=False) if row[0] != "/tf_static"]
     # A camera that looks ahead, 0.4 m above the base: roll -90, yaw -90 degrees.
@@ -303,16 +273,6 @@ def test_without_odometry_scans_alone_give_the_motion(tmp_path, caplog):
     assert "scans alone" in caplog.text
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-def test_cut_bags_are_rejected(kind, tmp_path):
-    path = write_bag(tmp_path / "run", kind, recording(kind == "ros1"))
-    file = path if path.is_file() else next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
-    content = file.read_bytes()
-    file.write_bytes(content[: len(content) // 3])
-    with pytest.raises(FileError, match=str(path)):
-        read_log(path)
-
-
 def test_the_motion_before_odometry_begins_is_unknown(tmp_path):
     rows = [row for row in recording() if row[0] != "/odom" or row[1] >= TIMES[3]]
     log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
@@ -336,4 +296,4 @@ def test_the_command_maps_a_bag(tmp_path):
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["scans"] == len(TIMES)
     poses = np.loadtxt(tmp_path / "out" / "trajectory.tum")[:, 1:3]
-    assert to_map(LASER[0], poses) == pytest.approx(LASER[:, :2], abs=0.03)
+    assert to_map(POSES[0], poses) == pytest.approx(POSES[:, :2], abs=0.03)

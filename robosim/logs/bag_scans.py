@@ -1,0 +1,178 @@
+"""Scans made of messages of bags: of planar lasers, and of point clouds and depth images in a slice.
+
+Drivers say in many forms that a beam hit nothing: infinite, beyond `range_max`, exactly at it, or a little below. Where
+many beams have a range a little below, in several directions, and few have one near it, that range means nothing. Of a
+wall, twice as many beams end within a hundredth around its distance as within a thousandth.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.logs.bag_messages import CLOUD, ECHOES, IMAGE, POINTS, SCAN
+from robosim.logs.frames import stamp_s
+from robosim.support.reading import FileError
+
+LASERS = (SCAN, ECHOES)
+SOURCES = (LASERS, (POINTS,), (CLOUD,), (IMAGE,))
+"""Kinds of messages that scans come from, the first that a bag has."""
+#: Encodings of depth images, and their unit [m].
+DEPTHS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
+#: Types of fields of point clouds.
+_FIELDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+#: Half the height of a slice [m], and directions of the scan made of it.
+_HALF_SLICE_M, _DIRECTIONS = 0.1, 720
+#: Beams span no larger angle [rad].
+_MOST_TURN = 2.1 * math.pi
+#: Ranges that are the same, those around them that are compared, and where they are; relative to `range_max`.
+_SAME, _AROUND, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
+#: A limit is shared by this part of the beams, in so many directions, and by so many times those around.
+_LEAST_SHARE, _LEAST_DIRECTIONS, _MORE = 0.005, 3, 2.0
+
+Matrix = Float[np.ndarray, "4 4"]
+
+
+class Scan(NamedTuple):
+    """Ranges of one message, counter-clockwise, and when its first and last beam are measured after its time [s]."""
+
+    time_s: float
+    bearing_rad: Float[np.ndarray, " w"]
+    range_m: Float[np.ndarray, " w"]
+    beam_s: tuple[float, float] | None = None
+    limit_m: float = math.inf
+    """Longest range that the sensor measures [m]."""
+
+
+def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any]) -> Callable[[Any], Scan]:
+    """Makes scans of messages of a type from a sensor at a place."""
+    if kind in LASERS:
+        return lambda message: _laser_scan(message, bool(place[2, 2] < 0))
+    if kind in (POINTS, CLOUD):
+        return lambda message: _slice(message, _cloud_points(message), place, slice_m)
+    if not cameras:
+        raise ValueError("it has depth images, and no CameraInfo of their frame")
+    info = cameras[0]
+    intrinsics = np.array(info.k if hasattr(info, "k") else info.K).reshape(3, 3)  # of ROS 2 and 1
+    return lambda message: _slice(message, _depth_points(message, intrinsics), place, slice_m)
+
+
+def _laser_scan(message: Any, is_inverted: bool) -> Scan:
+    """A scan; ranges below the least and NaN were not measured, infinite ones hit nothing.
+
+    Raises:
+        FileError: If its angles or limits are impossible.
+    """
+    if hasattr(message.ranges, "dtype"):
+        ranges = np.asarray(message.ranges, float)
+    else:
+        ranges = np.array([echo.echoes[0] if len(echo.echoes) else np.nan for echo in message.ranges], float)
+    n, time_s = len(ranges), stamp_s(message.header)
+    first, step, limit_m = float(message.angle_min), float(message.angle_increment), float(message.range_max)
+    for value, name, good, expected in (
+        (first, "angle_min", abs(first) <= 4 * math.pi, "an angle in radians"),
+        (
+            step,
+            "angle_increment",
+            0 < abs(step) * max(n - 1, 1) <= _MOST_TURN,
+            "a turn of beams at most, in radians",
+        ),
+        (limit_m, "range_max", limit_m > 0, "a positive range in metres"),
+    ):
+        if not good:
+            raise FileError(
+                f"the scan at {time_s:.3f} s has {name} {value:g} and {n} beams, expected {expected}. Mend the "
+                "driver's settings, and record again."
+            )
+    least_m = float(message.range_min) if message.range_min > 1e-3 else 1e-3
+    with np.errstate(invalid="ignore"):
+        ranges = np.where(ranges < least_m, np.nan, ranges)
+    bearing = first + step * np.arange(n)
+    step_s = float(getattr(message, "time_increment", 0.0))
+    ends_s = (0.0, step_s * (n - 1))
+    if is_inverted:
+        bearing = -bearing
+    if n > 1 and bearing[1] < bearing[0]:
+        bearing, ranges, ends_s = bearing[::-1], ranges[::-1], ends_s[::-1]
+    if n and bearing[0] < -np.pi - 1e-6:
+        bearing = bearing + 2 * np.pi
+    return Scan(time_s, bearing, ranges, ends_s if step_s > 0 else None, limit_m)
+
+
+def without_limits(scans: Sequence[Scan]) -> tuple[list[Scan], float, float | None]:
+    """Scans whose beams at the limit of the sensor hit nothing.
+
+    Returns:
+        The scans, the share of beams at the limit, and the range below `range_max` that means nothing [m], if any.
+    """
+    ranges = np.concatenate([scan.range_m for scan in scans])
+    limits = np.repeat([scan.limit_m for scan in scans], [len(scan.range_m) for scan in scans])
+    column = np.concatenate([np.arange(len(scan.range_m)) for scan in scans])
+    with np.errstate(invalid="ignore"):
+        at_limit = ranges >= limits * (1 - 1e-6)
+        rest = np.where(at_limit, np.nan, ranges)
+        limit_m, below_m = float(np.median(limits)) if len(limits) else math.inf, None
+        near = rest[rest >= _NEAR_LIMIT * limit_m] if math.isfinite(limit_m) else rest[:0]
+    if len(near):
+        level, counts = np.unique(np.floor(near / (_SAME * limit_m)), return_counts=True)
+        below_m = float(np.median(near[np.floor(near / (_SAME * limit_m)) == level[counts.argmax()]]))
+        same = np.abs(rest - below_m) <= _SAME * limit_m
+        around = np.count_nonzero(np.abs(rest - below_m) <= _AROUND * limit_m) - same.sum()
+        is_shared = same.sum() >= max(_LEAST_SHARE * len(ranges), _MORE * around)
+        if is_shared and len(set(column[same])) >= _LEAST_DIRECTIONS:
+            at_limit = at_limit | same
+        else:
+            below_m = None
+    share = float(at_limit.mean()) if len(ranges) else 0.0
+    ends = np.cumsum([len(scan.range_m) for scan in scans])[:-1]
+    parts = np.split(np.where(at_limit, np.inf, ranges), ends)
+    return [scan._replace(range_m=each) for scan, each in zip(scans, parts, strict=True)], share, below_m
+
+
+def _slice(message: Any, points: Float[np.ndarray, "n 3"], place: Matrix, slice_m: float) -> Scan:
+    """The nearest points in each direction around the sensor, of those at a height above the base."""
+    placed = points @ place[:3, :3].T + place[:3, 3]
+    x, y = (placed[np.abs(placed[:, 2] - slice_m) <= _HALF_SLICE_M, :2] - place[:2, 3]).T
+    column = np.floor((np.arctan2(y, x) + np.pi) / (2 * np.pi) * _DIRECTIONS).astype(int) % _DIRECTIONS
+    ranges = np.full(_DIRECTIONS, np.inf)
+    np.minimum.at(ranges, column, np.hypot(x, y))
+    bearing = -np.pi + (np.arange(_DIRECTIONS) + 0.5) * 2 * np.pi / _DIRECTIONS
+    return Scan(stamp_s(message.header), bearing, np.where(np.isfinite(ranges), ranges, np.nan))
+
+
+def _cloud_points(message: Any) -> Float[np.ndarray, "n 3"]:
+    """Points of a cloud in its frame."""
+    if hasattr(message, "channels"):  # PointCloud, of ROS before PointCloud2
+        points = np.array([(point.x, point.y, point.z) for point in message.points], float).reshape(-1, 3)
+        return points[np.isfinite(points).all(axis=1)]
+    order = ">" if message.is_bigendian else "<"
+    fields = {field.name: field for field in message.fields}
+    if missing := [name for name in "xyz" if name not in fields]:
+        raise ValueError(f"its point clouds have no field {missing[0]!r}, but {', '.join(fields)}")
+    dtype = np.dtype(
+        {
+            "names": list("xyz"),
+            "formats": [order + _FIELDS[fields[name].datatype] for name in "xyz"],
+            "offsets": [fields[name].offset for name in "xyz"],
+            "itemsize": message.point_step,
+        }
+    )
+    rows = np.asarray(message.data, np.uint8).reshape(message.height, message.row_step)
+    cloud = np.ascontiguousarray(rows[:, : message.width * message.point_step]).view(dtype)
+    points = np.stack([cloud[name].ravel().astype(float) for name in "xyz"], axis=1)
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _depth_points(message: Any, intrinsics: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Points of a depth image in the optical frame."""
+    kind, unit_m = DEPTHS[message.encoding]
+    rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
+    width = message.width * np.dtype(kind).itemsize
+    order = ">" if message.is_bigendian else "<"
+    depth = unit_m * np.ascontiguousarray(rows[:, :width]).view(order + kind).astype(float)
+    v, u = np.nonzero(np.isfinite(depth) & (depth > 0))
+    z = depth[v, u]
+    (fx, _, cx), (_, fy, cy), _ = intrinsics
+    return np.column_stack([(u - cx) / fx * z, (v - cy) / fy * z, z])

@@ -1,0 +1,87 @@
+"""Beams that hit nothing, in the words of all drivers, and scans that cannot be."""
+
+import numpy as np
+import pytest
+
+from robosim.logs.bag import read_bag
+from robosim.logs.log_mapping import map_log
+from robosim.support.reading import FileError
+
+pytest.importorskip("rosbags")
+from slam.poses import between
+from tests.robosim.logs.made_bags import laser_scan
+from tests.robosim.logs.rounds import BEARING, POSES, RANGES, TIMES, recording, write_round
+
+MOST_M = 3.0
+BEYOND = RANGES > MOST_M
+
+
+def bag_of(tmp_path, ranges, range_max=MOST_M, bearing=BEARING, **more):
+    """A bag of the round with other ranges."""
+    rows = recording(scans=False)
+    rows += [
+        ("/scan", t, laser_scan(t, bearing, one, range_max=range_max, **more))
+        for t, one in zip(TIMES, ranges, strict=True)
+    ]
+    return write_round(tmp_path / "run", rows)
+
+
+@pytest.mark.parametrize(
+    "nothing",
+    [MOST_M, MOST_M * (1 - 1e-7), MOST_M - 1e-3, 0.99 * MOST_M, MOST_M + 1, np.inf, np.nan, 0.0, -1.0, 0.05],
+)
+def test_read_bag_knows_beams_that_hit_nothing(nothing, tmp_path):
+    report = {}
+    log = read_bag(bag_of(tmp_path, np.where(BEYOND, nothing, RANGES)), report=report)
+    off = np.isfinite(log.range_m) & BEYOND
+    assert not off.any()
+    seen = ~BEYOND & (RANGES < 0.98 * MOST_M)
+    assert np.allclose(log.range_m[seen], RANGES[seen], atol=1e-5)
+    assert report["share_without_return"] == pytest.approx(BEYOND.mean(), abs=0.01)
+    expected = [between(POSES[0], pose) for pose in POSES]
+    assert np.allclose(map_log(log).poses[:, :2], np.array(expected)[:, :2], atol=0.05)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+def test_read_bag_believes_a_room_that_ends_near_range_max(noise_m, tmp_path):
+    """Few beams end within a thousandth of the longest range, as by chance."""
+    ranges = RANGES + np.random.default_rng(0).normal(0, 1, RANGES.shape) * noise_m
+    log = read_bag(bag_of(tmp_path, ranges, range_max=float(ranges.max()) + 1e-3))
+    assert np.isfinite(log.range_m).all()
+
+
+def test_read_bag_believes_a_standing_robot_with_few_beams(tmp_path):
+    """Every scan has the same longest beam."""
+    rows = recording(scans=False)
+    ranges = RANGES[0, ::24]
+    rows += [
+        ("/scan", t, laser_scan(t, BEARING[::24], ranges, range_max=float(ranges.max()) + 1e-3))
+        for t in TIMES
+    ]
+    assert np.isfinite(read_bag(write_round(tmp_path / "run", rows)).range_m).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"angle_increment": np.nan}, "angle_increment nan"),
+        ({"angle_increment": 0.0}, "angle_increment 0 and 360 beams, expected a turn of beams at most"),
+        ({"angle_increment": 1.0}, "angle_increment 1 "),
+        ({"angle_increment": -np.inf}, "angle_increment -inf"),
+        ({"angle_min": np.nan}, "angle_min nan"),
+        ({"range_max": 0.0}, "range_max 0 "),
+        ({"range_max": np.nan}, "range_max nan"),
+        ({"range_max": -1.0}, "range_max -1 "),
+        ({"ranges": np.full(360, -1, np.float32)}, "none of the 14400 beams of /scan hits anything"),
+        ({"ranges": np.full(360, np.nan, np.float32)}, "none of the 14400 beams of /scan hits anything"),
+        ({"ranges": np.zeros(0, np.float32)}, "scans of /scan have one beam or none"),
+    ],
+)
+def test_read_bag_rejects_impossible_scans(changes, message, tmp_path):
+    rows = recording()
+    for topic, _, one in rows:
+        for name, value in changes.items() if topic == "/scan" else ():
+            setattr(one, name, value)
+    with pytest.raises(FileError, match=message) as caught:
+        read_bag(write_round(tmp_path / "run", rows))
+    assert str(tmp_path) in str(caught.value) and "\n" not in str(caught.value)
