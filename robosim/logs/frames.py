@@ -6,6 +6,7 @@ base_link, base_footprint.
 """
 
 import math
+from array import array
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,7 +28,7 @@ class Frames:
     """Transforms by the child's frame. The first parent of a frame counts."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, tuple[str, dict[float, tuple[float, ...]]]] = {}
+        self._rows: dict[str, tuple[str, array[float]]] = {}
         self._edges: dict[str, tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 7"]]] = {}
         self.other_parents: dict[str, set[str]] = {}
         """Parents that do not count, by child."""
@@ -36,15 +37,13 @@ class Frames:
         """Add transforms of a message; those without a time are of the time of recording [s]."""
         for transform in message.transforms:
             parent, child = frame_name(transform.header.frame_id), frame_name(transform.child_frame_id)
-            known, rows = self._rows.setdefault(child, (parent, {}))
+            known, rows = self._rows.setdefault(child, (parent, array("d")))
             if known != parent:
                 self.other_parents.setdefault(child, set()).add(parent)
                 continue
             place, turn = transform.transform.translation, transform.transform.rotation
-            rows.setdefault(
-                stamp_s(transform.header) or time_s,
-                (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w),
-            )
+            stamp = stamp_s(transform.header) or time_s
+            rows.extend((stamp, place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
 
     def __contains__(self, frame: str) -> bool:
         return frame in self.names()
@@ -113,11 +112,9 @@ class Frames:
 
     def _edge(self, child: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 7"]]:
         if child not in self._edges:
-            rows = sorted(self._rows[child][1].items())
-            self._edges[child] = (
-                np.array([time for time, _ in rows]),
-                np.array([row for _, row in rows], float),
-            )
+            rows = np.array(self._rows[child][1]).reshape(-1, 8)
+            times, first = np.unique(rows[:, 0], return_index=True)
+            self._edges[child] = times, rows[first, 1:]
         return self._edges[child]
 
     def _places(self, child: str, times: Float[np.ndarray, " n"]) -> Places:

@@ -158,9 +158,14 @@ def map_log(
     `watched` is a progress display: it iterates over numbers, given them and their name.
 
     Raises:
-        ValueError: If the poses of odometry make a map of too many cells, or lie too far apart.
+        ValueError: If no beam hits anything, or poses of odometry lie too far apart or make a map of too many cells.
     """
     begin, robot, log = process_time(), log, log.seen_from(log.mount)
+    if not (log.range_m < config.range_m).any():
+        raise ValueError(
+            f"{log.file or log.name}: none of its beams hits anything within --range-m, {config.range_m:g} m. Are "
+            "its ranges in metres?"
+        )
     step_m = np.hypot(log.displacement[:, 0], log.displacement[:, 1])
     if step_m.max() > 2 * config.range_m:
         raise ValueError(

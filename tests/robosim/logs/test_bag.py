@@ -159,6 +159,12 @@ def test_point_clouds_become_scans_of_a_slice(tmp_path):
     assert np.nanpercentile(np.abs(log.range_m - expected), 90) < 0.03
 
 
+def test_read_bag_rejects_clouds_without_a_point_in_the_slice(tmp_path):
+    rows = [*recording(scans=False), *(("/points", t, cloud(t, np.array([[2.0, 0.0, 5.0]]))) for t in TIMES)]
+    with pytest.raises(FileError, match=r"none of the 28800 beams of /points hits anything, .* --slice-m"):
+        read_bag(write_bag(tmp_path / "run", "mcap", rows))
+
+
 def test_depth_images_become_scans_of_a_slice(tmp_path):
     rows = [row for row in recording(scans=False) if row[0] != "/tf_static"]
     # A camera that looks ahead, 0.4 m above the base: roll -90, yaw -90 degrees.

@@ -333,6 +333,20 @@ def test_maps_of_kilometres_are_errors_before_they_are_made(tmp_path, places):
         map_log(log, LogConfig(range_m=30))
 
 
+def test_map_log_rejects_scans_that_hit_nothing(tmp_path):
+    drive = DRIVE.raw().splitlines()
+    lines = [
+        " ".join([*words[:2], *["81.91"] * int(words[1]), *words[2 + int(words[1]) :]])
+        if words[0] == "FLASER"
+        else " ".join(words)
+        for words in map(str.split, drive)
+    ]
+    path = tmp_path / "empty.log"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match="none of its beams hits anything within --range-m, 25 m"):
+        map_log(read_log(path))
+
+
 def test_loops_of_few_beams_are_less_certain():
     """Submaps of scans at 6 degrees bend: fits of them are five times as uncertain as at 1 degree."""
     dense, sparse = (LogConfig().tracker(True, math.radians(step_deg)) for step_deg in (1.0, 6.0))
