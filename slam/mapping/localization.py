@@ -29,6 +29,8 @@ from slam.poses import compose, rotation
 _STEP_M = 0.25
 #: Poses within this are the same [m], with turns at the end of the arm.
 _SAME_M = 0.3
+#: Standard deviation of a place from which on it is not known [m].
+_VAGUE_M = 0.5
 #: Covariance of a pose that was found on the lattice [m^2, rad^2].
 _FOUND = np.diag([0.2, 0.2, 0.1]) ** 2
 
@@ -65,7 +67,7 @@ class Location:
     covariance: Float[np.ndarray, "3 3"]
     """Of the pose, axes of `map` [m^2, m rad, rad^2]."""
     is_located: bool
-    """Whether no other pose explains the scans as well."""
+    """Whether no other pose explains the scans as well, with a standard deviation below 0.5 m."""
     was_kidnapped: bool = False
     """Whether the robot is searched for since this scan, because it is not where it was believed."""
 
@@ -75,7 +77,7 @@ class _Candidate:
     """A pose that may be that of the robot."""
 
     poses: list[Float[np.ndarray, "3"]]
-    """Poses at the scans since the search, the last one now."""
+    """Poses at the scans since it is certain, the last one now."""
     covariance: Float[np.ndarray, "3 3"]
     agreement: float = 1.0
     contradiction: float = 0.0
@@ -126,6 +128,7 @@ class Localizer:
             middle = np.append(self.known.places(_STEP_M).mean(axis=0), 0.0)
             return Location(pose=middle, covariance=1e6 * np.eye(3), is_located=False)
         best, *others = self._candidates
+        self._is_located &= _deviation_m(best.covariance) < _VAGUE_M
         if len(best.poses) >= self.config.scans and best.rating > self.config.agreement:
             self._is_located |= not others or best.rating - others[0].rating > self.config.margin
         if self._is_located:
@@ -138,7 +141,7 @@ class Localizer:
         )
 
     def trajectory(self) -> Float[np.ndarray, "n 3"]:
-        """Return the poses at the scans since the last search, as the best pose explains them."""
+        """Return the poses at the last scans that led to the present one, n x 3: x [m], y [m], yaw [rad]."""
         return np.array(self._candidates[0].poses) if self._candidates else np.zeros((0, 3))
 
     def _follow(
@@ -158,6 +161,8 @@ class Localizer:
             gain = np.linalg.solve(prior + matched, prior).T
             pose = pose + gain @ difference(match.pose, pose, 1.0)
             prior = prior - gain @ prior
+        if _deviation_m(candidate.covariance) > _VAGUE_M:
+            candidate.poses.clear()  # what was before is not known to belong to the present pose
         candidate.poses.append(pose)
         candidate.covariance = 0.5 * (prior + prior.T)
         memory = self.config.memory
@@ -201,6 +206,11 @@ class Localizer:
             if is_good and min(apart_m, default=math.inf) > _SAME_M:
                 distinct.append(candidate)
         self._candidates = distinct[: self.config.candidates]
+
+
+def _deviation_m(covariance: Float[np.ndarray, "3 3"]) -> float:
+    """Standard deviation of a place [m]."""
+    return math.sqrt(covariance[0, 0] + covariance[1, 1])
 
 
 def _worst_last(candidate: _Candidate) -> float:
