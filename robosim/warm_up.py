@@ -202,7 +202,7 @@ def _make_dataset() -> None:
     transmitters = np.array([[4.5, 1.5, 1.5]])
     for estimator in ("sage", "pca"):
         config = LinkSetConfig(grid_m=1.0, estimator=estimator, people=3)
-        for plan in (_two_rooms(), _two_storeys().one(0)):
+        for plan in (_two_rooms(), _two_storeys().storey(0)):
             make_unit(LinkPlan(plan.digest(), plan, transmitters, 1), 0, config)
 
 

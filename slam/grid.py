@@ -88,7 +88,7 @@ class GridFrame:
         ix0, iy0 = min(max(int(x0), 0), nx - 1), min(max(int(y0), 0), ny - 1)
         ix1, iy1 = min(max(math.ceil(x1), ix0 + 1), nx), min(max(math.ceil(y1), iy0 + 1), ny)
         rows, columns = slice(iy0, iy1), slice(ix0, ix1)
-        return rows, columns, self.part(rows, columns)
+        return rows, columns, self.window_frame(rows, columns)
 
     def axes(self) -> tuple[Float[np.ndarray, " nx"], Float[np.ndarray, " ny"]]:
         """Centres of columns (x) and rows (y) [m]."""
@@ -121,7 +121,7 @@ class GridFrame:
         centres = np.stack(np.meshgrid(*frame.axes()), axis=-1)
         return rows, columns, hull.covers(to_robot(pose, centres), margin_m)
 
-    def part(self, rows: slice, columns: slice) -> "GridFrame":
+    def window_frame(self, rows: slice, columns: slice) -> "GridFrame":
         """Frame of some rows and columns."""
         x, y = self.origin_xy
         origin_xy = (x + columns.start * self.resolution_m, y + rows.start * self.resolution_m)

@@ -93,9 +93,9 @@ class Channel:
     ) -> tuple[Complex[np.ndarray, "n_tx n_rx rx_ports tx_ports m"], Float[np.ndarray, "n_tx n_rx m"]]:
         """Impulse response: coefficients (0 beyond the last path) and delays [s] (NaN) of the paths of each link."""
         at = self.paths.tx, self.paths.rx, self.paths.rank
-        most = int(self.paths.rank.max(initial=-1)) + 1
-        coefficient = np.zeros((*self._shape, most, *self.coefficient.shape[1:]), complex)
-        delay_s = np.full((*self._shape, most), np.nan)
+        n_paths = int(self.paths.rank.max(initial=-1)) + 1
+        coefficient = np.zeros((*self._shape, n_paths, *self.coefficient.shape[1:]), complex)
+        delay_s = np.full((*self._shape, n_paths), np.nan)
         coefficient[at], delay_s[at] = self.coefficient, self.paths.delay_s
         return np.ascontiguousarray(np.moveaxis(coefficient, 2, -1)), delay_s
 
@@ -178,11 +178,11 @@ class Channel:
         flat = out.reshape(-1, *out.shape[2:])
         present = np.unique(link)
         bounds = np.append(np.searchsorted(link, present), len(link))
-        for i, one in enumerate(present):  # one link at a time: all together need much memory
-            some = slice(bounds[i], bounds[i + 1])
-            factors = factor(self.paths.delay_s[some, None])
+        for i, number in enumerate(present):  # one link at a time: all together need much memory
+            rows = slice(bounds[i], bounds[i + 1])
+            factors = factor(self.paths.delay_s[rows, None])
             # Not a product of matrices: libraries split its sum over threads, and last bits depend on the cores.
-            flat[one] = np.einsum("prt,pk->rtk", self.coefficient[some], factors)
+            flat[number] = np.einsum("prt,pk->rtk", self.coefficient[rows], factors)
         return out
 
     def _sum(self, values: Shaped[np.ndarray, " n ..."]) -> Shaped[np.ndarray, "n_tx n_rx ..."]:

@@ -99,7 +99,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     """
     config = config or StoreysConfig()
     alone = [
-        make_building(plan.one(number).plan, config=replace(config.building, height_m=storey.height_m))
+        make_building(plan.storey(number).plan, config=replace(config.building, height_m=storey.height_m))
         for number, storey in enumerate(plan.storeys)
     ]
     free = [building.free for building in alone]

@@ -123,16 +123,16 @@ class _Model:
         self,
         scene: _Scene,
         measured: MeasuredPowers,
-        some: Bool[np.ndarray, "b n"],
+        selected: Bool[np.ndarray, "b n"],
         config: PowerFitConfig,
     ) -> None:
-        self._scene, self._some = scene, some.ravel()
+        self._scene, self._selected = scene, selected.ravel()
         least_dbm = config.sensitivity_dbm
         self.measured_dbm, self._sensitivity_dbm = (
-            measured.power_dbm[some],
+            measured.power_dbm[selected],
             -np.inf if least_dbm is None else least_dbm,
         )
-        self._paths = paths = scene.paths.select(self._some[scene.paths.link])
+        self._paths = paths = scene.paths.select(self._selected[scene.paths.link])
         base = scene.tracer.reweigh(paths, scene.building.materials)
         # Of a wall passed across its corner one face is not listed: the ratio is more exact than the power.
         power = paths.power * np.cos(paths.aoa_el) ** 2
@@ -150,7 +150,7 @@ class _Model:
             self.names += [f"beacon {name}: {harmonic}" for harmonic in _parts(orders[1])]
             deviations += [_PATTERN_DB / (1 + k // 2) for k in range(len(waves))]
         self._basis = np.array(columns).reshape(-1, len(paths))
-        self._of_beacon = np.repeat(np.eye(len(measured.names)), some.shape[1], axis=0)[self._some]
+        self._of_beacon = np.repeat(np.eye(len(measured.names)), selected.shape[1], axis=0)[self._selected]
         self._thickness_m = config.thickness_m
         prior = np.log([config.permittivity, config.conductivity_spm])
         self.mean = np.concatenate([prior, np.zeros(len(measured.names) + len(columns))])
@@ -222,7 +222,7 @@ class _Model:
 
     def _sum(self, of_paths: Float[np.ndarray, " p"]) -> Float[np.ndarray, " m"]:
         """Sums over the paths of each reading."""
-        return np.bincount(self._paths.link, of_paths, minlength=len(self._some))[self._some]
+        return np.bincount(self._paths.link, of_paths, minlength=len(self._selected))[self._selected]
 
 
 #: Number of calls of `on_done`.
@@ -255,7 +255,7 @@ def fit_powers(
             )
     used = fitted.any(axis=0)
     few = _Model(scene, measured, fitted & (np.cumsum(used) % max(1, used.sum() // _SOME) == 0), config)
-    tried = sorted((few.solve(few.start(first)) for first in _FIRST), key=lambda one: one.cost)
+    tried = sorted((few.solve(few.start(first)) for first in _FIRST), key=lambda solution: solution.cost)
     on_done("first walls chosen")
     x = _Model(scene, measured, fitted, config).solve(tried[0].x).x
     on_done("walls fitted")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robosim.calibration.measured_powers import MeasuredPowers
     from robosim.calibration.power_fit import PowerFitConfig
 
-_FREQUENCY_GHZ = Range(FREQUENCY_HZ.least / 1e9, FREQUENCY_HZ.most / 1e9, "GHz")
+_FREQUENCY_GHZ = Range(FREQUENCY_HZ.least / 1e9, FREQUENCY_HZ.greatest / 1e9, "GHz")
 
 
 def calibrate_materials(

@@ -113,11 +113,11 @@ def read_config(path: Path) -> EpisodeConfig:
         settings = content.get("settings")
         config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
         # Settings of an evaluation hold digests of weights: see `robosim.evaluation.evaluate`.
-        given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
-        if "wall_passage" not in json.dumps(given) and "max_transmissions" in json.dumps(given):
+        episode = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
+        if "wall_passage" not in json.dumps(episode) and "max_transmissions" in json.dumps(episode):
             raise ValueError("of version 0.2 of robosim, which counted walls by faces")
-        _move_to_robot(given)
-        return from_dict(EpisodeConfig, given)
+        _move_to_robot(episode)
+        return from_dict(EpisodeConfig, episode)
 
 
 def _move_to_robot(values: dict[str, Any]) -> None:
@@ -190,5 +190,5 @@ def _words(value: Any, default: Any, prefix: str) -> list[str]:
             words.append(f"--{prefix_here}{option}" if mine else f"--{prefix_here}no-{option}")
         else:
             several = mine if isinstance(mine, tuple) else (mine,)
-            words += [f"--{prefix_here}{option}", *(quote(str(one)) for one in several)]
+            words += [f"--{prefix_here}{option}", *(quote(str(item)) for item in several)]
     return words

@@ -209,18 +209,18 @@ def _check_scene(
     reading: PlanOptions,
 ) -> None:
     """Raise ValueError for options that a scene has no use for, and if it is given no receiver."""
-    given = {"grid": grid, "storey": storey}
-    given |= {
+    options = {"grid": grid, "storey": storey}
+    options |= {
         name: getattr(radio, name)
         for name in PLAN_ONLY
         if getattr(radio, name) != getattr(DEFAULT_RADIO, name)
     }
-    given |= {
+    options |= {
         option_name(field.name, field.type)[2:]: getattr(reading, field.name)
         for field in fields(reading)
         if getattr(reading, field.name) != field.default
     }
-    for name, value in given.items():
+    for name, value in options.items():
         if value is not None:
             raise ValueError(
                 f"{scene}: --{name.replace('_', '-')} is {value}, which is for floor plans, and this is a Mitsuba "
@@ -236,7 +236,7 @@ def _report_links(name: str, paths: "Paths", folder: Path) -> None:
     """What the traced links have, on the terminal and as the command's result."""
     from wireless.paths import LinkCategory
 
-    states = [[LinkCategory(one).name.lower() for one in row] for row in paths.link_category()]
+    states = [[LinkCategory(category).name.lower() for category in row] for row in paths.link_category()]
     n_rx = len(paths.rx_position)
     result = {
         "plan": name,

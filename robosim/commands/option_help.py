@@ -103,7 +103,7 @@ def _hidden(options: Iterable[tuple[str, Any]]) -> Iterator[str]:
                 yield option
             continue
         types = get_type_hints(base, include_extras=True)
-        of_fields = [(one.name, types[one.name]) for one in fields(base)]
+        of_fields = [(setting.name, types[setting.name]) for setting in fields(base)]
         if _is_flat(marks) and ADVANCED not in marks:
             yield from _hidden(of_fields)
             continue

@@ -18,15 +18,15 @@ def scene_materials(words: tuple[str, ...]) -> dict[str, str | Material]:
     """
     materials: dict[str, str | Material] = {}
     for word in words:
-        name, equals, part = word.rpartition("=")
+        name, equals, material = word.rpartition("=")
         if not equals or not name or name in materials:
             raise ValueError(
                 f"scene_material is {word!r}, expected NAME=MATERIAL, each name once, such as m1=glass."
             )
-        if part in MATERIALS:
-            materials[name] = Material(name, (Layer(thickness_m=THICK_M, material=part),))
+        if material in MATERIALS:
+            materials[name] = Material(name, (Layer(thickness_m=THICK_M, material=material),))
         else:
-            materials[name] = WALLS.get(part) or MATERIAL.make(part, field="scene_material")
+            materials[name] = WALLS.get(material) or MATERIAL.make(material, field="scene_material")
     return materials
 
 

@@ -149,7 +149,7 @@ THREADS, PROCESSES = Range(1, 1024, "threads"), Range(1, 1024, "processes")
 
 
 def _numbers(
-    least: int, most: int, metavar: str
+    n_min: int, n_max: int, metavar: str
 ) -> tyro.constructors.PrimitiveConstructorSpec[tuple[float, ...]]:
     """Parse comma-separated numbers such as 3.2,-4.5."""
 
@@ -158,7 +158,7 @@ def _numbers(
             values = tuple(float(word) for word in words[0].split(","))
         except ValueError:
             values = ()
-        if not (least <= len(values) <= most and all(abs(value) <= FARTHEST for value in values)):
+        if not (n_min <= len(values) <= n_max and all(abs(value) <= FARTHEST for value in values)):
             raise ValueError(
                 f"{shown(words[0])}, expected {metavar}: numbers up to {FARTHEST:g} with commas and no spaces"
             )
@@ -256,7 +256,7 @@ def read_storey(plan: str, storey: int | None, options: PlanOptions = NO_OPTIONS
     """
     place = read_place(plan, options)
     if isinstance(place, StoreysPlan):
-        return place.one(storey or 0)
+        return place.storey(storey or 0)
     if storey is not None:
         raise MapError(f"{plan}: storey is {storey}, but this is a single floor plan. Leave --storey out.")
     return place

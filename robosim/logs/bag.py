@@ -91,8 +91,10 @@ class _Reading:
         self._bag = Bag(path)
         names = ("topic", "type", "read", "messages", "span_s")
         report["topics"] = [
-            dict(zip(names, (name, one.type_name, bool(one.kind), one.count, one.span_s), strict=True))
-            for name, one in sorted(self._bag.topics.items())
+            dict(
+                zip(names, (name, topic.type_name, bool(topic.kind), topic.count, topic.span_s), strict=True)
+            )
+            for name, topic in sorted(self._bag.topics.items())
         ]
         if self._bag.lost:
             self._note(self._bag.lost)
@@ -236,25 +238,27 @@ class _Reading:
         scan_topic: str,
     ) -> OdometryTrack | None:
         """Odometry of a frame; None where there is none of the scans' time and clock, which is reported."""
-        given, frames, track = self._given.odometry_topic, self._frames, None
+        source, frames, track = self._given.odometry_topic, self._frames, None
         self._report["odometry"] = "none"
-        if given == "none":
+        if source == "none":
             return None
         if topic is not None:
             values = np.array(self._odometry[topic], float)
-            own, first = np.unique(values[:, 0], return_index=True)
-            places = matrices(f"{topic}", own, values[first, 1:])
+            stamps, first = np.unique(values[:, 0], return_index=True)
+            places = matrices(f"{topic}", stamps, values[first, 1:])
             if child:
-                places = places @ self._places(child, base, own, "they count as the same")
-            track = self._of_frame(topic, own, places, base, frame)
+                places = places @ self._places(child, base, stamps, "they count as the same")
+            track = self._of_frame(topic, stamps, places, base, frame)
         odom = _odometry_frame(frames, base) if track is None and base in frames else None
-        if odom is not None and given in (None, "tf"):
-            own, topic = frames.times(odom, base), f"transforms from {odom} to {base}"
-            if len(own):
-                track = self._of_frame(topic, own, frames.places(odom, base, own), base, frame)
+        if odom is not None and source in (None, "tf"):
+            stamps, topic = frames.times(odom, base), f"transforms from {odom} to {base}"
+            if len(stamps):
+                track = self._of_frame(topic, stamps, frames.places(odom, base, stamps), base, frame)
         if track is None:
             unread = [
-                name for name, one in self._bag.topics.items() if not one.kind and re.search("odom|tf", name)
+                name
+                for name, entry in self._bag.topics.items()
+                if not entry.kind and re.search("odom|tf", name)
             ]
             n_moving = sum(kind == "moving" for _, _, kind in frames.tree())
             self._note(
@@ -388,12 +392,12 @@ def _in_order(path: Path, scans: list[Scan]) -> list[Scan]:
     return rising
 
 
-def _scan_topic(bag: Bag, types: dict[str, str], colour: set[str], given: str | None) -> str:
+def _scan_topic(bag: Bag, types: dict[str, str], colour: set[str], requested: str | None) -> str:
     """The topic that scans come from; not one with colour images."""
     usable = {topic: kind for topic, kind in types.items() if topic not in colour}
     kinds = tuple(kind for group in SOURCES for kind in group)
-    for group in (kinds,) if given else SOURCES:
-        if (name := _choice(usable, given, group, "scans", "--scan-topic")) is not None:
+    for group in (kinds,) if requested else SOURCES:
+        if (name := _choice(usable, requested, group, "scans", "--scan-topic")) is not None:
             return name
     shown = ", ".join(f"{name} ({topic.type_name})" for name, topic in sorted(bag.topics.items()))
     raise FileError(
@@ -403,17 +407,17 @@ def _scan_topic(bag: Bag, types: dict[str, str], colour: set[str], given: str | 
 
 
 def _choice(
-    types: dict[str, str], given: str | None, kinds: tuple[str, ...], what: str, option: str
+    types: dict[str, str], requested: str | None, kinds: tuple[str, ...], what: str, option: str
 ) -> str | None:
     """A topic of some types: the given one, or the only one; None if there is none."""
-    if given in ("tf", "none"):
+    if requested in ("tf", "none"):
         return None
     names = sorted(name for name, kind in types.items() if kind in kinds)
-    if given is not None:
-        if given not in names:
+    if requested is not None:
+        if requested not in names:
             expected = ", ".join(names) or "none"
-            raise FileError(f"{given!r} is no topic of {what} in it, expected one of {expected}.")
-        return given
+            raise FileError(f"{requested!r} is no topic of {what} in it, expected one of {expected}.")
+        return requested
     if len(names) > 1:
         raise FileError(f"has {len(names)} topics of {what}: {', '.join(names)}. Choose one by {option}.")
     return names[0] if names else None

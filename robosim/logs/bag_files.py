@@ -105,9 +105,9 @@ class BagFiles:
         n_over = size % _page_bytes(head) if head.startswith(_SQLITE) else 0
         if head.startswith(_ZSTD) or n_over:
             # SQLite reads the rest of a page that was cut off as zeros.
-            most, kind = (size - n_over, "none") if n_over else (max(MOST_BYTES, MOST_RATIO * size), "zstd")
+            limit, kind = (size - n_over, "none") if n_over else (max(MOST_BYTES, MOST_RATIO * size), "zstd")
             with tempfile.NamedTemporaryFile() as whole:
-                whole.writelines(_unpacked(file, kind, most))
+                whole.writelines(_unpacked(file, kind, limit))
                 whole.flush()
                 with open(whole.name, "rb") as unpacked:
                     yield from self._of_file(Path(whole.name), unpacked)
@@ -318,22 +318,22 @@ def _decompressor(kind: str) -> Any:
     raise FileError(f"is packed by {kind!r}, expected bz2, lz4 or zstd. {_UNPACK}")
 
 
-def _unpacked(file: _Stream, kind: str, most: int) -> Iterator[bytes]:
+def _unpacked(file: _Stream, kind: str, limit: int) -> Iterator[bytes]:
     """Pieces of content, unpacked, as far as it goes; EOFError if it is damaged, or more than so many bytes."""
     if kind == "none":
-        while most > 0 and (piece := file.read(min(most, 1 << 24))):
-            most -= len(piece)
+        while limit > 0 and (piece := file.read(min(limit, 1 << 24))):
+            limit -= len(piece)
             yield piece
         return
     unpack = _decompressor(kind)
     while not unpack.eof and (piece := file.read(_PIECE)):
         while True:
             try:
-                unpacked = unpack.decompress(piece, most + 1)
+                unpacked = unpack.decompress(piece, limit + 1)
             except Exception as error:
                 raise EOFError(reason_of(error)) from error
-            most, piece = most - len(unpacked), b""
-            if most < 0:
+            limit, piece = limit - len(unpacked), b""
+            if limit < 0:
                 raise EOFError("it unpacks to more than it declares")
             yield unpacked
             if unpack.eof or unpack.needs_input:

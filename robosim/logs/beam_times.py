@@ -83,8 +83,8 @@ class OdometryTrack:
         # Readings that end an interval in which one of the times lies, or between the two.
         first, last = np.searchsorted(self.times, start, "right"), np.searchsorted(self.times, end, "left")
         count = np.append(0, np.cumsum(self._unknown))
-        most = len(self.times)
-        return count[np.minimum(last + 1, most)] - count[np.minimum(first, most)] <= 0
+        n_readings = len(self.times)
+        return count[np.minimum(last + 1, n_readings)] - count[np.minimum(first, n_readings)] <= 0
 
 
 def relative(start: Float[np.ndarray, "3"], poses: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3"]:

@@ -174,9 +174,9 @@ def _time(words: list[str]) -> float:
 def _log(path: Path, scans: list[_Scan], readings: list[Float[np.ndarray, "4"]], resets: int) -> RobotLog:
     count = len(scans[0].ranges)
     for scan in scans:
-        if (found := len(scan.ranges)) != count:
+        if (n_beams := len(scan.ranges)) != count:
             raise ValueError(
-                f"line {scan.line} has another number of beams than others: {found}, not {count}"
+                f"line {scan.line} has another number of beams than others: {n_beams}, not {count}"
             )
     check_bearings([scan.line for scan in scans], [scan.bearings for scan in scans])
     ranges, laser, robot = (np.array([scan[k] for scan in scans]) for k in (2, 3, 4))

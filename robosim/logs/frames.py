@@ -118,17 +118,17 @@ class Frames:
         return self._edges[child]
 
     def _places(self, child: str, times: Float[np.ndarray, " n"]) -> Places:
-        own, values = self._edge(child)
+        stamps, values = self._edge(child)
         name = f"the transform from {self._rows[child][0]} to {child}"
         if not self.is_moving(child):
-            own, values = own[:1], values[:1]
-        whole = matrices(name, own, values)
-        if len(own) == 1:
+            stamps, values = stamps[:1], values[:1]
+        whole = matrices(name, stamps, values)
+        if len(stamps) == 1:
             return np.broadcast_to(whole, (len(times), 4, 4))
-        at = np.clip(times, own[0], own[-1])
+        at = np.clip(times, stamps[0], stamps[-1])
         places = np.tile(np.eye(4), (len(times), 1, 1))
-        places[:, :3, :3] = Slerp(own, Rotation.from_matrix(whole[:, :3, :3]))(at).as_matrix()
-        places[:, :3, 3] = np.column_stack([np.interp(at, own, column) for column in values[:, :3].T])
+        places[:, :3, :3] = Slerp(stamps, Rotation.from_matrix(whole[:, :3, :3]))(at).as_matrix()
+        places[:, :3, 3] = np.column_stack([np.interp(at, stamps, column) for column in values[:, :3].T])
         return places
 
 

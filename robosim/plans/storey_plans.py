@@ -104,13 +104,13 @@ class StoreysPlan:
             )
         return seen.hexdigest()[:16]
 
-    def one(self, storey: int) -> "OneStorey":
+    def storey(self, number: int) -> "OneStorey":
         """A storey of the building, counted from the lowest, 0, as a place for receivers or a robot."""
-        if not 0 <= storey < len(self.storeys):
+        if not 0 <= number < len(self.storeys):
             raise MapError(
-                f"{self.label}: storey is {storey}, expected 0, the lowest, to {len(self.storeys) - 1}."
+                f"{self.label}: storey is {number}, expected 0, the lowest, to {len(self.storeys) - 1}."
             )
-        return OneStorey(building=self, number=storey)
+        return OneStorey(building=self, number=number)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,7 +147,7 @@ def storeys_of(plan: FloorPlan | StoreysPlan) -> list[FloorPlan | OneStorey]:
     """Each storey of a building of several, or the only floor plan."""
     match plan:
         case StoreysPlan():
-            return [plan.one(number) for number in range(len(plan.storeys))]
+            return [plan.storey(number) for number in range(len(plan.storeys))]
     return [plan]
 
 

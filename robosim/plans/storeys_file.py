@@ -74,7 +74,7 @@ def read_storeys(path: Path) -> StoreysPlan:
     plan = StoreysPlan(name=building.name or path.stem, storeys=tuple(storeys), file=shown(path))
     for number in range(len(storeys)):
         try:
-            plan.one(number)
+            plan.storey(number)
         except MapError as error:
             raise MapError(f"{shown(path)}: {error}") from error
     return plan

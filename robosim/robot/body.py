@@ -176,9 +176,9 @@ def _prism(
     spec: mujoco.MjSpec, name: str, corners: Float[np.ndarray, "n 2"], low: float, high: float
 ) -> dict[str, Any]:
     """Shape of an upright prism between two heights [m]: a box where it is a rectangle along the axes, or a mesh."""
-    least, most = corners.min(axis=0), corners.max(axis=0)
-    if len(corners) == 4 and np.isin(corners, [least, most]).all():
-        (x, y), (length, width) = (least + most) / 2, (most - least) / 2
+    smallest, largest = corners.min(axis=0), corners.max(axis=0)
+    if len(corners) == 4 and np.isin(corners, [smallest, largest]).all():
+        (x, y), (length, width) = (smallest + largest) / 2, (largest - smallest) / 2
         box = mujoco.mjtGeom.mjGEOM_BOX
         return {"type": box, "pos": (x, y, (low + high) / 2), "size": (length, width, (high - low) / 2)}
     vertices = np.vstack([np.insert(corners, 2, z, axis=1) for z in (low, high)])
@@ -191,18 +191,18 @@ def _add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, robot: RobotConfig) ->
     """What is drawn of the body, and collides with nothing."""
     R, top = robot.hull.radius_m, robot.mast_m
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
-    looks: list[tuple[str, dict[str, Any], tuple[float, ...]]] = [
+    visuals: list[tuple[str, dict[str, Any], tuple[float, ...]]] = [
         ("base", {"type": cylinder, "pos": (0, 0, 0.65 * R), "size": (R, 0.25 * R, 0)}, (0.3, 0.3, 0.33, 1)),
         ("deck", {"type": cylinder, "pos": (0, 0, 1.15 * R), "size": (0.85 * R, 0.15 * R, 0)}, _BLUE),
     ]
     if robot.outline_m:
         corners = robot.hull.corners
-        looks = [
+        visuals = [
             ("base", _prism(spec, "base", corners, 0.4 * R, 0.9 * R), (0.3, 0.3, 0.33, 1)),
             ("deck", _prism(spec, "deck", 0.85 * corners, R, 1.3 * R), _BLUE),
         ]
     half_m = max(top - R, 0.01) / 2
-    looks += [
+    visuals += [
         (
             "mast",
             {"type": cylinder, "pos": (0, 0, top - half_m), "size": (0.1 * R, half_m, 0)},
@@ -210,5 +210,5 @@ def _add_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, robot: RobotConfig) ->
         ),
         ("camera", {"type": box, "pos": (0, 0, top), "size": (0.15 * R, 0.4 * R, CAMERA_R * R)}, _ORANGE),
     ]
-    for name, shape, rgba in looks:
+    for name, shape, rgba in visuals:
         body.add_geom(name=name, rgba=rgba, contype=0, conaffinity=0, mass=0, **shape)

@@ -48,7 +48,7 @@ COLUMNS = (
 #: Displacements are no larger [m, rad].
 _MOST = 100.0
 #: Error and true motion of each run.
-_Found = dict[Action, list[tuple[np.ndarray, np.ndarray]]]
+_Samples = dict[Action, list[tuple[np.ndarray, np.ndarray]]]
 
 
 def open_floor() -> Building:
@@ -60,7 +60,7 @@ def open_floor() -> Building:
 def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: np.random.Generator) -> Runs:
     """Run each action once for each of `runs` on the open floor."""
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
-    found: _Found = {action: [] for action in MOVES}
+    samples: _Samples = {action: [] for action in MOVES}
     (backwards,) = rng.spawn(1)  # of its own: the published actions err the same with it and without
     for _ in runs:
         for action in MOVES:
@@ -68,8 +68,8 @@ def run_actions(world: Physics, noise: NoiseModel, runs: Iterable[object], rng: 
             world.reset(start)
             world.move(noise.actuation(action, drawn))
             motion = between(start, world.pose)
-            found[action].append((noise.sense(action, motion, drawn) - motion, motion))
-    return _runs(found)
+            samples[action].append((noise.sense(action, motion, drawn) - motion, motion))
+    return _runs(samples)
 
 
 def read_runs(path: Path) -> Runs:
@@ -82,7 +82,7 @@ def read_runs(path: Path) -> Runs:
             runs.
     """
     names = [action.name.lower() for action in MOVES]
-    found: _Found = {action: [] for action in MOVES}
+    samples: _Samples = {action: [] for action in MOVES}
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each run of an action"
     with reading(path, "a table of runs", remedy) as file:
         rows, _ = csv_rows(file.read(), COLUMNS)
@@ -91,16 +91,16 @@ def read_runs(path: Path) -> Runs:
             values = np.array([csv_number(row, name, number, -_MOST, _MOST) for name in COLUMNS[1:]])
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
-            found[Action[row["action"].upper()]].append((error, values[3:]))
-        runs = _runs(found)
+            samples[Action[row["action"].upper()]].append((error, values[3:]))
+        runs = _runs(samples)
         calibrated(*runs)  # raises an error, named after the table, if there are too few runs
     return runs
 
 
-def _runs(found: _Found) -> Runs:
-    some = {action: runs for action, runs in found.items() if runs or action in PUBLISHED}
+def _runs(samples: _Samples) -> Runs:
+    usable = {action: runs for action, runs in samples.items() if runs or action in PUBLISHED}
     errors, motions = (
-        {action: np.array([run[k] for run in runs]).reshape(-1, 3) for action, runs in some.items()}
+        {action: np.array([run[k] for run in runs]).reshape(-1, 3) for action, runs in usable.items()}
         for k in (0, 1)
     )
     return Runs(errors, motions)

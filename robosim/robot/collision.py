@@ -103,7 +103,7 @@ def _half(corner: tuple[int, int]) -> Bool[np.ndarray, "4"]:
 
 def _cover(solid: Bool[np.ndarray, "ny nx"], wanted: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "_ 5"]:
     """Rectangles inside of the solid that cover all wanted squares, found greedily row by row."""
-    todo, found = wanted.copy(), []
+    todo, rectangles = wanted.copy(), []
     for iy, ix in np.argwhere(wanted).tolist():
         if not todo[iy, ix]:
             continue
@@ -111,8 +111,8 @@ def _cover(solid: Bool[np.ndarray, "ny nx"], wanted: Bool[np.ndarray, "ny nx"]) 
         tall = _grow(solid, iy, ix, "yx")
         best = max(wide, tall, key=lambda box: int(todo[box].sum()))
         todo[best] = False
-        found.append((best[1].start, best[0].start, best[1].stop, best[0].stop))
-    x0, y0, x1, y1 = np.array(found, float).reshape(-1, 4).T
+        rectangles.append((best[1].start, best[0].start, best[1].stop, best[0].stop))
+    x0, y0, x1, y1 = np.array(rectangles, float).reshape(-1, 4).T
     return np.column_stack([(x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2, np.zeros_like(x0)])
 
 
@@ -211,9 +211,11 @@ def placed_solids(building: Building, height_m: float) -> WallSolids:
     things = building.taken(height_m)
     if things.is_empty:
         return WallSolids(np.empty((0, 5)))
-    found = _behind_walls(things, wall_segments(things)[:, ::-1])  # free floor is on the left of them
-    logger.info("%s: %d boxes and %d prisms placed", building.plan.name, len(found.boxes), len(found.prisms))
-    return found
+    pieces = _behind_walls(things, wall_segments(things)[:, ::-1])  # free floor is on the left of them
+    logger.info(
+        "%s: %d boxes and %d prisms placed", building.plan.name, len(pieces.boxes), len(pieces.prisms)
+    )
+    return pieces
 
 
 def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
@@ -274,10 +276,10 @@ def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> Wal
             break
     else:
         return None
-    found = lattice_solids(steps.astype(int), margin=1 + int(OUTER_M / plan.resolution_m))
-    if found is None:
+    pieces = lattice_solids(steps.astype(int), margin=1 + int(OUTER_M / plan.resolution_m))
+    if pieces is None:
         return None
-    boxes, prisms = found
+    boxes, prisms = pieces
     centres = plan.to_map(boxes[:, :2] + shift)
     sizes = boxes[:, 2:4] * plan.resolution_m
     boxes = np.column_stack([centres, sizes, boxes[:, 4] + plan.origin[2]])
@@ -323,8 +325,8 @@ def _triangles(solid: shapely.Geometry, walls: Float[np.ndarray, "n 2 2"]) -> li
     ends = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2)
     # The triangulation keeps the solid's vertices bit for bit.
     owner = {tuple(side): i for i, three in enumerate(ends.tolist()) for side in three}
-    found = dict.fromkeys(owner[(*b, *a)] for a, b in walls.tolist())
-    return [corners[i] for i in found]
+    adjacent = dict.fromkeys(owner[(*b, *a)] for a, b in walls.tolist())
+    return [corners[i] for i in adjacent]
 
 
 def _corners(boxes: Float[np.ndarray, "n 5"]) -> Float[np.ndarray, "n 4 2"]:

@@ -248,9 +248,9 @@ class World:
         v, w = self._commanded
         dv, dw = v_mps - v, w_radps - w
         change = abs(dv) + abs(dw) * self.robot.track_m / 2
-        most = self.robot.max_accel_mps2 * steps * self.config.timestep_s
-        part = min(1.0, most / change) if change > 0 else 1.0
-        return v + part * dv, w + part * dw
+        max_change = self.robot.max_accel_mps2 * steps * self.config.timestep_s
+        fraction = min(1.0, max_change / change) if change > 0 else 1.0
+        return v + fraction * dv, w + fraction * dw
 
     def _halt(self) -> None:
         """Stop the wheels, and wait for the robot to come to rest."""

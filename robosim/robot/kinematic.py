@@ -96,7 +96,7 @@ class KinematicWorld:
         """
         check_displacement(displacement)
         self._commands.clear()
-        dx, dy, turn = (float(part) for part in displacement)
+        dx, dy, turn = (float(component) for component in displacement)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         goal_yaw = self._yaw + turn
         goal_x, goal_y = self._x + c * dx - s * dy, self._y + s * dx + c * dy

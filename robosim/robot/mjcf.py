@@ -77,8 +77,8 @@ def _add_looks(
     origin: Float[np.ndarray, "2"],
 ) -> None:
     """What is drawn of things in a building, and collides with nothing."""
-    for number, one in enumerate(furnishings):
-        bodies = one.bodies
+    for number, furnishing in enumerate(furnishings):
+        bodies = furnishing.bodies
         vertices = bodies.vertices - [*origin, 0.0]
         mesh = spec.add_mesh(
             name=f"furnishing{number}", uservert=vertices.ravel(), userface=bodies.faces.ravel()
@@ -89,5 +89,5 @@ def _add_looks(
             meshname=mesh.name,
             contype=0,
             conaffinity=0,
-            rgba=(*np.divide(one.colour, 255), 1),
+            rgba=(*np.divide(furnishing.colour, 255), 1),
         )

@@ -162,8 +162,8 @@ def attach_model(
         child.tendons,
         child.excludes,
     ):
-        for one in list(several):
-            child.delete(one)
+        for element in list(several):
+            child.delete(element)
     for joint in list(child.joints):
         if joint.name not in names:
             child.delete(joint)

@@ -93,7 +93,7 @@ class PlannedMove:
         self, start: tuple[float, float, float], displacement: Float[np.ndarray, "3"], profile: SpeedProfile
     ) -> None:
         """Plan a straight motion from a pose by a displacement in the robot's frame (x [m], y [m], yaw [rad])."""
-        dx, dy, self.turn_rad = (float(part) for part in displacement)
+        dx, dy, self.turn_rad = (float(component) for component in displacement)
         c, s = math.cos(start[2]), math.sin(start[2])
         self.start, self.profile = start, profile
         self.shift = (c * dx - s * dy, s * dx + c * dy)

@@ -101,9 +101,9 @@ class NoiseModel:
         ahead, turn = true_displacement[0] / FORWARD_M, true_displacement[2] / TURN_RAD
         parts = {Action.FORWARD: ahead, Action.LEFT if turn > 0 else Action.RIGHT: abs(turn)}
         measured = np.array(true_displacement, float)
-        for action, part in parts.items():
+        for action, fraction in parts.items():
             mean, deviation = self._moments(_SENSOR, action)
-            measured += self.level * rng.normal(part * mean, math.sqrt(abs(part)) * deviation)
+            measured += self.level * rng.normal(fraction * mean, math.sqrt(abs(fraction)) * deviation)
         return np.array(true_displacement, float) if self.exact_odometry else measured
 
     def _moments(

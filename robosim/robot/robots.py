@@ -99,14 +99,14 @@ class RobotConfig(Robot):
     def within_reach(self, v_mps: float, w_radps: float) -> tuple[float, float]:
         """The fastest speed and turn rate along the same arc within the limits of wheels and turn rate."""
         rim = abs(v_mps) + abs(w_radps) * self.track_m / 2
-        part = min(1.0, self.max_speed_mps / rim) if rim > 0 else 1.0
+        factor = min(1.0, self.max_speed_mps / rim) if rim > 0 else 1.0
         if self.max_turn_rate_radps is not None and w_radps:
-            part = min(part, self.max_turn_rate_radps / abs(w_radps))
-        return part * v_mps, part * w_radps
+            factor = min(factor, self.max_turn_rate_radps / abs(w_radps))
+        return factor * v_mps, factor * w_radps
 
     def profile(self, displacement: Float[np.ndarray, "3"]) -> SpeedProfile:
         """Fastest motion along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
-        dx, dy, turn = (float(part) for part in displacement)
+        dx, dy, turn = (float(component) for component in displacement)
         length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
         speed_mps = self.max_speed_mps
         if self.max_turn_rate_radps is not None and turn:

@@ -37,7 +37,7 @@ class Range:
     """Smallest and largest value of a number, and its unit; in a field of several numbers, of each of them."""
 
     least: float
-    most: float
+    greatest: float
     unit: str = ""
     """Unit of the number, or what it counts, such as "m" or "steps"."""
     hint: str = ""
@@ -45,10 +45,12 @@ class Range:
 
     def __iter__(self) -> Iterator[Any]:
         """Arguments of `check_number` after the value."""
-        return iter((self.least, self.most, self.unit, self.hint))
+        return iter((self.least, self.greatest, self.unit, self.hint))
 
     def __str__(self) -> str:
-        bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in (self.least, self.most))
+        bounds = (
+            str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in (self.least, self.greatest)
+        )
         return f"{' to '.join(bounds)} {self.unit}".rstrip()
 
     def __repr__(self) -> str:

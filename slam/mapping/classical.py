@@ -397,11 +397,11 @@ class ClassicalMapper:
     def _redraw_stale(self) -> None:
         """Draw stale tiles again: those around the robot, and the nearest others as far as the budget allows."""
         self._budget = min(self._budget + _SCANS_PER_DECISION, _MOST_SCANS)
-        own = math.floor(self.tracker.pose[0] / _TILE_M), math.floor(self.tracker.pose[1] / _TILE_M)
+        robot_tile = math.floor(self.tracker.pose[0] / _TILE_M), math.floor(self.tracker.pose[1] / _TILE_M)
         while self._stale:
-            middle = min(self._stale, key=lambda tile: (_steps(tile, own), tile))
-            if _steps(middle, own) <= _TILES_AROUND:
-                middle = own
+            middle = min(self._stale, key=lambda tile: (_steps(tile, robot_tile), tile))
+            if _steps(middle, robot_tile) <= _TILES_AROUND:
+                middle = robot_tile
             elif self._budget <= 0:
                 return
             group = {tile for tile in self._stale if _steps(tile, middle) <= _TILES_AROUND}
@@ -415,7 +415,7 @@ class ClassicalMapper:
 
     def _redraw(self, rows: slice, columns: slice, numbers: Int[np.ndarray, " k"]) -> int:
         """Draw a window again from the scans that reach it; returns their number."""
-        frame = self.frame.part(rows, columns)
+        frame = self.frame.window_frame(rows, columns)
         occupancy, surfaces = OccupancyGrid(frame, self.config.occupancy), SurfaceGrid(frame)
         for k in numbers:
             self._draw(self._frames[k], self.entered[k], occupancy, surfaces)
@@ -456,8 +456,8 @@ class ClassicalMapper:
                 pads[first] = pads[first + 1] = 0
         left, right, below, above = pads
         frame = self.frame.padded(left, right, below, above)
-        for part in (self.occupancy, self.surfaces, self.marks):
-            part.grow(frame, left, below)
+        for layer in (self.occupancy, self.surfaces, self.marks):
+            layer.grow(frame, left, below)
         self.frame = frame
 
 

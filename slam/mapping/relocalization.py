@@ -179,11 +179,11 @@ class Relocalizer:
         self._found = None
         if len(points.points) < config.min_points:
             return match, False
-        some = _thinned(points.points)
-        seen = np.vstack([to_map(match.pose, some), match.pose[:2]])
+        sample = _thinned(points.points)
+        seen = np.vstack([to_map(match.pose, sample), match.pose[:2]])
         margin_m = 2 * config.near_m
         view = Surroundings(occupancy, seen.min(axis=0) - margin_m, seen.max(axis=0) + margin_m, eye_m)
-        doubt = view.contradiction(match.pose, some, config.near_m)
+        doubt = view.contradiction(match.pose, sample, config.near_m)
         if doubt <= config.contradiction:
             self._tried = 0
             return match, False
@@ -197,13 +197,13 @@ class Relocalizer:
             return match, True
         reach = matching.max_range_m + config.search_m
         around = Surroundings(occupancy, match.pose[:2] - reach, match.pose[:2] + reach, eye_m)
-        found = self._search(match.pose, points, around, surfaces, matching)
-        if found is None or expected is None or not self._same(found.pose, expected):
-            self._found = None if found is None else found.pose
+        candidate = self._search(match.pose, points, around, surfaces, matching)
+        if candidate is None or expected is None or not self._same(candidate.pose, expected):
+            self._found = None if candidate is None else candidate.pose
             self.lost = True
             return match, True
         self._tried = 0
-        return found, True
+        return candidate, True
 
     def _same(self, pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"]) -> bool:
         near = math.hypot(*(pose - other)[:2]) < self.config.same_m
@@ -246,7 +246,7 @@ def _lattice(
     half_rad: float,
 ) -> Float[np.ndarray, "k 3"]:
     """The best poses of a lattice around one, no two of them neighbours."""
-    some = _thinned(points)
+    sample = _thinned(points)
     likely = np.exp(-0.5 * (np.minimum(around.gap_m, 9.0) / _BLUR_M) ** 2)
     n = round(half_m / STEP_M)
     shift = np.arange(-n, n + 1) * STEP_M
@@ -254,7 +254,7 @@ def _lattice(
     turns = np.arange(-round(half_rad / STEP_RAD), round(half_rad / STEP_RAD) + 1) * STEP_RAD
     scores = np.empty((len(turns), len(dx)))
     for k, turn in enumerate(turns):
-        world = to_map(np.array([pose[0], pose[1], pose[2] + turn]), some)
+        world = to_map(np.array([pose[0], pose[1], pose[2] + turn]), sample)
         iy, ix, inside = _cells(around.frame, world[None] + np.stack([dx, dy], axis=-1)[:, None])
         scores[k] = np.where(inside, likely[iy, ix], 0.0).mean(axis=1)
         scores[k] -= LATTICE_PRICE * (np.hypot(dx, dy) + abs(turn))

@@ -64,27 +64,9 @@ PHRASES = {
 IDENTIFIERS = {"moved", "asked", "told", "described", "restored"}
 #: Names that do not say what they hold: `part` is a replaceable part only.
 VAGUE = {"found", "given", "looks", "most", "one", "own", "part", "some", "worth"}
-#: Where these names remain: folders and files as prefixes, and the names, all if empty.
+#: Where these names remain: folders and files as prefixes, and the names.
 VAGUE_ALLOWED: dict[str, set[str]] = {
     "robosim/support/parts.py": {"part"},  # a replaceable part
-    # Names that the folders below use too.
-    "robosim/plans/storey_plans.py": {"one"},  # StoreysPlan.one
-    "robosim/support/checks.py": {"most"},  # Range.most
-    "slam/grid.py": {"part"},  # GridFrame.part
-    # Not renamed yet.
-    "robosim/calibration/": set(),
-    "robosim/commands/": set(),
-    "robosim/logs/": set(),
-    "robosim/plans/formats/": set(),
-    "robosim/positioning/": set(),
-    "robosim/robot/": set(),
-    "slam/mapping/classical.py": set(),
-    "slam/mapping/relocalization.py": set(),
-    "wireless/antennas/": set(),
-    "wireless/channel.py": set(),
-    "wireless/em/materials.py": set(),
-    "wireless/formats/": set(),
-    "wireless/tracing/mitsuba_scene.py": set(),
 }
 #: Names of other libraries.
 FOREIGN = {"query_ball_point"}
@@ -203,9 +185,7 @@ def vague_names(text: str) -> Iterator[tuple[int, str]]:
 
 def is_vague_allowed(path: str, name: str) -> bool:
     """Whether `VAGUE_ALLOWED` has a name of a file."""
-    return any(
-        path.startswith(prefix) and name in (names or VAGUE) for prefix, names in VAGUE_ALLOWED.items()
-    )
+    return any(path.startswith(prefix) and name in names for prefix, names in VAGUE_ALLOWED.items())
 
 
 def instead(word: str) -> str:

@@ -70,16 +70,17 @@ class MountedArray:
             raise ValueError(f"An array is turned by {len(turns)} angles, expected one for each terminal.")
         T_scene_array = Rotation.from_euler("ZYX", turns).as_matrix()
         T_scene_array = T_scene_array[terminal if len(turns) > 1 else np.zeros_like(terminal)]
-        own = np.einsum("nij,ni->nj", T_scene_array, unit_vector(azimuth_rad, elevation_rad))
-        own_azimuth, own_elevation = np.arctan2(own[:, 1], own[:, 0]), np.arcsin(np.clip(own[:, 2], -1, 1))
+        array_direction = np.einsum("nij,ni->nj", T_scene_array, unit_vector(azimuth_rad, elevation_rad))
+        array_azimuth = np.arctan2(array_direction[:, 1], array_direction[:, 0])
+        array_elevation = np.arcsin(np.clip(array_direction[:, 2], -1, 1))
         turned = np.einsum(
             "npi,nij,nqj->npq",
             _tangents(azimuth_rad, elevation_rad),
             T_scene_array,
-            _tangents(own_azimuth, own_elevation),
+            _tangents(array_azimuth, array_elevation),
         )
         slant = np.stack([np.cos(self.slant_rad), np.sin(self.slant_rad)]).reshape(2, -1)
-        return self._signature(own)[:, :, None] * np.einsum("npq,qk->nkp", turned, slant)
+        return self._signature(array_direction)[:, :, None] * np.einsum("npq,qk->nkp", turned, slant)
 
     def _signature(self, direction: Float[np.ndarray, "n 3"]) -> Complex[np.ndarray, "n ports"]:
         if self.scaling == "coupled":

@@ -213,13 +213,13 @@ def _msi(
 
 def _numbers(words: list[str], count: int, line: int) -> list[float]:
     try:
-        found = [float(word) for word in words]
+        numbers = [float(word) for word in words]
     except ValueError:
-        found = []
-    if len(found) != count or not np.isfinite(found).all():
+        numbers = []
+    if len(numbers) != count or not np.isfinite(numbers).all():
         what = "a number" if count == 1 else "an angle and an attenuation"
         raise ValueError(f"line {line} has {' '.join(words)!r}, expected {what}")
-    return found
+    return numbers
 
 
 def _within_a_turn(angle_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

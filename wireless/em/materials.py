@@ -151,10 +151,10 @@ class Material:
             raise ValueError(
                 f"layers of {self.name!r} are {len(self.layers)}, expected 1 to {MOST_LAYERS}, from face to face."
             )
-        for name, most in (("scattering", 1), ("lobe", MOST_NARROW)):
+        for name, greatest in (("scattering", 1), ("lobe", MOST_NARROW)):
             value = getattr(self, name)
-            if value is not None and not 0 <= value <= most:
-                raise ValueError(f"{name} of {self.name!r} is {str(value)[:40]}, expected 0 to {most}.")
+            if value is not None and not 0 <= value <= greatest:
+                raise ValueError(f"{name} of {self.name!r} is {str(value)[:40]}, expected 0 to {greatest}.")
         if self.layers != self.layers[::-1]:
             raise ValueError(
                 f"layers of {self.name!r} differ from its two sides, expected the same order from both: walls here "

@@ -43,9 +43,9 @@ def transmitter_files(paths: Paths, tx: int, *, horizontal: bool = False) -> dic
         tx: Number of the transmitter.
         horizontal: Whether phases are of horizontal polarisation at both ends; else of vertical.
     """
-    some = paths.select(paths.tx == tx).strongest(N_PATHS)
-    n_rx, width = len(some.rx_position), max(1, int(some.rank.max(initial=0)) + 1)
-    place = some.rx, some.rank
+    strongest = paths.select(paths.tx == tx).strongest(N_PATHS)
+    n_rx, width = len(strongest.rx_position), max(1, int(strongest.rank.max(initial=0)) + 1)
+    place = strongest.rx, strongest.rank
 
     def by_receiver(values: np.ndarray, kind: type = np.float32) -> np.ndarray:
         out = np.full((n_rx, width, *values.shape[1:]), np.nan, kind)
@@ -54,17 +54,17 @@ def transmitter_files(paths: Paths, tx: int, *, horizontal: bool = False) -> dic
 
     p = int(horizontal)
     matrices = {
-        "power": by_receiver(some.power_db),
-        "phase": by_receiver(np.degrees(np.angle(some.gain[:, p, p]))),
-        "delay": by_receiver(some.delay_s),
-        "aoa_az": by_receiver(np.degrees(some.aoa_az)),
-        "aoa_el": by_receiver(90 - np.degrees(some.aoa_el)),
-        "aod_az": by_receiver(np.degrees(some.aod_az)),
-        "aod_el": by_receiver(90 - np.degrees(some.aod_el)),
-        "inter": by_receiver(some.digits, np.float64),  # up to ten digits, too many for float32
-        "inter_pos": by_receiver(some.point),
-        "rx_pos": some.rx_position.astype(np.float32),
-        "tx_pos": some.tx_position[tx : tx + 1].astype(np.float32),
+        "power": by_receiver(strongest.power_db),
+        "phase": by_receiver(np.degrees(np.angle(strongest.gain[:, p, p]))),
+        "delay": by_receiver(strongest.delay_s),
+        "aoa_az": by_receiver(np.degrees(strongest.aoa_az)),
+        "aoa_el": by_receiver(90 - np.degrees(strongest.aoa_el)),
+        "aod_az": by_receiver(np.degrees(strongest.aod_az)),
+        "aod_el": by_receiver(90 - np.degrees(strongest.aod_el)),
+        "inter": by_receiver(strongest.digits, np.float64),  # up to ten digits, too many for float32
+        "inter_pos": by_receiver(strongest.point),
+        "rx_pos": strongest.rx_position.astype(np.float32),
+        "tx_pos": strongest.tx_position[tx : tx + 1].astype(np.float32),
     }
     return {
         f"{name}_t{_TX_SET:03}_tx{tx:03}_r{_RX_SET:03}.npz": _npz({name: matrix})

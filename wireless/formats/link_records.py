@@ -128,9 +128,9 @@ def link_table(
         rx_heading_rad: Azimuth of each receiver's own +x.
         threshold_db: Paths of less power gain do not count for the link state, but are written.
     """
-    some = paths.select(paths.tx == tx)
-    found = some.count()[tx]
-    n = len(found)
+    tx_paths = paths.select(paths.tx == tx)
+    n_paths = tx_paths.count()[tx]
+    n = len(n_paths)
     filled: dict[str, np.ndarray | pa.Array] = {
         "plan": pa.DictionaryArray.from_arrays(pa.array(np.zeros(n, np.int32)), pa.array([plan])),
         "tx": np.full(n, tx + 1),
@@ -139,8 +139,8 @@ def link_table(
         "rx_row": cell[:, 0],
         "rx_column": cell[:, 1],
         "rx_heading_rad": np.broadcast_to(np.asarray(rx_heading_rad, float), n),
-        "link_state": some.link_state(threshold_db)[tx],
-        "n_paths": found,
+        "link_state": tx_paths.link_state(threshold_db)[tx],
+        "n_paths": n_paths,
         "n_estimates": estimates.count,
     }
     for i, axis in enumerate("xyz"):
@@ -155,8 +155,8 @@ def link_table(
     ):
         for k in _PLACES:
             filled[f"{name}_{k}"] = np.where(present, of_paths, np.nan)[:, k - 1]
-    starts = pa.array(np.concatenate([[0], np.cumsum(found)]).astype(np.int32))
-    lists = {name: pa.ListArray.from_arrays(starts, pa.array(v)) for name, v in _true_paths(some).items()}
+    starts = pa.array(np.concatenate([[0], np.cumsum(n_paths)]).astype(np.int32))
+    lists = {name: pa.ListArray.from_arrays(starts, pa.array(v)) for name, v in _true_paths(tx_paths).items()}
     return pa.table(
         [
             pa.array(filled[name] if name in filled else lists[name]).cast(COLUMNS[name][0])
@@ -190,17 +190,17 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
             return np.column_stack([column[name] for name in names])
 
         def position(end: str) -> Float[np.ndarray, "n 3"]:
-            found = stack([f"{end}_{axis}_m" for axis in "xyz"])
-            check_within(found, f"{end} position", -FAR, FAR)
-            return found
+            xyz_m = stack([f"{end}_{axis}_m" for axis in "xyz"])
+            check_within(xyz_m, f"{end} position", -FAR, FAR)
+            return xyz_m
 
         def estimated(name: str, missing: float) -> Float[np.ndarray, "n 5"]:
-            found = stack([f"{name}_{k}" for k in _PLACES]).astype(float)
+            estimates = stack([f"{name}_{k}" for k in _PLACES]).astype(float)
             # Departures and delays that were not resolved are NaN, all of them.
-            if name in ("aod_az_rad", "delay_s") and np.isnan(found).all():
-                return found
-            check_within(np.where(present, found, 0.0), name, -FAR, FAR)
-            return np.where(present, found, missing)
+            if name in ("aod_az_rad", "delay_s") and np.isnan(estimates).all():
+                return estimates
+            check_within(np.where(present, estimates, 0.0), name, -FAR, FAR)
+            return np.where(present, estimates, missing)
 
         return LinkRecords(
             plan=str(column["plan"][0]),
@@ -244,14 +244,14 @@ def read_rays(path: str | PathLike[str]) -> Rays:
         count = values(table, "n_paths", COLUMNS["n_paths"][0]).astype(np.int64)
         present = np.arange(max(1, int(count.max(initial=0)))) < count[:, None]
 
-        def padded(name: str, missing: float = 0.0) -> Float[np.ndarray, "n most"]:
+        def padded(name: str, missing: float = 0.0) -> Float[np.ndarray, "n k"]:
             entries, lengths = lists(table, f"path_{name}", _FLOATS)
             if not np.array_equal(lengths, count):
                 raise ValueError(f"the numbers of paths in path_{name} differ from n_paths")
             check_within(entries, f"path_{name}", -FAR, FAR)
-            found = np.full(present.shape, missing)
-            found[present] = entries
-            return found
+            filled = np.full(present.shape, missing)
+            filled[present] = entries
+            return filled
 
         return Rays(
             gain=10 ** (padded("gain_db", -np.inf) / 20) * np.exp(1j * padded("phase_rad")),

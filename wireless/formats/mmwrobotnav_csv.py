@@ -56,8 +56,12 @@ def traced_csv(
         tx_power_dbm: Transmit power.
         threshold_db: Paths of less power gain do not count for the link state, but are written.
     """
-    some = paths.select(paths.tx == tx).strongest(N_TRACED)
-    state, n_paths, gain_db = some.link_state(threshold_db)[tx], some.count()[tx], some.power_db
+    strongest = paths.select(paths.tx == tx).strongest(N_TRACED)
+    state, n_paths, gain_db = (
+        strongest.link_state(threshold_db)[tx],
+        strongest.count()[tx],
+        strongest.power_db,
+    )
     link = np.column_stack(
         [
             *_grid_columns(cell, grid_shape),
@@ -71,11 +75,11 @@ def traced_csv(
     values = np.column_stack(
         [
             tx_power_dbm + gain_db,
-            some.delay_s,
-            np.degrees(some.aoa_az),
-            90 - np.degrees(some.aoa_el),
-            np.degrees(some.aod_az),
-            90 - np.degrees(some.aod_el),
+            strongest.delay_s,
+            np.degrees(strongest.aoa_az),
+            90 - np.degrees(strongest.aoa_el),
+            np.degrees(strongest.aod_az),
+            90 - np.degrees(strongest.aod_el),
             -gain_db,
         ]
     )
@@ -101,10 +105,10 @@ def estimated_csv(
         grid_shape: Rows and columns of the grid.
     """
     line, row, column = _grid_columns(cell, grid_shape)
-    found = np.arange(N_ESTIMATED) < estimates.count[:, None]
+    present = np.arange(N_ESTIMATED) < estimates.count[:, None]
     link = np.column_stack([np.arange(len(line)), line, np.round(rx_position[:, :2], 9), row, column, state])
     values = [np.degrees(estimates.aoa_rad), np.degrees(estimates.aod_rad), estimates.snr_db]
-    paths = np.column_stack([*(np.where(found, v, 0.0) for v in values), np.zeros(found.shape)])
+    paths = np.column_stack([*(np.where(present, v, 0.0) for v in values), np.zeros(present.shape)])
     header = [
         *_ESTIMATED_LINK,
         *(f"{name}_{i}" for name in _ESTIMATED_PATH for i in range(1, N_ESTIMATED + 1)),

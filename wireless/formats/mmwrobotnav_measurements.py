@@ -70,16 +70,16 @@ def find_measurements(data: Path) -> list[tuple[str, int]]:
     Raises:
         FileError: If there are none.
     """
-    found = []
+    measurements = []
     for path in sorted(data.glob("*/*_Tx_*_beam_search.csv")):
         match = re.fullmatch(r"(.+)_Tx_(\d+)_beam_search\.csv", path.name)
         if match and match[1] == path.parent.name:
-            found.append((match[1], int(match[2])))
-    if not found:
+            measurements.append((match[1], int(match[2])))
+    if not measurements:
         raise FileError(
             f"{data}: no NAME/NAME_Tx_K_beam_search.csv below it. Give the folder that holds one folder per building."
         )
-    return sorted(found)
+    return sorted(measurements)
 
 
 def read_measurements(data: Path, building: str, number: int) -> Measurements:

@@ -74,7 +74,7 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
     Raises:
         FileError: If a file is damaged, a shape or material is not understood, or there is no shape.
     """
-    given = dict(materials or {})
+    replacements = dict(materials or {})
     with reading(path, "a Mitsuba scene", _REMEDY):
         try:
             root = _read_root(path, path.parent, ())
@@ -102,14 +102,17 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
             shapes.append((name, len(meshes[-1].faces), material))
         if not meshes:
             raise ValueError("there is no shape in it")
-        if unknown := sorted(set(given) - set(names)):
+        if unknown := sorted(set(replacements) - set(names)):
             raise ValueError(f"there is no material {unknown[0]!r} in it, expected one of {', '.join(names)}")
         whole = trimesh.util.concatenate(meshes)
         assert isinstance(whole, trimesh.Trimesh)
         mesh = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
         check_mesh(mesh, 0.0)
         notes: list[str] = []
-        made = [given[name] if name in given else _material(name, bsdfs.get(name), notes) for name in names]
+        made = [
+            replacements[name] if name in replacements else _material(name, bsdfs.get(name), notes)
+            for name in names
+        ]
         scene = MitsubaScene(
             mesh=mesh,
             materials=tuple(made),
@@ -147,7 +150,8 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
     kind = shape.get("type")
     if kind in ("ply", "obj"):
         file = next(
-            (one.get("value", "") for one in shape.findall("string") if one.get("name") == "filename"), ""
+            (child.get("value", "") for child in shape.findall("string") if child.get("name") == "filename"),
+            "",
         )
         try:
             with reading(folder / file, "a mesh of a scene") as content:

@@ -112,17 +112,17 @@ def _shapes(entities: Iterable[tuple["DXFEntity", str]], hidden: set[str], unit_
     """Shapes of the drawing, in metres."""
     from ezdxf.path import from_hatch, make_path
 
-    for one, layer in entities:
-        kind = one.dxftype()
+    for entity, layer in entities:
+        kind = entity.dxftype()
         if layer.lower() in hidden or kind not in (*LINES, *SOLIDS, *HATCHES):
             continue
-        entity: Any = one
-        paths = list(from_hatch(entity)) if kind in HATCHES else [make_path(entity)]
+        graphic: Any = entity
+        paths = list(from_hatch(graphic)) if kind in HATCHES else [make_path(graphic)]
         lines = tuple(
             unit_m * np.array([(point.x, point.y) for point in path.flattening(FLAT_M / unit_m)])
             for path in paths
             if len(path)
         )
-        width = one.dxf.get("const_width", 0.0) if kind == "LWPOLYLINE" else 0.0
+        width = entity.dxf.get("const_width", 0.0) if kind == "LWPOLYLINE" else 0.0
         if lines:
             yield Shape((layer,), lines, kind not in LINES, unit_m * width)

@@ -99,7 +99,7 @@ def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOption
             raise MapError("it has coordinates that are NaN or infinite. Export it again.")
         drawn.append(shape)
     chosen = _on_wall_layers(drawn, options.wall_layers, path)
-    extent = shapely.total_bounds([shapely.multipoints(np.vstack(one.lines)) for one in chosen])
+    extent = shapely.total_bounds([shapely.multipoints(np.vstack(shape.lines)) for shape in chosen])
     _check_extent(np.ptp(extent.reshape(2, 2), axis=0), options.allow_large)
     walls = _walls(chosen, options.line_thickness_m or resolution_m, resolution_m)
     if walls.is_empty:

@@ -163,8 +163,8 @@ def plan_from_triangles(
             f"slice_m is ({low:g}, {high:g}), expected two heights above the floor [m], the lower first."
         )
     if options.ground_m is None:
-        found = find_floors(triangles, low, high)
-        floors = [floor for floor in found if floor.has_walls] or found
+        candidates = find_floors(triangles, low, high)
+        floors = [floor for floor in candidates if floor.has_walls] or candidates
         if not floors:
             lowest = triangles[..., 2].min()
             raise MapError(

@@ -85,14 +85,14 @@ def _plain_samples(raster: memoryview, count: int, white: int) -> np.ndarray:
     if strange:
         raise ValueError(f"{strange[:1]!r} among the samples, expected decimal numbers only")
     # In pieces that end between numbers, since parsing takes four times the memory.
-    parts, start, found = [np.empty(0, np.uint16)], 0, 0
-    while start < len(text) and found < count:
+    parts, start, n_read = [np.empty(0, np.uint16)], 0, 0
+    while start < len(text) and n_read < count:
         blank = _BETWEEN.search(text, start + _PIECE)
         stop = blank.end() if blank else len(text)
         if piece := text[start:stop].strip():
             numbers = np.fromstring(piece.decode("ascii"), np.float64, sep=" ")
             parts.append(np.minimum(numbers, white).astype(np.uint16))
-            found += len(numbers)
+            n_read += len(numbers)
         start = stop
     return np.concatenate(parts)[:count]
 

@@ -173,7 +173,7 @@ class _PlyText:
                 f"it says {n} items, but only {len(self._lines)} lines are left: the file was cut off"
             )
         lines, self._lines = self._lines[:n], self._lines[n:]
-        at, found = [0] * n, {}
+        at, columns = [0] * n, {}
         for name, size, kind in properties:
             if size:
                 sizes = [int(line[i]) for line, i in zip(lines, at, strict=True)]
@@ -184,9 +184,9 @@ class _PlyText:
             if any(len(value) != k for value, k in zip(values, sizes, strict=True)):
                 raise ValueError(f"a line has too few values for {name}")
             flat = np.array([word for value in values for word in value], "S40")
-            found[name] = flat.astype(float).astype(kind), np.array(sizes, np.int64)
+            columns[name] = flat.astype(float).astype(kind), np.array(sizes, np.int64)
             at = [i + k for i, k in zip(at, sizes, strict=True)]
-        return found
+        return columns
 
 
 class _PlyBinary:

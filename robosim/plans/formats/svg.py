@@ -94,7 +94,7 @@ def _view(root: ET.Element) -> tuple[tuple[float, float, float, float], float | 
 
 def _check_copies(root: ET.Element) -> None:
     """Raise MapError for copies (<use>) of themselves, and for too many shapes."""
-    by_id = {one.get("id"): one for one in root.iter() if one.get("id")}
+    by_id = {element.get("id"): element for element in root.iter() if element.get("id")}
     known: dict[ET.Element, int] = {}
 
     def count(element: ET.Element, above: tuple[ET.Element, ...]) -> int:
@@ -105,7 +105,7 @@ def _check_copies(root: ET.Element) -> None:
             if element.tag.rpartition("}")[2] == "use":
                 link = next((value for key, value in element.attrib.items() if key.endswith("href")), "")
                 inside += [by_id[link[1:]]] if link[1:] in by_id else []
-            known[element] = 1 + sum(count(one, (*above, element)) for one in inside)
+            known[element] = 1 + sum(count(child, (*above, element)) for child in inside)
         return known[element]
 
     if count(root, ()) > MOST_SHAPES:
@@ -118,9 +118,9 @@ def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) ->
 
     for element in group:
         values = element.values.get("attributes", element.values)
-        label, own = values.get(_LABEL), [values.get(name) for name in ("id", "class")]
+        label, identifiers = values.get(_LABEL), [values.get(name) for name in ("id", "class")]
         if isinstance(element, svgelements.Group | svgelements.Use):
-            yield from _shapes(element, (*filter(None, [label, *own]), *names), unit_m, height)
+            yield from _shapes(element, (*filter(None, [label, *identifiers]), *names), unit_m, height)
         elif isinstance(element, svgelements.Shape) and element.values.get("visibility") != "hidden":
             path = svgelements.Path(element)
             lines = tuple(
@@ -130,7 +130,7 @@ def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) ->
             )
             if not lines:
                 continue
-            all_names = (*(names or ("",)), *filter(None, [label, *own]))
+            all_names = (*(names or ("",)), *filter(None, [label, *identifiers]))
             if _is_dark(element.fill, values.get("fill") is None) and not isinstance(
                 element, svgelements.SimpleLine
             ):

@@ -96,7 +96,7 @@ def test_openings_and_settings_that_make_no_building_are_rejected():
     with pytest.raises(ValueError, match=r"furniture_height_m is 0\.7"):
         StoreysConfig(building=BuildingConfig(furniture_height_m=0.7))
     with pytest.raises(MapError, match="storey is 2, expected 0, the lowest, to 1"):
-        two_storeys().one(2)
+        two_storeys().storey(2)
 
 
 def test_single_storey_is_the_building_of_its_plan():
@@ -140,7 +140,7 @@ def test_furnished_storeys_have_their_things_at_their_heights():
     assert made.mesh.area == pytest.approx(bare.mesh.area + placed.area)
     assert made.submesh("wall", "floor", "ceiling").is_watertight
     config = RadioConfig(tracer=TracerConfig(max_reflections=0, diffraction=False))
-    scene = RadioScene(furnished.one(1), config)
+    scene = RadioScene(furnished.storey(1), config)
     assert scene.engine == "space"
     for floor_m in (0.0, 2.85):
         above = scene.places(((3.0, 1.5, floor_m + top + 0.5),), "tx")

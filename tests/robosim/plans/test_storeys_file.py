@@ -36,7 +36,7 @@ def test_file_says_all_of_its_storeys(tmp_path):
     x, y, _ = read_plan("flat").origin
     assert first.plan.origin[:2] == (x + 0.5, y - 1) and house.floor_m(1) == pytest.approx(2.85)
     assert is_storeys(file) and not is_storeys(tmp_path / "ground.yaml")
-    assert house.one(1).name == "house_storey_1" and house.one(0).digest() != house.one(1).digest()
+    assert house.storey(1).name == "house_storey_1" and house.storey(0).digest() != house.storey(1).digest()
     assert read_storeys(written(tmp_path, GOOD.replace("2.6", "2.7"))).digest() != house.digest()
 
 

@@ -33,7 +33,7 @@ def place(request, tmp_path):
     file.write_text(GROUND)
     return {
         "plan": lambda: (two_rooms(0.8), make_building(two_rooms(0.8))),
-        "storey": lambda: (HOUSE.one(1), make_storeys(HOUSE)),
+        "storey": lambda: (HOUSE.storey(1), make_storeys(HOUSE)),
         "scene": lambda: (file, read_mitsuba(file)),
     }[request.param]()
 
@@ -74,7 +74,7 @@ def test_radio_site_is_what_its_place_is(place, name, height_m, has_grid, neares
 
 def test_radio_site_knows_heights_and_names_of_storeys():
     """Between floor and ceiling of any storey, whichever the site is of."""
-    site = radio_site(HOUSE.one(0), CONFIG)
+    site = radio_site(HOUSE.storey(0), CONFIG)
     with pytest.raises(ValueError, match=r"is 2.6 m, expected 0 to 2.5, 2.8 to 5.3 m"):
         site.places(((1.0, 1.0, 2.6),), "tx")
     with pytest.raises(ValueError, match="free space of house_storey_1"):
