@@ -34,7 +34,7 @@ class KnownMapMapper(ClassicalMapper):
         config: MapperConfig = MapperConfig(),
         localization: LocalizationConfig = LocalizationConfig(),
     ) -> None:
-        """Make a mapper; `reset` tells it where on the map the robot begins."""
+        """Make a mapper; `reset` sets the pose on the map at which the robot begins."""
         self.known, self._fitting = known, localization.match
         super().__init__(robot, replace(config, tracking=replace(config.tracking, loops=False, radio=False)))
 

@@ -15,9 +15,9 @@ import tyro
 #: Benchmarks; each is a module with a function `main`.
 BENCHMARKS = (
     "tracing", "estimation", "labels", "edges", "render", "physics", "episode", "search", "belief",
-    "exploration", "mapping", "robot_logs", "localization", "warsaw_flat", "warsaw_powers", "warsaw_places", "measured_hall",
-    "endurance", "environment", "live", "plans", "start", "tracer_peer", "mapex", "senses", "people", "blockage",
-    "robots", "readme",
+    "exploration", "mapping", "robot_logs", "localization", "warsaw_flat", "warsaw_powers", "warsaw_places",
+    "measured_hall", "endurance", "environment", "live", "plans", "start", "tracer_peer", "mapex", "senses", "people",
+    "blockage", "robots", "readme",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
 
