@@ -107,9 +107,9 @@ def own_modules(monkeypatch) -> Iterator[None]:
     """Isolate modules that a test imports from its own folder."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     before = set(sys.modules)
-    for name in ("mine", "broken"):
+    for name in ("mine", "broken", "pursuit"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     yield
     for name in set(sys.modules) - before:
-        if name in ("mine", "broken"):
+        if name in ("mine", "broken", "pursuit"):
             del sys.modules[name]

@@ -44,10 +44,9 @@ def run_page(page: Path, commands: bool = False, short: bool = True) -> int:
     """
     names: dict[str, object] = {"__name__": "page"}
     failures, printed = 0, ""
-    for i, (before, language, inside, body) in enumerate(_BLOCK.findall(page.read_text("utf-8"))):
+    write_named_blocks(page, Path())
+    for i, (_, language, _, body) in enumerate(_BLOCK.findall(page.read_text("utf-8"))):
         name = f"{page.name}, block {i}"
-        if before or inside:
-            Path(before or inside).write_text(body, "utf-8")
         if language == "python" and ">>>" not in body:
             exec(compile(body, name, "exec"), names)
         elif language == "python":
@@ -63,6 +62,13 @@ def run_page(page: Path, commands: bool = False, short: bool = True) -> int:
             sys.stdout.writelines(f"{name}: nothing prints '{line}'\n" for line in missing)
             failures += bool(missing)
     return failures
+
+
+def write_named_blocks(page: Path, folder: Path) -> None:
+    """Write the blocks of a page that name a file into a folder."""
+    for before, _, inside, body in _BLOCK.findall(page.read_text("utf-8")):
+        if before or inside:
+            (folder / (before or inside)).write_text(body, "utf-8")
 
 
 def commands_in(text: str) -> list[str]:

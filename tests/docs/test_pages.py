@@ -16,7 +16,7 @@ import robosim.cli as cli
 from robosim.commands.command_table import load_command
 from robosim.robot.robots import RobotConfig
 from tests.docs.conftest import Ended
-from tests.docs.run_page import commands_in, run_page
+from tests.docs.run_page import commands_in, run_page, write_named_blocks
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -49,7 +49,7 @@ def test_commands_exist(
     page on parts.
     """
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text("".join(blocks(DOCS / "tasks" / "parts.md", "python")), "utf-8")
+    write_named_blocks(DOCS / "tasks" / "parts.md", tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
 
     def idle(name: str) -> Callable[..., None]:

@@ -20,9 +20,7 @@ def test_locate_log_gives_poses_of_the_robot():
     """Of a robot whose laser looks backwards: within 3 cm and 0.5 degrees, with the covariance of the robot's place."""
     bearing, route = np.radians(np.arange(-135, 135, 1.0)), ROUTE[:25]
     rng = np.random.default_rng(0)
-    steps = [
-        between(a, b) + rng.normal(0, [0.01, 0.01, 0.005]) for a, b in zip(route, route[1:], strict=False)
-    ]
+    steps = [between(a, b) + rng.normal(0, [0.01, 0.01, 0.005]) for a, b in pairwise(route)]
     log = RobotLog(
         name="backwards",
         bearing_rad=bearing,
