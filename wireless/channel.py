@@ -26,8 +26,8 @@ from jaxtyping import Complex, Float, Shaped
 from numpy.typing import ArrayLike
 
 from wireless.antennas.mounting import MountedArray
-from wireless.geometry.array_types import to_array
 from wireless.paths import Paths
+from wireless.support.arrays import to_array
 
 #: Taps before the first and after the last delay: the square sum of a sinc beyond is 3 % of the whole.
 _MARGIN = 6

@@ -30,7 +30,7 @@ from scipy.constants import speed_of_light
 
 from robosim.support.axes import axes_in_metres
 from robosim.support.reading import reading
-from wireless.geometry.array_types import to_array
+from wireless.support.arrays import to_array
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing

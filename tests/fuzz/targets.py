@@ -52,8 +52,8 @@ from slam.networks.files import load_mapper, load_pose
 from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from tests.fuzz.seeds import COLLECTED, SEARCHES, small_plan
 from tests.plans import two_rooms
-from wireless.antennas.elements import sphere
 from wireless.antennas.pattern_files import read_pattern
+from wireless.antennas.sphere import sphere
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import read_tx_positions

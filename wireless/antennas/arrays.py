@@ -20,7 +20,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Complex, Float
 
-from wireless.antennas.elements import Element, element_named, sphere, unit_vector
+from wireless.antennas.elements import Element, element_named
+from wireless.antennas.sphere import sphere, unit_vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

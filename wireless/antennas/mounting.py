@@ -14,7 +14,8 @@ from jaxtyping import Complex, Float, Int
 from scipy.spatial.transform import Rotation
 
 from wireless.antennas.arrays import Array, uniform_array
-from wireless.antennas.elements import mean_power, unit_vector
+from wireless.antennas.elements import mean_power
+from wireless.antennas.sphere import unit_vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,6 +30,7 @@ import pyarrow as pa
 from jaxtyping import Float
 
 from robosim.support.reading import reading
+from wireless.antennas.sphere import sphere
 from wireless.support.columns import check_within, numbers
 
 if TYPE_CHECKING:
@@ -104,9 +105,8 @@ def read_pattern(path: str | Path) -> PatternElement:
 
 def _check_power(pattern: PatternElement) -> None:
     """Raise ValueError for a pattern that radiates more power than it is given."""
-    from wireless.antennas.elements import mean_power  # which imports this module
-
-    excess_db = 10 * np.log10(mean_power(pattern, _ORDER))
+    node, weight = sphere(_ORDER)
+    excess_db = 10 * np.log10(float(weight @ pattern.amplitude(node) ** 2))
     if excess_db > _EXCESS_DB:
         most_dbi = pattern.gain_dbi.max()
         raise ValueError(

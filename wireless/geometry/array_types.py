@@ -1,8 +1,7 @@
 """Types of arrays that many functions on geometry take."""
 
 import numpy as np
-from jaxtyping import Float, Shaped
-from numpy.typing import ArrayLike
+from jaxtyping import Float
 
 #: A point or vector in space.
 Point = Float[np.ndarray, "3"]
@@ -18,13 +17,3 @@ FlatPolygon = Float[np.ndarray, "k 2"]
 Triangles = Float[np.ndarray, "t 3 3"]
 #: Unit normal of each plane, and where the plane is along it.
 Planes = Float[np.ndarray, "p 4"]
-
-
-def to_array(values: ArrayLike, name: str) -> Shaped[np.ndarray, "..."]:
-    """Numbers of a user as an array of floats; ValueError, which names them, if they are none or ragged."""
-    try:
-        return np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"{name} is {str(values)[:60]}, expected numbers in an array or lists of equal length."
-        ) from None

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from wireless.geometry.array_types import to_array
+from wireless.support.arrays import to_array
 
 #: Size of a person as a screen: 0.3 m by 1.7 m [m] (3GPP TR 38.901 V17, table 7.6.4.2-5).
 PERSON_RADIUS_M, PERSON_HEIGHT_M = 0.15, 1.7

@@ -29,12 +29,13 @@ from scipy.constants import speed_of_light
 from robosim.support.checks import Range, checked
 from wireless.em.materials import WALLS, Material, wall_row
 from wireless.em.scattering import MOST_NARROW
-from wireless.geometry.array_types import Point, to_array
+from wireless.geometry.array_types import Point
 from wireless.geometry.closed_surfaces import find_two_faced
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
+from wireless.support.arrays import to_array
 from wireless.tracing.blocks import Rows
 from wireless.tracing.curved import CurvedWalls
 from wireless.tracing.mesh_check import SceneError as SceneError

@@ -5,7 +5,8 @@ import pytest
 
 from wireless.antennas.arrays import Array, Platform, uniform_array
 from wireless.antennas.codebook import terminal_named
-from wireless.antennas.elements import IsotropicElement, unit_vector
+from wireless.antennas.elements import IsotropicElement
+from wireless.antennas.sphere import unit_vector
 
 
 def around(n_az=720, n_el=361):

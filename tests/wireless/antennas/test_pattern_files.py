@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from wireless import Array, FileError, MountedArray, terminal_named
-from wireless.antennas.elements import SectorElement, directivity, element_named, mean_power, unit_vector
+from wireless.antennas.elements import SectorElement, directivity, element_named, mean_power
 from wireless.antennas.pattern_files import read_pattern
+from wireless.antennas.sphere import unit_vector
 
 ANGLES = np.arange(360.0)
 
