@@ -122,6 +122,7 @@ def _run(words: list[str]) -> None:
         + _EVERYWHERE_HELP,
     )
     summaries, rest = command_list(group), words[1:] if group else words
+    rest = ["--help" if word == HELP_ALL else word for word in rest]
     if rest and not rest[0].startswith("-"):
         check_choice("the command", rest[0], summaries)
     commands = {name: _stand_in(text) for name, text in summaries.items()}

@@ -50,6 +50,11 @@ def test_the_help_of_each_command_names_what_all_have(name, capsys):
     assert all(f" {word} " in printed for word in ("--quiet", "--json", "--debug", "--figures"))
 
 
+@pytest.mark.parametrize("group", ["", "train "])
+def test_help_all_of_groups_lists_their_commands(group, capsys):
+    assert help_of(f"{group}--help-all", capsys) == help_of(f"{group}--help", capsys)
+
+
 #: Most options in the brief help of commands with many, those of every command included.
 BRIEF = {"episode": 26, "evaluate": 26, "calibrate": 20, "trace": 26}
 
