@@ -97,6 +97,6 @@ def test_it_gives_the_inputs_that_speak_for_an_action():
 
     _search(policy, 30, lambda _, step: steps.append(step.decided))
     assert all(one.belief is not None for one in steps)
-    because = [one.reason.because for one in steps if one.reason.because.startswith("left by")]
+    because = [one.reason.because for one in steps if one.reason.because.startswith("left,")]
     assert len(because) > 5
-    assert all(text.startswith("left by radio paths: probability") for text in because)
+    assert all(text.endswith("without radio paths)") for text in because)
