@@ -79,7 +79,7 @@ def trace(
         plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy; the
             .yaml of a building of several storeys; or a Mitsuba or Sionna RT scene (.xml).
         tx: Transmitter [m] in the plan's frame; can be given several times.
-        grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
+        grid: Step between receivers [m]; by default 0.15, or no grid with receivers (--rx).
         rx: Receiver [m]; can be given several times. With a grid, the one whose rays are drawn.
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.

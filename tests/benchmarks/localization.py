@@ -4,12 +4,10 @@ The reference is the trajectory of the whole log. Only poses that are given with
 compared: elsewhere the robot sees nothing of the first half.
 """
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.logs.log_files import read_log
@@ -38,10 +36,11 @@ def main(logs: Positional[tuple[Path, ...]], *, options: OmitArgPrefixes[Options
         log = read_log(path)
         title, n = TITLES.get(log.name.removesuffix("-corrected"), log.name), len(log.times) // 2
         first, second = _part(log, slice(0, n)), _part(log, slice(n, None))
-        mapped = map_log(first, config)
-        plan = make_log_plan(mapped.log, mapped.poses, config.resolution_m, config.range_m)
+        whole = map_log(log, config)
+        # At the poses of the whole log, so that what the second half corrects of the first is no error.
+        plan = make_log_plan(first, whole.poses[:n], config.resolution_m, config.range_m)
         located = locate_log(second, known_map_of(plan), config)
-        true = _aligned(map_log(log, config).poses, mapped.poses)[n:]
+        true = whole.poses[n:]
         deviation_m = np.sqrt(located.covariance[:, 0, 0] + located.covariance[:, 1, 1])
         is_compared = located.is_located & (deviation_m < KNOWN_M)
         off_m = np.hypot(*(located.poses - true)[is_compared, :2].T)
@@ -75,13 +74,3 @@ def _part(log: RobotLog, rows: slice) -> RobotLog:
         reference=None,
         track=None,
     )
-
-
-def _aligned(poses: Float[np.ndarray, "n 3"], first: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 3"]:
-    """Poses moved so that the first of them lie on others, by least squares over places."""
-    here, there = poses[: len(first), :2], first[:, :2]
-    across = (here - here.mean(axis=0)).T @ (there - there.mean(axis=0))
-    turn = math.atan2(across[0, 1] - across[1, 0], across[0, 0] + across[1, 1])
-    c, s = math.cos(turn), math.sin(turn)
-    xy = (poses[:, :2] - here.mean(axis=0)) @ np.array([[c, s], [-s, c]]) + there.mean(axis=0)
-    return np.column_stack([xy, wrap(poses[:, 2] + turn)])
