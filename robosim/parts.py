@@ -43,7 +43,7 @@ GOAL = Kind(
         "fused": "robosim.policies.goals:fused",
         "learned": "robosim.policies.learned:learned",
     },
-    has=("goal", "seeks_target", "uses_radio", "uses_camera", "belief"),
+    has=("goal",),
     made_from="a robosim.policies.goals.PolicyContext",
     suffixes=(".safetensors",),
     from_file="robosim.policies.learned:learned_of_file",
@@ -213,8 +213,9 @@ LOG_READER = Kind(
         "tum": "robosim.logs.log_files:TumReader",
         "carmen": "robosim.logs.carmen:CarmenReader",  # the last: it matches any file
     },
-    has=("takes_scans", "matches", "read"),
+    has=("matches", "read"),
     made_from="nothing",
+    protocol="robosim.logs.robot_log:LogReader",
 )
 
 #: Types of fields that hold a part, as the command line reads them.

@@ -16,6 +16,7 @@ from robosim.cli import main
 from robosim.commands.episode_config import command_options, read_config
 from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
+from robosim.parts import GOAL, LOG_READER
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.kinematic import KinematicWorld
 from robosim.simulator import SimulatorConfig
@@ -198,6 +199,33 @@ class Blind:
         return None
 
 
+class Forward:
+    """A goal policy that derives from nothing: it goes ahead."""
+
+    def __init__(self, context):
+        self.context = context
+
+    def goal(self, sensed, estimated):
+        return estimated.pose[:2] + np.array([np.cos(estimated.pose[2]), np.sin(estimated.pose[2])])
+
+
+class Shifted:
+    """A reader of logs that derives from nothing."""
+
+    def matches(self, path):
+        return path.suffix == ".shifted"
+
+    def read(self, path, scans, topics):
+        return path.name
+
+
+def test_parts_without_a_base_have_the_defaults_of_their_protocol():
+    """As the page on policies says; a reader reads one file unless it says that it takes another with scans."""
+    policy = GOAL.make(Forward, None)
+    assert policy.seeks_target and not policy.uses_radio and policy.belief is None
+    assert LOG_READER.make(Shifted).takes_scans is False
+
+
 def test_objects_stand_in_for_names():
     """Each kind of part as an object, or as what makes one; what is an object is what is used."""
     mapper = Counted(ClassicalMapper())
@@ -232,7 +260,7 @@ def test_objects_stand_in_for_names():
     [
         ("--goal mine:Strait", "goal is 'mine:Strait', but 'mine' has no 'Strait'. Did you mean 'Straight'?"),
         ("--goal yours:Straight", "goal is 'yours:Straight', but there is no module 'yours'"),
-        ("--goal mine:WALL", "a Material without goal. A goal policy has goal, seeks_target"),
+        ("--goal mine:WALL", "a Material without goal. A goal policy has goal"),
         ("--goal broken:Straight", "importing 'broken' fails: ZeroDivisionError"),
         ("--goal mine:panel", "but making it from a robosim.policies.goals.PolicyContext fails: TypeError"),
         ("--mapper mine:read", "mapper is mine:read, but making it from"),
