@@ -34,7 +34,16 @@ class KnownMapMapper(ClassicalMapper):
         config: MapperConfig = MapperConfig(),
         localization: LocalizationConfig = LocalizationConfig(),
     ) -> None:
-        """Make a mapper; `reset` sets the pose on the map at which the robot begins."""
+        """Make a mapper; `reset` sets the pose on the map at which the robot begins.
+
+        Raises:
+            ValueError: If the map is larger than `MapperConfig.max_area_m2`.
+        """
+        area_m2 = known.frame.resolution_m**2 * math.prod(known.frame.shape)
+        if area_m2 > config.max_area_m2:
+            raise ValueError(
+                f"the known map covers {area_m2:.0f} m2, more than max_area_m2 = {config.max_area_m2:g}. Cut it."
+            )
         self.known, self._fitting = known, localization.match
         super().__init__(robot, replace(config, tracking=replace(config.tracking, loops=False, radio=False)))
 

@@ -1,7 +1,7 @@
 """Second halves of logs of real robots, located on maps of their first halves, from unknown poses.
 
 The reference is the trajectory of the whole log. Only poses that are given with a standard deviation below 0.1 m are
-compared: elsewhere the robot sees nothing of the first half.
+compared: at the others the robot sees nothing of the first half.
 """
 
 from dataclasses import replace
