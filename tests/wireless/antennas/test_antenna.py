@@ -14,8 +14,8 @@ from wireless.antennas.elements import (
     directivity,
     element_named,
     sphere,
-    unit_vector,
 )
+from wireless.antennas.sphere import unit_vector
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
