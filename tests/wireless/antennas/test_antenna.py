@@ -13,9 +13,8 @@ from wireless.antennas.elements import (
     SectorElement,
     directivity,
     element_named,
-    sphere,
 )
-from wireless.antennas.sphere import unit_vector
+from wireless.antennas.sphere import sphere, unit_vector
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
