@@ -132,7 +132,7 @@ def test_a_rectangle_reflects_like_the_mirror_image(tmp_path):
             "no.xml: no such file",
         ),
         (lambda text: text.replace("<shape", '<bsdf type="diffuse" id="m"/><shape', 1), "two materials 'm'"),
-        (lambda text: text.replace('name="thickness"', 'name="thicknes"'), "material 'm' has 'thicknes'"),
+        (lambda text: text.replace('name="thickness"', 'name="depth"'), "material 'm' has 'depth'"),
         (lambda text: text.replace('value="$t"', 'value="nan"'), "thickness_m is nan"),
         (lambda text: text.replace("concrete", "cheese"), "--scene-material m=concrete"),
         (lambda text: text.replace('type="itu-radio-material"', 'type="diffuse"'), "material 'm' is 'm'"),
