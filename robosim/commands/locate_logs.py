@@ -44,9 +44,7 @@ def locate_logs(logs: Sequence[RobotLog], map_name: str, how: LogConfig, out: Pa
             result["kidnapped_s"] = [float(log.times[k]) for k in located.kidnapped]
             write_json(place / "result.json", result)
             results.append(result)
-            deviation_m = np.sqrt(located.covariance[:, 0, 0] + located.covariance[:, 1, 1])[
-                located.is_located
-            ]
+            deviation_m = located.deviation_m[located.is_located]
             about = (
                 f", standard deviation {np.median(deviation_m):.3f} m (median)" if len(deviation_m) else ""
             )

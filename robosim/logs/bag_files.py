@@ -85,7 +85,7 @@ class BagFiles:
                     yield channel, time_ns, data
 
     def lost(self) -> str:
-        """What is lost of the messages that `records` has yielded, in words; empty if nothing is."""
+        """Describe the messages that `records` could not yield; empty if none is lost."""
         metadata, n_stated = self._path / _METADATA, self._n_stated
         if self._path.is_dir() and metadata.exists():
             with reading(metadata, "metadata of a bag") as file:

@@ -64,7 +64,7 @@ class Bag:
             topic.count += 1
             topic.span_s = (min(topic.span_s[0], 1e-9 * time_ns), max(topic.span_s[1], 1e-9 * time_ns))
         self.lost = self._files.lost()
-        """What is lost of its messages, in words; empty if nothing is."""
+        """Describe the lost messages; empty if none is lost."""
         if not self.topics:
             raise FileError(f"is a bag without messages ({self.lost or 'empty'}). Record or export it again.")
 

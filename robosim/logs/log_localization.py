@@ -21,11 +21,16 @@ class Localized:
     poses: Float[np.ndarray, "n 3"]
     """Pose of the robot at each scan in the map's frame: x [m], y [m], yaw [rad]."""
     covariance: Float[np.ndarray, "n 3 3"]
-    """Of each pose when it was estimated, axes of the map [m^2, m rad, rad^2]."""
+    """Covariance of each pose when it was estimated, axes of the map [m^2, m rad, rad^2]."""
     is_located: Bool[np.ndarray, " n"]
     """Scans at which no other pose explained the scans as well, or whose pose followed from later ones."""
     kidnapped: tuple[int, ...]
     """Scans at which the robot was not where it was believed."""
+
+    @property
+    def deviation_m(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of each place [m]."""
+        return np.sqrt(self.covariance[:, 0, 0] + self.covariance[:, 1, 1])
 
 
 def locate_log(

@@ -47,12 +47,12 @@ class Sensor(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """What belongs to the robot."""
+    """Extent of the robot: its bodies, and the rectangle around them."""
 
     bodies: set[int]
     low: Float[np.ndarray, "2"]
     high: Float[np.ndarray, "2"]
-    """Corners of the rectangle around it [m]."""
+    """Corners of the rectangle [m]."""
 
 
 def find_camera(

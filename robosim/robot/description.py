@@ -51,7 +51,7 @@ class Description(NamedTuple):
     """Geoms that collide are in group `COLLIDING`, with neither contype nor conaffinity."""
     sensors: list[SensorTag]
     notes: list[str]
-    """What was assumed, or is not as it should be."""
+    """Assumptions, and faults of the file that do not prevent reading."""
 
 
 def load_description(path: Path) -> Description:
@@ -94,7 +94,7 @@ def load_description(path: Path) -> Description:
 
 
 def balance_inertias(spec: mujoco.MjSpec) -> None:
-    """Let inertias that violate A + B >= C, of which many descriptions have some, become the mean of the three."""
+    """Replace principal moments of inertia that violate A + B >= C by their mean, as many descriptions need."""
     spec.compiler.balanceinertia = True
 
 

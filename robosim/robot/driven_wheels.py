@@ -121,7 +121,7 @@ def _upright_hinges(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
 
 
 def _steering(model: mujoco.MjModel, data: mujoco.MjData, wheels: list[Wheel]) -> dict[str, tuple[str, bool]]:
-    """Of wheels that turn around z, but not all together: by what hinge, and whether they are casters."""
+    """Find the hinges around z that turn single wheels, by wheel, and whether they make it a caster."""
     steering = {}
     for k in _upright_hinges(model, data):
         below = [wheel for wheel in wheels if _is_below(model, _body(model, wheel), int(model.jnt_bodyid[k]))]

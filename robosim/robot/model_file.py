@@ -58,7 +58,7 @@ class Model(NamedTuple):
     """Around the middle of the axle."""
     height_m: float
     masses_kg: dict[str, float]
-    """Of each link that has some."""
+    """Masses by link, of links that have one [kg]."""
     mass_kg: float
     """Of all but the driven wheels."""
     com_m: float
@@ -69,12 +69,12 @@ class Model(NamedTuple):
     lidar: Sensor | None
     """Sensors, with places from the middle of the axle on the floor [m]."""
     notes: tuple[str, ...]
-    """What was assumed."""
+    """Assumptions, each with its option."""
     root: str
     """The body that the others hang on."""
 
     def report(self) -> dict[str, Any]:
-        """What is read, with what is assumed."""
+        """Report what is read and assumed, as plain values."""
         sides = zip(("left", "right"), self.wheels, strict=True)
         sensors = {"camera": self.camera, "lidar": self.lidar}
         return {
@@ -131,7 +131,7 @@ def robot_of(path: Path, model: Model) -> RobotConfig:
 
 
 def unstated(model: Model) -> list[str]:
-    """What a description does not state, with the value that is taken and its option."""
+    """List the values that a description does not state, each with the default and its option."""
     missing = [f"speeds ({RobotConfig.max_speed_mps:g} m/s, --robot.max-speed-mps)"]
     if model.camera is None and model.lidar is None:
         missing.append(f"sensors (a camera at {RobotConfig.mast_m:g} m, --image.height-m)")

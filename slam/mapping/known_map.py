@@ -148,14 +148,13 @@ class KnownMap:
         scan = replace(scan, sigma_m=np.broadcast_to(sigma_m, len(scan.points)))
         ends = scan.every()
 
-        def rating(match: Match) -> float:
-            agreement, contradiction = self.agreement(match.pose, ends)
+        def rating(fit: tuple[Match, float, float]) -> float:
+            match, agreement, contradiction = fit
             away = difference(match.pose, predicted, 1.0)
             return agreement - contradiction - _OF_PRIOR * float(away @ np.linalg.solve(covariance, away))
 
         fits = matches(self.levels, scan, predicted, covariance, config, most_paired)
-        best = fits[0] if len(fits) == 1 else max(fits, key=rating)
-        return best, *self.agreement(best.pose, ends)
+        return max(((match, *self.agreement(match.pose, ends)) for match in fits), key=rating)
 
     def cells_at(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray]:
         """Return whether points (x, y) [m] lie in occupied cells, and in free ones; neither outside."""

@@ -41,8 +41,7 @@ def main(logs: Positional[tuple[Path, ...]], *, options: OmitArgPrefixes[Options
         plan = make_log_plan(first, whole.poses[:n], config.resolution_m, config.range_m)
         located = locate_log(second, known_map_of(plan), config)
         true = whole.poses[n:]
-        deviation_m = np.sqrt(located.covariance[:, 0, 0] + located.covariance[:, 1, 1])
-        is_compared = located.is_located & (deviation_m < KNOWN_M)
+        is_compared = located.is_located & (located.deviation_m < KNOWN_M)
         off_m = np.hypot(*(located.poses - true)[is_compared, :2].T)
         off_deg = np.abs(np.degrees(wrap(located.poses[:, 2] - true[:, 2])))[is_compared]
         for name, value, unit, digits in (
