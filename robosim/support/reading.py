@@ -113,9 +113,10 @@ def shown(path: str | Path) -> str:
 def one_line(text: str, max_letters: int | None = _REASON) -> str:
     """A text in one line of printable letters, cut short if it has too many of them."""
     line = " ".join(text.split()) if max_letters is not None else text
-    line = "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in line
-    )
+    if not line.isprintable():
+        line = "".join(
+            c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in line
+        )
     return line if max_letters is None or len(line) <= max_letters else f"{line[:max_letters]}..."
 
 
@@ -183,7 +184,8 @@ def is_ours(error: BaseException) -> bool:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Suppress warnings of libraries about a file that we check ourselves."""
-    loggers = [logging.getLogger(name) for name in _TALKATIVE]
+    # None where this is nested: setting a level is slow.
+    loggers = [logger for logger in map(logging.getLogger, _TALKATIVE) if logger.level <= logging.CRITICAL]
     levels = [logger.level for logger in loggers]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

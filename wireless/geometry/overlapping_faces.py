@@ -9,14 +9,14 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
-from wireless.geometry.array_types import Point, Triangles
+from wireless.geometry.array_types import Triangles
 
 
-def axes_in(normal: Point) -> Float[np.ndarray, "2 3"]:
-    """Two unit vectors at right angles to each other and to a unit normal."""
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    across = across / np.linalg.norm(across)
-    return np.array([across, np.cross(normal, across)])
+def axes_in(normal: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2 3"]:
+    """Two unit vectors at right angles to each other and to each unit normal."""
+    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=-1)])
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.stack([across, np.cross(normal, across)], axis=-2)
 
 
 def without_overlaps(

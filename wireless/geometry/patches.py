@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
-from wireless.geometry.array_types import Point, Points, Polygon
-from wireless.geometry.facets import Surfaces
+from wireless.geometry.array_types import Points
+from wireless.geometry.facets import Surfaces, counted
 from wireless.geometry.overlapping_faces import axes_in
 from wireless.geometry.tolerance import NEAR_M
 
@@ -23,6 +23,8 @@ PATCH_CORNERS = 8
 _CRACK_M = 1e-12
 #: Corners nearer to the line between their neighbours are none [m].
 _STRAIGHT_M = 1e-10
+#: Facets of more triangles than this are joined one by one.
+_LARGE = 64
 
 
 class Patches(NamedTuple):
@@ -48,47 +50,101 @@ class Patches(NamedTuple):
 
 def find_patches(surfaces: Surfaces) -> Patches:
     """Patches and walls of all facets."""
-    windows: list[np.ndarray] = []
-    members: list[np.ndarray] = []
-    facets: list[int] = []
-    walls: list[np.ndarray] = []
-    wall_of = np.empty(len(surfaces.triangle), np.int64)
     crack_m = surfaces.near_m - NEAR_M if surfaces.near_m > 2 * NEAR_M else 0.0
-    for facet, (first, last) in enumerate(
-        zip(surfaces.facet_start[:-1], surfaces.facet_start[1:], strict=True)
-    ):
-        group = surfaces.triangle[first:last]
-        alone = [(group[0], np.zeros(1, int), True)]
-        plane = surfaces.facet_point[facet], surfaces.facet_normal[facet]
-        parts = alone if len(group) == 1 else _parts(group, *plane, crack_m)
-        for window, which, filled in parts:
-            windows.append(window)
-            members.append(first + which)
-            facets.append(facet)
-            wall_of[first + which] = len(walls) + (0 if filled else np.arange(len(which)))
-            walls += [window] if filled else list(group[which])
-    window, corners = _padded(windows)
+    axes = axes_in(surfaces.facet_normal)
+    whole, facet, patch_of = _pieces(surfaces, axes, crack_m)
+    hull = shapely.convex_hull(whole)
+    outline = shapely.simplify(hull, max(_STRAIGHT_M, crack_m / 2))
+    missing_m2 = shapely.area(hull) - shapely.area(whole)
+    filled = missing_m2 <= max(_CRACK_M, crack_m) * shapely.length(hull)
     if crack_m:
-        window = _wider(window, corners, surfaces.facet_normal[facets], 2 * crack_m)
-    wall, wall_corners = _padded(walls)
+        missing = shapely.difference(hull[filled], whole[filled])
+        filled[filled] = shapely.is_empty(shapely.buffer(missing, -crack_m / 2))
+    corners = shapely.get_num_coordinates(outline) - 1
+    irregular = (corners < 3) | (corners > PATCH_CORNERS)
+    outline[irregular], filled[irregular] = shapely.oriented_envelope(hull[irregular]), False
+    order = np.argsort(patch_of, kind="stable")
+    start = np.searchsorted(patch_of[order], np.arange(len(whole) + 1))
+    flat, patch = shapely.get_coordinates(outline, return_index=True)
+    window, corners = _padded(
+        surfaces.facet_point[facet[patch]] + np.einsum("na,nai->ni", flat, axes[facet[patch]]), patch
+    )
+    # A triangle alone is its own window.
+    alone = np.diff(surfaces.facet_start)[facet] == 1
+    window[alone], corners[alone], filled[alone] = 0.0, 3, True
+    window[alone, :3] = surfaces.triangle[order[start[:-1][alone]]]
+    walls = np.where(filled, 1, np.diff(start))
+    first_wall = np.cumsum(walls) - walls
+    single = ~filled[patch_of]
+    wall_of = first_wall[patch_of]
+    wall_of[order] += single[order] * counted(np.diff(start))
+    wall, wall_corners = np.zeros((walls.sum(), PATCH_CORNERS, 3)), np.full(walls.sum(), 3)
+    wall[first_wall[filled]], wall_corners[first_wall[filled]] = window[filled], corners[filled]
+    wall[wall_of[single], :3] = surfaces.triangle[single]
+    if crack_m:
+        window = _wider(window, corners, surfaces.facet_normal[facet], 2 * crack_m)
     return Patches(
-        facet=np.array(facets, np.int64),
+        facet=facet,
         window=window,
         corners=corners,
-        start=np.append(0, np.cumsum([len(m) for m in members])).astype(np.int64),
-        triangle=np.concatenate(members).astype(np.int64),
+        start=start,
+        triangle=order,
         wall=wall,
         wall_corners=wall_corners,
         wall_of=wall_of,
     )
 
 
-def _padded(polygons: list[np.ndarray]) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
-    """Corners of polygons, filled up with zeros, and their numbers."""
-    corner = np.zeros((len(polygons), PATCH_CORNERS, 3))
-    for i, polygon in enumerate(polygons):
-        corner[i, : len(polygon)] = polygon
-    return corner, np.array([len(p) for p in polygons], np.int64)
+def _pieces(
+    surfaces: Surfaces, axes: Float[np.ndarray, "f 2 3"], crack_m: float
+) -> tuple[np.ndarray, Int[np.ndarray, " p"], Int[np.ndarray, " t"]]:
+    """Outlines of the triangles of each facet that hang together, their facets, and the piece of each triangle."""
+    facet = surfaces.triangle_facet
+    flat = shapely.polygons(
+        np.einsum("tki,tai->tka", surfaces.triangle - surfaces.facet_point[facet][:, None], axes[facet])
+    )
+    joined = np.empty(len(axes), object)
+    large = np.diff(surfaces.facet_start) > _LARGE
+    for f in np.flatnonzero(large):
+        joined[f] = _union(flat[slice(*surfaces.facet_start[f : f + 2])])
+    few = ~large[facet]
+    if few.any():
+        group = shapely.multipolygons(flat[few], indices=np.cumsum(~large)[facet[few]] - 1)
+        joined[~large] = shapely.union_all(group[:, None], axis=1)
+    if crack_m:
+        joined = shapely.buffer(joined, crack_m / 2, join_style="mitre")
+    whole, facet_of = shapely.get_parts(joined, return_index=True)
+    piece = np.searchsorted(facet_of, facet)
+    centre = shapely.centroid(flat)
+    first = np.searchsorted(facet_of, np.arange(len(axes) + 1))
+    for f in np.flatnonzero(np.diff(first) > 1):
+        inside = slice(*surfaces.facet_start[f : f + 2])
+        piece[inside] += shapely.STRtree(whole[first[f] : first[f + 1]]).nearest(centre[inside])
+    used, piece = np.unique(piece, return_inverse=True)
+    return whole[used], facet_of[used], piece
+
+
+def _union(flat: np.ndarray) -> shapely.Geometry:
+    """Union of many triangles in one plane."""
+    # Triangles side by side cancel their common sides, which is faster by far; others make no valid shape of that area.
+    try:
+        joined = shapely.coverage_union_all(flat)
+        is_exact = np.isclose(joined.area, shapely.area(flat).sum(), rtol=1e-9) and joined.is_valid
+    except shapely.GEOSException:
+        is_exact = False
+    return joined if is_exact else shapely.union_all(flat)
+
+
+def _padded(
+    corner: Float[np.ndarray, "c 3"], polygon: Int[np.ndarray, " c"]
+) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
+    """Corners of closed rings by polygon, filled up with zeros, and their numbers."""
+    corners = np.bincount(polygon) - 1
+    padded = np.zeros((len(corners), PATCH_CORNERS, 3))
+    place = counted(corners + 1)
+    inner = place < corners[polygon]
+    padded[polygon[inner], place[inner]] = corner[inner]
+    return padded, corners
 
 
 def _wider(
@@ -103,27 +159,3 @@ def _wider(
     turn = np.sign(np.einsum("nki,nki->nk", np.cross(before, out), normal[:, None]).sum(axis=1))
     step = (before + out) / np.maximum(1 + np.einsum("nki,nki->nk", before, out), 0.01)[..., None]
     return np.where((k < corners[:, None])[..., None], window + by_m * turn[:, None, None] * step, 0.0)
-
-
-def _parts(
-    triangle: Float[np.ndarray, "n 3 3"], base: Point, normal: Point, crack_m: float
-) -> list[tuple[Polygon, Int[np.ndarray, " m"], bool]]:
-    """Window and triangles of each part of triangles in one plane, and whether they fill the window."""
-    axes = axes_in(normal)
-    flat = shapely.polygons((triangle - base) @ axes.T)
-    if crack_m:
-        flat = shapely.buffer(flat, crack_m / 2, join_style="mitre")
-    parts = shapely.get_parts(shapely.union_all(flat))
-    component = shapely.STRtree(parts).nearest(shapely.centroid(flat))
-    components: list[tuple[np.ndarray, np.ndarray, bool]] = []
-    for i, whole in enumerate(parts):
-        which, hull = np.flatnonzero(component == i), whole.convex_hull
-        if not len(which):
-            continue
-        outline = hull.simplify(max(_STRAIGHT_M, crack_m / 2))
-        filled = hull.area - whole.area <= max(_CRACK_M, crack_m) * hull.length
-        filled &= not crack_m or hull.difference(whole).buffer(-crack_m / 2).is_empty
-        if not 3 <= len(outline.exterior.coords) - 1 <= PATCH_CORNERS:
-            outline, filled = hull.oriented_envelope, False
-        components.append((base + shapely.get_coordinates(outline)[:-1] @ axes, which, bool(filled)))
-    return components

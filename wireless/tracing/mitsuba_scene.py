@@ -20,6 +20,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
+from trimesh.exchange.ply import load_ply
+from trimesh.util import append_faces
 
 from robosim.support.reading import FileError, reading
 from wireless.em.materials import MATERIALS, Layer, Material
@@ -104,9 +106,9 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
             raise ValueError("there is no shape in it")
         if unknown := sorted(set(replacements) - set(names)):
             raise ValueError(f"there is no material {unknown[0]!r} in it, expected one of {', '.join(names)}")
-        whole = trimesh.util.concatenate(meshes)
-        assert isinstance(whole, trimesh.Trimesh)
-        mesh = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
+        mesh = trimesh.Trimesh(
+            *append_faces([each.vertices for each in meshes], [each.faces for each in meshes]), process=False
+        )
         check_mesh(mesh, 0.0)
         notes: list[str] = []
         made = [
@@ -181,7 +183,11 @@ def _loaded(content: bytes, kind: str) -> trimesh.Trimesh:
         lines = sum(bool(line.strip()) for line in data.splitlines())
         if b"format ascii" in header and lines < sum(counts.values()):
             raise ValueError(f"it announces {sum(counts.values())} vertices and faces, but has {lines} lines")
-    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
+        # Without the colours, which `trimesh.load_mesh` copies several times.
+        arrays = load_ply(io.BytesIO(content))
+        mesh = trimesh.Trimesh(arrays.get("vertices"), arrays.get("faces"), process=False)
+    else:
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise ValueError("it has no faces, expected triangles")
     if kind == "ply" and len(mesh.faces) < counts.get(b"face", 0):
