@@ -23,11 +23,7 @@ def restore_network(network: torch.nn.Module, state: Mapping[str, Any]) -> None:
 
 
 def check_weights(state: Mapping[str, Any]) -> None:
-    """Check that tensors hold plausible weights.
-
-    Raises:
-        ValueError: If one does not.
-    """
+    """Check that tensors hold plausible weights; ValueError if one does not."""
     for name, value in state.items():
         if not (isinstance(value, torch.Tensor) and bool((value.abs() <= _LARGEST).all())):
             raise ValueError(f"{name} has values that are no weights")

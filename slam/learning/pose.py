@@ -118,14 +118,7 @@ class Pairs:
 def train_pose(
     pairs: Pairs, recipe: PoseRecipe, on_step: Callable[[int], None] = lambda step: None
 ) -> tuple[PoseModule, list[dict[str, float]]]:
-    """Train a network.
-
-    Returns:
-        The network, ready for use, and the mean loss of every hundred steps.
-
-    Raises:
-        ValueError: If there are no pairs.
-    """
+    """Train a network on one pair or more; returns it, ready for use, and the mean loss of every hundred steps."""
     if not len(pairs):
         raise ValueError("There are no pairs to learn from, expected some.")
     torch.manual_seed(recipe.seed)
