@@ -16,7 +16,7 @@ from torch import Tensor
 from robosim.support.files import write_json, write_whole
 from robosim.support.reading import reading
 from robosim.support.restoring import check_weights
-from slam.support.weights import Weights
+from robosim.support.weights import Weights
 
 
 def as_tensors(weights: Weights) -> dict[str, Tensor]:
@@ -41,11 +41,6 @@ def restore_weights(weights: Mapping[str, Tensor], stored: Mapping[str, Tensor])
     with torch.no_grad():
         for name, value in weights.items():
             value.copy_(stored[name])
-
-
-def count_parameters(weights: Weights) -> int:
-    """Number of all weights."""
-    return sum(int(np.size(value)) for value in weights.values())
 
 
 def write_policy(out: Path, name: str, weights: Weights, card: dict[str, Any]) -> None:

@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from robosim.support.weights import Weights
 from slam.networks.map_network import OBSTACLE, SEEN, MapNetwork, NetworkConfig
-from slam.networks.weights import Weights
 
 
 class MapModule(nn.Module):

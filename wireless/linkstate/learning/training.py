@@ -43,7 +43,7 @@ class Store(Protocol):
 class Recipe:
     """How a network is trained."""
 
-    model: Literal["ours", "reference", "huang"] = "ours"
+    model: Literal["ours", "reference"] = "ours"
     """Kind of network."""
     inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
     """Columns of tokens that it uses."""
@@ -82,7 +82,7 @@ class Recipe:
         return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
 
 
-def default_recipe(model: Literal["ours", "reference", "huang"]) -> Recipe:
+def default_recipe(model: Literal["ours", "reference"]) -> Recipe:
     """Default training of each kind of network.
 
     The published network had 300 epochs of Adam at a steady 0.001; a third of them, slowing down, end no worse.
@@ -162,7 +162,12 @@ class _Run:
             step = number * self.steps + i
             for group in self.optimiser.param_groups:
                 group["lr"] = self.recipe.learning_rate * _rate(step / (self.recipe.epochs * self.steps))
-            loss = self._loss(self._disturbed(self.x[rows]), self.y[rows])
+            logits = self.network(self._disturbed(self.x[rows]))[:, self.states]
+            loss = nn.functional.cross_entropy(
+                logits,
+                torch.searchsorted(self.states, self.y[rows]),
+                label_smoothing=self.recipe.label_smoothing,
+            )
             self.optimiser.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(self.network.parameters(), _CLIP)
@@ -172,13 +177,6 @@ class _Run:
         accuracy, watched_loss = self._score(*watch) if watch and len(watch[1]) else (None, None)
         self.epochs.append(
             Epoch(epoch=number + 1, loss=total / len(self.x), accuracy=accuracy, watched_loss=watched_loss)
-        )
-
-    def _loss(self, tokens: Tensor, state: Tensor) -> Tensor:
-        """Over the states that there are: the others' logits are never used."""
-        logits = self.network(tokens)[:, self.states]
-        return nn.functional.cross_entropy(
-            logits, torch.searchsorted(self.states, state), label_smoothing=self.recipe.label_smoothing
         )
 
     def _disturbed(self, tokens: Tensor) -> Tensor:
