@@ -1,7 +1,7 @@
 """Restore a network and its optimiser from a stored state, with checks that training can continue from it."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 
@@ -9,6 +9,17 @@ import torch
 _LARGEST = 1e6
 #: No training has so many steps, nor so large gradients.
 _MOST_STEPS = 1e9
+
+
+@runtime_checkable
+class Store(Protocol):
+    """Storage of the state of a training."""
+
+    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
+        """Put the state back that was saved last, if there is one."""
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Store a state."""
 
 
 def restore_network(network: torch.nn.Module, state: Mapping[str, Any]) -> None:

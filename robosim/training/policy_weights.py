@@ -78,8 +78,6 @@ class Checkpoint:
 
     def save(self, state: dict[str, Any]) -> None:
         """Store a state: tensors, numbers, texts, and lists and dictionaries of these."""
-        import torch
-
         buffer = io.BytesIO()
         torch.save(state, buffer)
         write_whole(self.path, buffer.getvalue())
@@ -87,8 +85,6 @@ class Checkpoint:
 
 def _whole(file: BinaryIO) -> dict[str, Any]:
     """Content of a file of `torch.save`, with checked sums; no code in it is run."""
-    import torch
-
     with zipfile.ZipFile(file) as archive:
         if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
             raise ValueError("it is not packed by PyTorch")

@@ -5,7 +5,6 @@ Both networks have weights of the same names and shapes, and a test compares the
 
 import itertools
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -26,13 +25,6 @@ class MapModule(nn.Module):
         self.narrow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairs)
         self.up = nn.ModuleList(_layer(a, a) for a, _ in pairs)
         self.last = nn.Conv2d(widths[0], 2, 1)
-
-    @classmethod
-    def of(cls, network: MapNetwork) -> "MapModule":
-        """A network in use, to be looked at or trained on."""
-        module = cls(network.config)
-        module.load_state_dict({name: torch.tensor(array) for name, array in network.weights.items()})
-        return module.eval()
 
     def network(self) -> MapNetwork:
         """The network with the weights as they are, for use."""

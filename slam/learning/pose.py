@@ -50,13 +50,6 @@ class PoseModule(nn.Module):
             nn.Linear(config.flat, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, N_OUTPUTS)
         )
 
-    @classmethod
-    def of(cls, network: PoseNetwork) -> "PoseModule":
-        """A network in use, to be looked at or trained on."""
-        module = cls(network.config)
-        module.load_state_dict({name: torch.tensor(array) for name, array in network.weights.items()})
-        return module.eval()
-
     def network(self) -> PoseNetwork:
         """The network with the weights as they are, for use."""
         return PoseNetwork(arrays_of(self), self.config)

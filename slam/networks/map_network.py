@@ -26,8 +26,6 @@ from slam.sensing.projection import Scan
 
 #: Index of each logit.
 OBSTACLE, SEEN = 0, 1
-#: Scales that a patch of 64 cells can have, and channels of one.
-MOST_SCALES, WIDEST = 7, 512
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,6 @@ SIDE = 64
 UNIT = (0.05, 0.05, 0.04)
 #: Standard deviation of predicted poses in training, the prior in the answers: x, y [m], yaw [rad].
 SPREAD = UNIT
-#: Channels of a scale, and weights of the layer that sees the whole patch.
-WIDEST, MOST_WEIGHTS = 512, 20_000_000
 #: Number of outputs (offset, logarithms of the root's diagonal, entries below it), and bound of the logarithms.
 N_OUTPUTS, LIMIT = 9, 4.0
 

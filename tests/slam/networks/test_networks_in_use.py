@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from torch_modules import module_of
 
 from robosim.support.installation import shipped_network
 from slam.learning.map_module import MapModule, arrays_of
@@ -22,7 +23,7 @@ def test_the_shipped_mapper_says_what_pytorch_says():
     network, _ = load_mapper(shipped_network("mapper"))
     patches = shown(3, N_CHANNELS)
     with torch.inference_mode():
-        expected = MapModule.of(network)(torch.from_numpy(patches)).numpy()
+        expected = module_of(network)(torch.from_numpy(patches)).numpy()
     assert np.ptp(expected) > 10
     np.testing.assert_allclose(network(patches), expected, atol=5e-5)
 
@@ -32,7 +33,7 @@ def test_the_shipped_pose_says_what_pytorch_says():
     network, _ = load_pose(shipped_network("pose"))
     patches = shown(3, INPUTS)
     with torch.inference_mode():
-        expected = PoseModule.of(network)(torch.from_numpy(patches))
+        expected = module_of(network)(torch.from_numpy(patches))
     for found, wanted in zip(network(patches), expected, strict=True):
         np.testing.assert_allclose(found, wanted.numpy(), atol=1e-5)
 

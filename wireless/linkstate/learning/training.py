@@ -9,7 +9,7 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
@@ -17,7 +17,7 @@ from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
 from robosim.support.checks import Range, checked
-from robosim.support.restoring import restore_network, restore_optimiser
+from robosim.support.restoring import Store, restore_network, restore_optimiser
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
 from wireless.linkstate.learning.networks import NETWORKS, one_thread
@@ -25,17 +25,6 @@ from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, is_path
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
-
-
-@runtime_checkable
-class Store(Protocol):
-    """Storage of the state of a training."""
-
-    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
-        """Put the state back that was saved last, if there is one."""
-
-    def save(self, state: dict[str, Any]) -> None:
-        """Store a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
