@@ -23,8 +23,8 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
-from robosim.support.restoring import check_weights, restore_optimiser
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import check_weights, restore_optimiser
 from robosim.support.weights import Weights, trained_numbers
 from robosim.support.workers import Workers
 from robosim.training.grid_walk import GridAgent, GridWorld

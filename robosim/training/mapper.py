@@ -21,11 +21,11 @@ from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import torch_threads
 from robosim.training.policy_weights import Checkpoint, median_call_ms
 from robosim.training.training_plots import plot_mapper
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
 from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose
-from slam.learning.threads import torch_threads
 from slam.networks.features import Features
 from slam.networks.files import files_of
 from slam.networks.pose_network import INPUTS, SIDE

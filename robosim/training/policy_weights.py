@@ -15,7 +15,7 @@ from torch import Tensor
 
 from robosim.support.files import write_json, write_whole
 from robosim.support.reading import reading
-from robosim.support.restoring import check_weights
+from robosim.support.torch_training import check_weights
 from robosim.support.weights import Weights
 
 

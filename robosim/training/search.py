@@ -34,8 +34,8 @@ from robosim.policies.search_network import (
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
-from robosim.support.restoring import restore_optimiser
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import restore_optimiser, torch_threads
 from robosim.support.weights import trained_numbers
 from robosim.training.policy_weights import (
     Checkpoint,
@@ -46,7 +46,6 @@ from robosim.training.policy_weights import (
 from robosim.training.search_learning import learn
 from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
 from slam.learning.ppo import PpoConfig
-from slam.learning.threads import torch_threads
 
 #: Numbers of the first homes for the choice of weights and for the comparison; training homes begin at the seed.
 _CHOICE, _TEST = 10_000_000, 20_000_000

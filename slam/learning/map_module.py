@@ -8,7 +8,7 @@ import itertools
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from robosim.support.weights import Weights
+from robosim.support.torch_training import weights_of
 from slam.networks.map_network import OBSTACLE, SEEN, MapNetwork, NetworkConfig
 
 
@@ -28,7 +28,7 @@ class MapModule(nn.Module):
 
     def network(self) -> MapNetwork:
         """The network with the weights as they are, for use."""
-        return MapNetwork(arrays_of(self), self.config)
+        return MapNetwork(weights_of(self), self.config)
 
     def forward(self, features: Float[Tensor, "b c h w"]) -> Float[Tensor, "b 2 h w"]:
         """Logits; height and width must be multiples of the coarsest cell."""
@@ -56,8 +56,3 @@ def loss(
     """Mean cross-entropy of both probabilities, a proper score: its least value is that of calibrated ones."""
     entropy = nn.functional.binary_cross_entropy_with_logits
     return entropy(logits[:, OBSTACLE], obstacle) + 0.3 * entropy(logits[:, SEEN], seen)
-
-
-def arrays_of(module: nn.Module) -> Weights:
-    """Weights of a module as arrays, copied, by their names."""
-    return {name: value.detach().contiguous().numpy().copy() for name, value in module.state_dict().items()}

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
 from robosim.support.checks import Range, checked
-from robosim.support.restoring import Store, check_weights, restore_network, restore_optimiser
+from robosim.support.torch_training import Store, check_weights, restore_network, restore_optimiser
 from slam.learning.map_module import MapModule, loss
 from slam.networks.features import BELIEF, PLACE_LEFT
 from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig

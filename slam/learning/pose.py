@@ -20,7 +20,7 @@ from jaxtyping import Float, Int8
 from torch import Tensor, nn
 
 from robosim.support.checks import Range, checked
-from slam.learning.map_module import arrays_of
+from robosim.support.torch_training import weights_of
 from slam.networks.pose_network import (
     INPUTS,
     LIMIT,
@@ -52,7 +52,7 @@ class PoseModule(nn.Module):
 
     def network(self) -> PoseNetwork:
         """The network with the weights as they are, for use."""
-        return PoseNetwork(arrays_of(self), self.config)
+        return PoseNetwork(weights_of(self), self.config)
 
     def forward(
         self, patches: Float[Tensor, "b 5 64 64"]

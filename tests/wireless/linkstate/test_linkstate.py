@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from robosim.support.torch_training import weights_of
 from wireless.linkstate import LinkStateClassifier, load_classifier, make_tokens
-from wireless.linkstate.learning.networks import NETWORKS, weights_of
+from wireless.linkstate.learning.networks import NETWORKS
 from wireless.linkstate.tokens import AOA, AOD, DELAY, SNR
 
 FULL = ("aoa", "aod", "snr", "peak", "delay")

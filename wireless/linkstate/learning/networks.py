@@ -11,15 +11,14 @@ of the four states.
 Reference: Yin et al., arXiv 2110.14789.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from wireless.linkstate.features import feature_counts, path_and_pair_features, scaled_estimates
-from wireless.linkstate.forward import N_STATES, Weights
+from wireless.linkstate.forward import N_STATES
 from wireless.linkstate.tokens import N_PATHS
 
 
@@ -93,22 +92,6 @@ class ReferenceNetwork(nn.Module):
     def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
         """Logits of the states."""
         return self.layers(torch.from_numpy(scaled_estimates(tokens.numpy(), self.inputs)))
-
-
-def weights_of(network: nn.Module) -> Weights:
-    """Weights of a network as arrays, copied, by their names."""
-    return {name: value.detach().contiguous().numpy().copy() for name, value in network.state_dict().items()}
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Train in one thread: sums split over threads add up in another order, and weights would differ."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 #: Networks by name.

@@ -17,10 +17,10 @@ from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
 from robosim.support.checks import Range, checked
-from robosim.support.restoring import Store, restore_network, restore_optimiser
+from robosim.support.torch_training import Store, restore_network, restore_optimiser, torch_threads
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
-from wireless.linkstate.learning.networks import NETWORKS, one_thread
+from wireless.linkstate.learning.networks import NETWORKS
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, is_path
 
 #: Gradients longer than this are shortened to it.
@@ -112,7 +112,7 @@ def train(
             f"none of {len(tokens)} links has an estimated path: there is nothing to learn from."
         )
     x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
-    with one_thread(), torch.random.fork_rng(devices=[]):
+    with torch_threads(), torch.random.fork_rng(devices=[]):
         run = _Run(x, y, recipe)
         if checkpoint:
             checkpoint.restore(run.restore)
