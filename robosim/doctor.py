@@ -71,8 +71,9 @@ class Finding:
 def examine() -> list[Finding]:
     """Run all checks; none of them raises."""
     systems = {system: _system(system) for system in SYSTEM_NAMES}
+    fits = (3, 11) <= sys.version_info[:2] < (3, 15)
     return [
-        _python(),
+        Finding("python", fits, platform.python_version(), "" if fits else "use Python 3.11 to 3.14"),
         _check("compiled loops", "numba", _compiled_loops, needed=False),
         _check("fast marching", "numba", _fast_marching),
         _check("mujoco", "mujoco", _mujoco),
@@ -123,11 +124,6 @@ def _check(
         trouble = error.trouble if isinstance(error, OpenGLError) else said[0]
         return Finding(component, False, trouble, remedy(error, module), needed)
     return outcome if isinstance(outcome, Finding) else Finding(component, True, outcome, needed=needed)
-
-
-def _python() -> Finding:
-    fits = (3, 11) <= sys.version_info[:2] < (3, 15)
-    return Finding("python", fits, platform.python_version(), "" if fits else "use Python 3.11 to 3.14")
 
 
 def _system(system: GLSystem) -> Finding:

@@ -30,12 +30,7 @@ class Judge:
         self._coverage = Coverage(robot.building.plan, floor, np.radians(image.hfov_deg), image.ahead_m)
 
     def observe(self, truth: Truth, estimate: Float[np.ndarray, "3"]) -> Truth:
-        """Log a step, and set `log.ended` if the episode ends with it; return the truth with the coverage so far.
-
-        Args:
-            truth: Ground truth after the last action.
-            estimate: Estimated pose x [m], y [m], yaw [rad].
-        """
+        """Log a step; set `log.ended` if the episode ends with it. Returns the truth with the coverage so far."""
         log, coverage = self.log, self._coverage
         coverage.update(truth.pose, self._robot.true_depth, self._robot.true_laser)
         log.add_pose(truth.motion, truth.pose, estimate, coverage.fraction)

@@ -32,10 +32,10 @@ from wireless.em.materials import MATERIALS, WALLS
 GOAL = Kind(
     "goal policy",
     {
-        "oracle": "robosim.policies.goals:oracle",
-        "shortest": "robosim.policies.shortest:shortest",
-        "explore": "robosim.policies.goals:explore",
-        "visual": "robosim.policies.goals:visual",
+        "oracle": "robosim.policies.goals:Oracle",
+        "shortest": "robosim.policies.shortest:Shortest",
+        "explore": "robosim.policies.goals:Explore",
+        "visual": "robosim.policies.goals:Visual",
         "snr": "robosim.policies.goals:snr",
         "los": "robosim.policies.goals:los",
         "los-or-first": "robosim.policies.goals:los_or_first",

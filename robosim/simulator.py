@@ -175,7 +175,11 @@ class Simulator:
         if self.movers is not None:
             self.movers.reset(task.start, named_generator(self._radio_rng, "movers"))
         if self._camera is None or self._target != tuple(task.target):
-            self._place_target(task.target)
+            self.close()
+            with self.watch.stage("scene"):
+                meshes = [self._shaded, target_mesh(task.target, ceiling_m=self.building.height_m)]
+                self._camera = make_camera(meshes, self.config.image, backend=self.config.renderer)
+            self._target = tuple(task.target)
         if self.radio is not None:
             self.radio.place(task.target)
             self.anchors = {anchor.name: self.radio.clone() for anchor in task.anchors}
@@ -280,10 +284,3 @@ class Simulator:
     def _moving(self) -> list[Float[np.ndarray, "m 3 3"]]:
         """The lidar's argument of what moves: none without movers."""
         return [] if self.movers is None else [self.movers.surfaces()[0]]
-
-    def _place_target(self, target: np.ndarray) -> None:
-        self.close()
-        with self.watch.stage("scene"):
-            meshes = [self._shaded, target_mesh(target, ceiling_m=self.building.height_m)]
-            self._camera = make_camera(meshes, self.config.image, backend=self.config.renderer)
-        self._target = tuple(target)

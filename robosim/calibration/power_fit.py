@@ -271,11 +271,16 @@ def fit_powers(
     deviation = np.sqrt(np.diag(covariance))
     deviation[:2] *= np.exp(x[:2])
     values = np.concatenate([np.exp(x[:2]), x[2:]])
+    minima: list[tuple[float, float, float]] = []
+    for trial in tried:
+        permittivity, conductivity_spm = np.exp(trial.x[:2]).tolist()
+        if all(abs(permittivity / other - 1) > _SAME for other, _, _ in minima):
+            minima.append((permittivity, conductivity_spm, float(trial.cost - tried[0].cost)))
     return PowerFit(
         wall=wall_of(x, config.thickness_m),
         parameters=dict(zip(model.names, zip(values.tolist(), deviation.tolist(), strict=True), strict=True)),
         log_covariance=covariance[:2, :2],
-        minima=_minima(tried),
+        minima=minima,
         predicted_dbm=predicted,
         rms_db=_errors(measured, predicted),
         building=scene.building,
@@ -291,16 +296,6 @@ def wall_of(x: Float[np.ndarray, " k"], thickness_m: float) -> Material:
         conductivity_spm=conductivity_spm,
     )
     return Material("fitted_wall", (layer,))
-
-
-def _minima(tried: list[OptimizeResult]) -> list[tuple[float, float, float]]:
-    """See `PowerFit.minima`; solutions are sorted by their cost."""
-    minima: list[tuple[float, float, float]] = []
-    for trial in tried:
-        permittivity, conductivity_spm = np.exp(trial.x[:2]).tolist()
-        if all(abs(permittivity / other - 1) > _SAME for other, _, _ in minima):
-            minima.append((permittivity, conductivity_spm, float(trial.cost - tried[0].cost)))
-    return minima
 
 
 def _traced(measured: MeasuredPowers, plan: FloorPlan, wall: Material, config: PowerFitConfig) -> _Scene:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Float32
+from jaxtyping import Float
 
 from robosim.camera.model import RGBD, Camera, CameraConfig, ClosingCamera
 from robosim.camera.rendering.gl_systems import bind_opengl
@@ -56,7 +56,3 @@ class NoCamera(ClosingCamera):
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """A black picture."""
         return self._frame
-
-    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
-        """No depth."""
-        return self._frame.depth

@@ -82,9 +82,6 @@ class Camera(Protocol):
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """Take a picture from a pose."""
 
-    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
-        """Take the depth of a picture only, which is faster."""
-
     def close(self) -> None:
         """Free what the camera holds; it takes no pictures after that."""
 

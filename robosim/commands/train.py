@@ -16,7 +16,7 @@ def link_state(
     *,
     data: Path,
     test: Path | None = None,
-    model: Literal["ours", "reference", "huang"] = "ours",
+    model: Literal["ours", "reference"] = "ours",
     aod: bool = True,
     peak: bool = True,
     delay: bool = True,
@@ -41,7 +41,7 @@ def link_state(
     Args:
         data: Folder of measurements with a folder for each building, or the output of `robosim dataset`.
         test: Such a folder to score the final classifier on.
-        model: Network: ours, the published one (reference), or hand-made features after Huang et al.
+        model: Network: ours, or the published one (reference).
         aod: Whether angles of departure are used; they need a transmitter whose beams are known.
         peak: Whether heights of peaks are used, where they were measured.
         delay: Whether delays are used, where they were measured; between beams they need a synchronised transmitter.

@@ -36,7 +36,7 @@ from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import TruePatches
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.navigation import make_navigator
-from robosim.policies.goals import Explore
+from robosim.policies.goals import Explore, PolicyContext
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, SimulatorConfig
@@ -151,7 +151,7 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
             if len(rows) == config.steps:
                 break
             navigator = make_navigator(settings)  # explores until everything is seen
-            agent = Agent(navigator, Explore(navigator.explorer), robot)
+            agent = Agent(navigator, Explore(PolicyContext(explorer=navigator.explorer)), robot)
             task = make_task(places, rng, min_path_m=1.0)
             sensed = world.reset({ROBOT: task}, rng)[ROBOT]
             agent.reset(task.start)

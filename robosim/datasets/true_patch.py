@@ -63,11 +63,7 @@ class TruePatches:
         self._section = np.where(free, _FREE, np.where(gap_m <= FACE_M, _FACE, _INSIDE)).astype(np.uint8)
 
     def at(self, pose: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "3 ny nx"]:
-        """The patch at a true pose x [m], y [m], yaw [rad] in `map`.
-
-        Returns:
-            Channels obstacle, seen, matters. Hidden cells matter and are not seen.
-        """
+        """The patch at a true pose: obstacle, seen, and matters, true for hidden cells, which are not seen."""
         place = np.array([pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2]])
         out = np.zeros((3, *AHEAD.shape), np.bool_)
         corner = np.array([*AHEAD.origin_xy, AHEAD.resolution_m])

@@ -42,11 +42,7 @@ class VideoWriter:
         self._stream.codec_context.thread_count = 1
 
     def add(self, frame: UInt8[np.ndarray, "h w 3"]) -> None:
-        """Append an RGB frame.
-
-        Raises:
-            OSError: If it cannot be written.
-        """
+        """Append an RGB frame; OSError if it cannot be written."""
         self._is_empty = False
         # OpenCV converts five times faster than ffmpeg's scaler does.
         planes = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420), np.uint8)

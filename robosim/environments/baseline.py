@@ -29,16 +29,7 @@ class Baseline:
     def __init__(
         self, env: gymnasium.Env[Any, Any], goal: Part = "fused", mapper: Part = "classical"
     ) -> None:
-        """Make an agent.
-
-        Args:
-            env: `TargetSearch`, also wrapped.
-            goal: Goal policy: a name, `module:Name`, or an object.
-            mapper: Mapper.
-
-        Raises:
-            ValueError: If the environment is another, or lacks the radio that the policy needs.
-        """
+        """Make an agent for `TargetSearch`, also wrapped; ValueError if the radio that it needs is missing."""
         environment = env.unwrapped
         if not isinstance(environment, TargetSearch):
             raise ValueError(f"env is {environment}, expected robosim/TargetSearch-v1.")

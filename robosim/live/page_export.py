@@ -48,20 +48,12 @@ _STYLE = (
 
 
 def export(recordings: Sequence[Recording], path: Path) -> None:
-    """Write one or two recordings as a page (.html).
-
-    Raises:
-        ValueError: If viser is not installed.
-    """
+    """Write one or two recordings as a page (.html); ValueError if viser is not installed."""
     write_whole(Path(path), export_page(recordings).encode())
 
 
 def export_page(recordings: Sequence[Recording]) -> str:
-    """Return a page with one or two recordings side by side.
-
-    Raises:
-        ValueError: If viser is not installed.
-    """
+    """Return a page with one or two recordings side by side; ValueError if viser is not installed."""
     # A server of its own, so that the scene of another page stays unchanged.
     server = open_server(HOST, 0, "export")
     try:

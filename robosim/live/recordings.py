@@ -81,11 +81,7 @@ def is_episode(folder: Path) -> bool:
 
 
 def check_results(folder: Path) -> None:
-    """Check that a folder is that of an episode or an evaluation.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """Check that a folder is that of an episode or an evaluation; ValueError if it is not."""
     if not (is_episode(folder) or (Path(folder) / EPISODES).is_dir()):
         raise ValueError(
             f"{folder}: neither an episode ({EPISODE}) nor an evaluation ({EPISODES}/). Give a floor plan, or a "

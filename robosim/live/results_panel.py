@@ -39,7 +39,14 @@ class ResultsPanel:
         self._episodes: dict[str, EvaluatedEpisode] = {}
         recording = read_recording(folder) if is_episode(folder) else None
         if recording is None:
-            self._add_list(server.gui, read_evaluation(folder))
+            episodes = read_evaluation(folder)
+            self._episodes = {_label(episode): episode for episode in episodes}
+            names = tuple(self._episodes)
+            server.gui.add_html(_table(episodes))
+            first = server.gui.add_dropdown(EPISODE, names, initial_value=names[0])
+            other = server.gui.add_dropdown("compared with", (NONE, *names), initial_value=NONE)
+            for control in (first, other):
+                control.on_update(lambda event: self._opener.put((first.value, other.value)))
         self.player = Player(server, ROOT)
         self._opener: LatestWorker[tuple[str, str]] = LatestWorker("results", self._open, self._show_error)
         if recording is not None:
@@ -51,15 +58,6 @@ class ResultsPanel:
         """End everything."""
         close_all([self._opener])
         self.player.close()
-
-    def _add_list(self, gui: "viser.GuiApi", episodes: list[EvaluatedEpisode]) -> None:
-        self._episodes = {_label(episode): episode for episode in episodes}
-        names = tuple(self._episodes)
-        gui.add_html(_table(episodes))
-        first = gui.add_dropdown(EPISODE, names, initial_value=names[0])
-        other = gui.add_dropdown("compared with", (NONE, *names), initial_value=NONE)
-        for control in (first, other):
-            control.on_update(lambda event: self._opener.put((first.value, other.value)))
 
     def _open(self, names: tuple[str, str]) -> None:
         recordings = [self._episodes[name].read() for name in names if name != NONE]

@@ -121,11 +121,7 @@ CHOOSE = f"""<style>tr[{OPTION}] {{cursor: pointer}} tr[{OPTION}]:hover {{backgr
 
 
 def before_client(page: str, *parts: str) -> str:
-    """Viser's client with parts of a page before its own.
-
-    Raises:
-        ValueError: If the page has no head.
-    """
+    """Viser's client with parts of a page before its own; ValueError if the page has no head."""
     start, head, rest = page.partition("<head>")
     if not head:
         raise ValueError("page has no <head>, expected viser's client.")
@@ -159,11 +155,7 @@ HOST, PORT = "127.0.0.1", 8080
 
 
 def viser_module() -> ModuleType:
-    """The module `viser`.
-
-    Raises:
-        ValueError: If it is not installed.
-    """
+    """The module `viser`; ValueError if it is not installed."""
     try:
         import viser
     except ImportError as error:

@@ -49,12 +49,7 @@ class Mover(Protocol):
         """Begin at time 0; all that is random is drawn from a generator."""
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
-        """Poses x [m], y [m], yaw [rad] in `map` at a time, NaN for bodies that are not there.
-
-        Args:
-            time_s: Time since the reset, not before that of the last call [s].
-            robot: Pose of the robot at that time.
-        """
+        """Poses x [m], y [m], yaw [rad] in `map`; NaN for absent bodies. `time_s` since the reset never decreases."""
 
 
 class Group:

@@ -42,13 +42,7 @@ def stride_m(height_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 
 def person_triangles(height_m: float, phase: float, speed_mps: float) -> Float[np.ndarray, "n 3 3"]:
-    """Triangles of a person who stands at the origin and faces +x [m]; the gait in 32 phases and four speeds.
-
-    Args:
-        height_m: Height.
-        phase: Phase of the gait [rad]; 2 pi are two steps.
-        speed_mps: Speed, by which limbs swing.
-    """
+    """Triangles of a person at the origin who faces +x [m]; in 32 phases (2 pi are two steps) and four speeds."""
     step = round(phase / (2 * math.pi) * _PHASES) % _PHASES
     return height_m * _person(step, min(round(4 * speed_mps / _USUAL_MPS), 4))
 

@@ -147,7 +147,13 @@ class Fused:
                 return onward
         self._age += 1
         if self._stuck.is_stuck(here):
-            self._give_up()
+            # Give up a goal without a target, or without a passable route.
+            if self._goal is not None and self.belief is not None:
+                self.belief.rule_out(self._goal, 0.6)
+                self._given_up.append(self._goal)
+                self._prefix = "the last goal is given up, since the robot is stuck; "
+            self._goal = None
+            self._stuck.reset()
         reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
         if self._goal is None or reached or self._age >= self.config.every * estimate.size_factor:
             if (
@@ -216,12 +222,3 @@ class Fused:
                 value *= self.config.keep
             rated.append(_Rated(value, prospect.goal_xy, share, prospect.decisions))
         return rated
-
-    def _give_up(self) -> None:
-        """Give up a goal without a target, or without a passable route."""
-        if self._goal is not None and self.belief is not None:
-            self.belief.rule_out(self._goal, 0.6)
-            self._given_up.append(self._goal)
-            self._prefix = "the last goal is given up, since the robot is stuck; "
-        self._goal = None
-        self._stuck.reset()

@@ -78,13 +78,29 @@ class GoalPolicy(Protocol):
         return None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PolicyContext:
+    """The inputs of a goal policy's constructor."""
+
+    explorer: Explorer
+    """Chooses among frontiers."""
+    fused: FusedConfig = field(default_factory=FusedConfig)
+    """Settings of `fused`."""
+    robot: Robot = field(default_factory=Robot)
+    """The robot."""
+    target: Float[np.ndarray, "2"] | None = None
+    """True position of the target, for the oracle and `shortest` only."""
+
+
 class Oracle(GoalPolicy):
     """Knows the target."""
 
     reason = KNOWN
 
-    def __init__(self, target: Float[np.ndarray, "2"]) -> None:
-        self._target = target
+    def __init__(self, context: PolicyContext) -> None:
+        if context.target is None:
+            raise ValueError(f"target is None, expected its position: {type(self).__name__} needs it.")
+        self._target = context.target
 
     def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """The target."""
@@ -97,8 +113,8 @@ class Explore(GoalPolicy):
     seeks_target = False
     reason = EXPLORE
 
-    def __init__(self, explorer: Explorer) -> None:
-        self._explorer = explorer
+    def __init__(self, context: PolicyContext) -> None:
+        self._explorer = context.explorer
 
     def reset(self) -> None:
         """Forget the last episode."""
@@ -114,8 +130,8 @@ class Visual(GoalPolicy):
 
     uses_camera = True
 
-    def __init__(self, explorer: Explorer) -> None:
-        self._explorer = explorer
+    def __init__(self, context: PolicyContext) -> None:
+        self._explorer = context.explorer
         self.reset()
 
     def reset(self) -> None:
@@ -153,20 +169,6 @@ class Wireless(GoalPolicy):
         return self._explorer.goal(estimated.map) if ahead is None else ahead
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PolicyContext:
-    """The inputs of a goal policy's constructor."""
-
-    explorer: Explorer
-    """Chooses among frontiers."""
-    fused: FusedConfig = field(default_factory=FusedConfig)
-    """Settings of `fused`."""
-    robot: Robot = field(default_factory=Robot)
-    """The robot."""
-    target: Float[np.ndarray, "2"] | None = None
-    """True position of the target, for the oracle and `shortest` only."""
-
-
 def make_policy(goal: Part, context: PolicyContext) -> GoalPolicy:
     """A goal policy from a name, `module:Name`, an object, or a class or function of a `PolicyContext`.
 
@@ -175,23 +177,6 @@ def make_policy(goal: Part, context: PolicyContext) -> GoalPolicy:
     """
     policy: GoalPolicy = GOAL.make(goal, context, field="goal")
     return policy
-
-
-def oracle(context: PolicyContext) -> Oracle:
-    """The policy `oracle`."""
-    if context.target is None:
-        raise ValueError("target is None, expected its position: the oracle needs it.")
-    return Oracle(context.target)
-
-
-def explore(context: PolicyContext) -> Explore:
-    """The policy `explore`."""
-    return Explore(context.explorer)
-
-
-def visual(context: PolicyContext) -> Visual:
-    """The policy `visual`."""
-    return Visual(context.explorer)
 
 
 def _follower(*trusted: LinkState) -> Callable[[PolicyContext], Wireless]:

@@ -28,10 +28,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32
 
+from robosim.support.weights import Weights, read_weights
 from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.poses import to_robot
-from slam.support.weights import Weights, read_weights
 
 COLUMNS, PATHS, STATES = 64, 5, 4
 #: Largest distance [m]; distance with a nearness of one half [m].

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float32
 from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
 from robosim.plans.formats.raster import winding_numbers
-from robosim.policies.goals import Oracle, PolicyContext
+from robosim.policies.goals import Oracle
 from slam.actions import Command
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.classical import Mapper
@@ -34,13 +34,6 @@ class Shortest(Oracle):
     """Knows the target; its robot has a `TrueMapper`."""
 
     uses_true_map = True
-
-
-def shortest(context: PolicyContext) -> Shortest:
-    """The policy `shortest`."""
-    if context.target is None:
-        raise ValueError("target is None, expected its position: shortest needs it.")
-    return Shortest(context.target)
 
 
 class TrueMapper(Mapper):

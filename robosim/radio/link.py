@@ -156,11 +156,7 @@ class RadioLink:
     def measure(
         self, pose: Float[np.ndarray, "3"], rng: np.random.Generator, bodies: Bodies | None = None
     ) -> PathEstimates:
-        """Sound the channel at a true pose in `map`, among people, and estimate its paths.
-
-        Returns:
-            Estimates of the one link: arrivals in the robot's frame, departures in `map`.
-        """
+        """Sound the channel among people; estimates have arrivals in the frame of the robot, departures in `map`."""
         self._at = np.array(pose[:2])
         self.paths = self._unblocked = self._paths(self._at)
         self.blockage = None

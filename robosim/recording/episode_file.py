@@ -199,11 +199,7 @@ class RecordedEpisode:
         return bool(max((int(step.map_layer.values.max()) for step in self.steps()), default=0) >= GUESS)
 
     def steps(self) -> Iterator[Step]:
-        """All steps in their order.
-
-        Raises:
-            FileError: If the picture or the map of one is damaged.
-        """
+        """All steps in their order; FileError if the picture or the map of one is damaged."""
         for i, (row, map_, belief) in enumerate(self._rows()):
             with naming(self.path, _WHAT, _REMEDY):
                 step = decode_step(i, row, map_, belief)

@@ -62,11 +62,7 @@ class RerunRecording:
     def __init__(
         self, path: Path, building: Building, task: Task, camera: CameraConfig, radio_height_m: float
     ) -> None:
-        """Open the file and record what does not change.
-
-        Raises:
-            ValueError: If the Rerun SDK is not installed.
-        """
+        """Open the file and record what does not change; ValueError if the Rerun SDK is not installed."""
         rr = self._rr = rerun_sdk()
         self.path, self._camera, self._radio_m = Path(path), camera, radio_height_m
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -181,11 +177,7 @@ class RerunRecording:
 
 
 def rerun_sdk() -> ModuleType:
-    """The Rerun SDK.
-
-    Raises:
-        ValueError: If it is not installed.
-    """
+    """The Rerun SDK; ValueError if it is not installed."""
     try:
         import rerun
     except ImportError as error:

@@ -91,11 +91,7 @@ class Model(NamedTuple):
 
 
 def read_model(path: Path) -> RobotConfig:
-    """A robot from a URDF or MJCF file.
-
-    Raises:
-        FileError: If MuJoCo cannot read it, or it is no differential drive.
-    """
+    """A robot from a URDF or MJCF file; FileError if MuJoCo cannot read it, or it is no differential drive."""
     return robot_of(path, model_of(path))
 
 

@@ -84,11 +84,7 @@ class Check(Protocol):
     """Anything else in an annotation that checks values itself, such as a registry of parts."""
 
     def check(self, name: str, value: Any) -> None:
-        """See that a value will do.
-
-        Raises:
-            ValueError: If it does not.
-        """
+        """See that a value will do; ValueError if it does not."""
 
 
 class _Rule(NamedTuple):
@@ -133,11 +129,7 @@ def checked(cls: type[T]) -> type[T]:
 
 
 def check_arguments(function: Any, arguments: Mapping[str, Any]) -> None:
-    """See that arguments of a function lie within what its annotations declare.
-
-    Raises:
-        ValueError: If one does not.
-    """
+    """See that arguments of a function lie within what its annotations declare; ValueError if one does not."""
     for name, rule in _rules(function).items():
         if name in arguments:
             rule.check(name, arguments[name])
@@ -178,11 +170,7 @@ def check_number(
     *,
     whole: bool = False,
 ) -> None:
-    """See that a value is a number between two bounds, which count in.
-
-    Raises:
-        ValueError: If it is not.
-    """
+    """See that a value is a number between two bounds, which count in; ValueError if it is not."""
     is_number = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
     if is_number and least <= value <= greatest:
         return

@@ -23,15 +23,15 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
-from robosim.support.restoring import check_weights, restore_optimiser
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import check_weights, restore_optimiser
+from robosim.support.weights import Weights, trained_numbers
 from robosim.support.workers import Workers
 from robosim.training.grid_walk import GridAgent, GridWorld
 from robosim.training.policy_weights import (
     Checkpoint,
     as_arrays,
     as_tensors,
-    count_parameters,
     restore_weights,
     write_policy,
 )
@@ -39,7 +39,6 @@ from robosim.training.training_plots import plot_coverage
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.exploration.explorer import LEARNED, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve
-from slam.support.weights import Weights
 
 #: Numbers of the first homes for the choice of weights, for the comparison, and for training.
 _HELD_OUT, _TEST, _LEARN = 0, 10_000, 20_000
@@ -173,7 +172,7 @@ def train_explorer(
             "command": about,
             "recipe": asdict(recipe),
             "features": FEATURES,
-            "parameters": count_parameters(best),
+            "parameters": trained_numbers(best),
             "test_homes": recipe.held_out,
             "mean_coverage": {rating: round(float(np.mean(values)), 4) for rating, values in scores.items()},
             "better_than_gain": _interval(np.array(scores["learned"]) - scores["gain"]),

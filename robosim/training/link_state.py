@@ -21,6 +21,7 @@ from robosim.support.files import write_files, write_json
 from robosim.support.installation import package_version
 from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import weights_of
 from robosim.support.workers import Workers
 from robosim.training.generated_links import generate_homes, read_homes
 from robosim.training.policy_weights import Checkpoint, median_call_ms
@@ -29,7 +30,6 @@ from wireless.linkstate.calibration import fit_temperature
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, carrier_hz, read_links
 from wireless.linkstate.epoch import Epoch
-from wireless.linkstate.learning.networks import weights_of
 from wireless.linkstate.learning.training import Recipe, train
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached

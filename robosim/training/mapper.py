@@ -21,13 +21,13 @@ from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import torch_threads
 from robosim.training.policy_weights import Checkpoint, median_call_ms
 from robosim.training.training_plots import plot_mapper
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
 from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose
-from slam.learning.threads import torch_threads
 from slam.networks.features import Features
-from slam.networks.files import mapper_files, pose_files
+from slam.networks.files import files_of
 from slam.networks.pose_network import INPUTS, SIDE
 from slam.poses import between
 
@@ -74,7 +74,7 @@ def train_mapper(
             "validation_classical": classical,
             "seconds": round(time.perf_counter() - start, 1),
         }
-        write_files(out, mapper_files(network, card, "mapper"))
+        write_files(out, files_of(network, card, "mapper"))
         write_json(out / "result.json", {**card, "curve": curve})
         plot_mapper(curve, classical, out / "curves.png")
     return card
@@ -83,14 +83,7 @@ def train_mapper(
 def train_pose_network(
     data: Path, out: Path, recipe: PoseRecipe, *, threads: int, console: Console, about: str = ""
 ) -> dict[str, Any]:
-    """Train, score and write a pose network; arguments as of `train_mapper`.
-
-    Returns:
-        The card.
-
-    Raises:
-        ValueError: If there are too few homes.
-    """
+    """Train, score and write a pose network; arguments and errors as of `train_mapper`; returns the card."""
     start = time.perf_counter()
     homes = split_homes(data)
     with run_folder(out, "train pose"):
@@ -113,17 +106,13 @@ def train_pose_network(
             "single_call_ms": call_ms,
             "seconds": round(time.perf_counter() - start, 1),
         }
-        write_files(out, pose_files(network, card, "pose"))
+        write_files(out, files_of(network, card, "pose"))
         write_json(out / "result.json", {**card, "curve": curve})
     return card
 
 
 def split_homes(data: Path) -> tuple[list[Path], list[Path]]:
-    """Shards for training, and held-out ones.
-
-    Raises:
-        ValueError: If there are too few.
-    """
+    """Shards for training, and held-out ones; ValueError if there are too few."""
     shards = sorted(Path(data).glob("home-*.npz"))
     held_out = shards[HOLD_OUT - 1 :: HOLD_OUT] or shards[-1:]
     training = [path for path in shards if path not in held_out]

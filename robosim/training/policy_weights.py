@@ -15,8 +15,8 @@ from torch import Tensor
 
 from robosim.support.files import write_json, write_whole
 from robosim.support.reading import reading
-from robosim.support.restoring import check_weights
-from slam.support.weights import Weights
+from robosim.support.torch_training import check_weights
+from robosim.support.weights import Weights
 
 
 def as_tensors(weights: Weights) -> dict[str, Tensor]:
@@ -41,11 +41,6 @@ def restore_weights(weights: Mapping[str, Tensor], stored: Mapping[str, Tensor])
     with torch.no_grad():
         for name, value in weights.items():
             value.copy_(stored[name])
-
-
-def count_parameters(weights: Weights) -> int:
-    """Number of all weights."""
-    return sum(int(np.size(value)) for value in weights.values())
 
 
 def write_policy(out: Path, name: str, weights: Weights, card: dict[str, Any]) -> None:
@@ -83,8 +78,6 @@ class Checkpoint:
 
     def save(self, state: dict[str, Any]) -> None:
         """Store a state: tensors, numbers, texts, and lists and dictionaries of these."""
-        import torch
-
         buffer = io.BytesIO()
         torch.save(state, buffer)
         write_whole(self.path, buffer.getvalue())
@@ -92,8 +85,6 @@ class Checkpoint:
 
 def _whole(file: BinaryIO) -> dict[str, Any]:
     """Content of a file of `torch.save`, with checked sums; no code in it is run."""
-    import torch
-
     with zipfile.ZipFile(file) as archive:
         if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
             raise ValueError("it is not packed by PyTorch")

@@ -34,19 +34,18 @@ from robosim.policies.search_network import (
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
-from robosim.support.restoring import restore_optimiser
 from robosim.support.run_folder import run_folder
+from robosim.support.torch_training import restore_optimiser, torch_threads
+from robosim.support.weights import trained_numbers
 from robosim.training.policy_weights import (
     Checkpoint,
     as_tensors,
-    count_parameters,
     restore_weights,
     write_policy,
 )
 from robosim.training.search_learning import learn
 from robosim.training.search_walks import Robots, Walks, evaluate_driver, walk
 from slam.learning.ppo import PpoConfig
-from slam.learning.threads import torch_threads
 
 #: Numbers of the first homes for the choice of weights and for the comparison; training homes begin at the seed.
 _CHOICE, _TEST = 10_000_000, 20_000_000
@@ -178,11 +177,7 @@ class Training:
         }
 
     def restore(self, stored: dict[str, Any]) -> None:
-        """Continue from a state.
-
-        Raises:
-            ValueError: If it is not a state of a training with this recipe.
-        """
+        """Continue from a state; ValueError if it is not a state of a training with this recipe."""
         restore_weights(self.weights, stored["weights"])
         restore_optimiser(self._optimiser, stored["optimiser"])
         epoch, difficulty, seconds, curve = (
@@ -260,7 +255,7 @@ def train_search(out: Path, recipe: SearchRecipe, *, console: Console, about: st
             "method": "imitation of a guide that knows the route (DAgger), then proximal policy optimisation",
             "recipe": asdict(recipe),
             "hidden": HIDDEN,
-            "parameters": count_parameters(best.weights),
+            "parameters": trained_numbers(best.weights),
             "cpu_hours": round(training.seconds / 3600, 2),
             "curve": [row for row in training.curve if "held_out_arrived" in row],
             "test": f"{walks.robots} searches in as many held-out homes, of at most {walks.steps} steps",

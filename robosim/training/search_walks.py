@@ -129,11 +129,7 @@ class Robots:
         return np.array([int(route_action(search.place, pose, target)) for search, pose, target in known])
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Do one action of each robot.
-
-        Returns:
-            Rewards, arrivals, and which robots ran out of time.
-        """
+        """Do one action of each robot; returns rewards, arrivals, and which robots ran out of time."""
         ended = self.over
         observations, reward, arrived, late, infos = self._env.step(actions)
         self.begins = ended & infos["_pose"]

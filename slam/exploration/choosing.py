@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32
 
+from robosim.support.weights import Weights, read_weights
 from slam.exploration.frontiers import Frontier
 from slam.planning.cost_map import Box
-from slam.support.weights import Weights, read_weights
 
 #: Features of each frontier, in this order.
 FEATURES = (

@@ -244,7 +244,12 @@ class FrontierExplorer:
             best = min(offers, key=lambda offer: offer.rating)
         goal = best.frontier.goal_xy
         if self._goal is None or math.hypot(*(goal - self._goal)) > 0.5:
-            self._turn_to(goal, 3 * best.decisions + 40)
+            # Otherwise two unreachable goals that alternate would renew each other's budget forever.
+            if self._goal is not None:
+                self._budgets.append((self._goal, self._budget))
+            near = [left for place, left in self._budgets if math.hypot(*(place - goal)) < 0.5]
+            self._budget = min([(3 * best.decisions + 40), *near])
+            self._waited = 0
         return goal
 
     def _first_of_tour(self, box: Box, travel_time: TravelTime, offers: list[Offer]) -> Offer:
@@ -273,15 +278,6 @@ class FrontierExplorer:
     @property
     def _counts_area(self) -> bool:
         return self.config.rating in ("gain", "learned")
-
-    def _turn_to(self, goal: Float[np.ndarray, "2"], budget: float) -> None:
-        """Begin with a goal; a goal that was left before continues with the rest of its budget [decisions]."""
-        # Otherwise two unreachable goals that alternate would renew each other's budget forever.
-        if self._goal is not None:
-            self._budgets.append((self._goal, self._budget))
-        near = [left for place, left in self._budgets if math.hypot(*(place - goal)) < 0.5]
-        self._budget = min([budget, *near])
-        self._waited = 0
 
     def _guess(self, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
         """Rating without the exact path and the area behind."""

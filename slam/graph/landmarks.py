@@ -133,7 +133,10 @@ class Landmarks:
             else:
                 continue
             azimuth = float(pose[2] + bearing.bearing_rad)
-            stretch = self._stretch(landmark, azimuth)
+            if landmark.stretch is None or abs(wrap(azimuth - landmark.stretch[1])) > _ALIKE_RAD:
+                landmark.stretch = self._stretches, azimuth
+                self._stretches += 1
+            stretch = landmark.stretch[0]
             seen = _Seen(self._time, self._distance_m, node, here.copy(), bearing, stretch, first)
             self._take(graph, landmark, seen)
 
@@ -219,13 +222,6 @@ class Landmarks:
             return free[best]
         landmarks.append(_Landmark())
         return landmarks[-1]
-
-    def _stretch(self, landmark: _Landmark, azimuth: float) -> int:
-        """Number of the stretch that a bearing of a landmark belongs to."""
-        if landmark.stretch is None or abs(wrap(azimuth - landmark.stretch[1])) > _ALIKE_RAD:
-            landmark.stretch = self._stretches, azimuth
-            self._stretches += 1
-        return landmark.stretch[0]
 
     def _lately(self, landmark: _Landmark) -> bool:
         """Whether a landmark has appeared over the last metres."""

@@ -144,11 +144,7 @@ class PoseGraph:
         self.sightings.append(sighting)
 
     def solve(self) -> float:
-        """Find the poses and places that fit best.
-
-        Returns:
-            How far the pose that moved most has moved [m].
-        """
+        """Find the poses and places that fit best; returns how far the pose that moved most has moved [m]."""
         if len(self.poses) < 2 or not self.constraints:
             return 0.0
         before = np.array(self.poses)
@@ -193,13 +189,10 @@ class PoseGraph:
         return System(state, self.constraints, self.sightings, np.array(self._known, bool))
 
     def uncertainty(self, start: int) -> Float[np.ndarray, "n 3 3"]:
-        """Covariance of each pose in the frame of one of them, at most.
+        """Covariance of each pose in the frame of the pose `start`, at most.
 
         Along the chain of constraints whose variances add up to least: what else holds the poses makes it smaller.
         Loops that are hardly believed hold nothing.
-
-        Args:
-            start: The pose in whose frame.
         """
         if start in self._uncertain:
             return self._uncertain[start]

@@ -60,11 +60,7 @@ class Submap:
     """Scans at poses in the submap's own frame, and their surfaces."""
 
     def __init__(self, cell_m: float) -> None:
-        """Make one without scans.
-
-        Args:
-            cell_m: Side of the fine cells [m].
-        """
+        """Make one without scans, of fine cells of a size."""
         self.poses: list[Float[np.ndarray, 3]] = []
         """Poses of all scans."""
         self.numbers: list[int] = []

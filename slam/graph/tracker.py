@@ -100,11 +100,7 @@ class Tracker:
     def predict(
         self, displacement: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Move by the displacement of odometry.
-
-        Returns:
-            The pose, and its covariance relative to recent surfaces, axes of `map`.
-        """
+        """Move by odometry; returns the pose, and its covariance relative to recent surfaces, axes of `map`."""
         self._spread = chained(self._here, self._spread, displacement, covariance)
         self._blind = chained(self._here, self._blind, displacement, covariance)
         self._place(compose(self.pose, displacement))
@@ -119,16 +115,17 @@ class Tracker:
         """Fit a scan, taken at the predicted pose, to the surfaces around."""
         prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
         # Wide enough for the scan: `accept` weighs it against the prediction.
-        judge = self._judge(view, prior)
+        recent = [
+            (compose(anchor, pose), before)
+            for anchor, submap in zip(self.graph.poses[-2:], self.submaps[-2:], strict=True)
+            for pose, before in submap.views
+        ][-_RECENT:]
+        judge = Judge(view=view, recent=recent, predicted=self.pose, covariance=prior)
         candidates = matches(self._around, scan, self.pose, prior, self.config.match, judge, _LOOSENED)
         return candidates[0] if len(candidates) == 1 else max(candidates, key=judge)
 
     def accept(self, match: Match, scan: ScanPoints, view: View) -> bool:
-        """Take in a scan where it was matched.
-
-        Returns:
-            Whether past poses changed.
-        """
+        """Take in a scan where it was matched; returns whether past poses changed."""
         if match.information.any():
             turn = rotation(self.graph.poses[-1][2])
             matched = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
@@ -245,11 +242,7 @@ class Tracker:
         return sum(constraint.loop for constraint in self.graph.constraints)
 
     def finish(self, watched: Callable[[range], Iterable[int]] = iter) -> None:
-        """Fit the rest of the queue, and submaps that are near by the improved poses.
-
-        Args:
-            watched: Wraps the range of submaps to report progress.
-        """
+        """Fit the rest of the queue and submaps that are near by the improved poses, `watched` for progress."""
         if len(self.submaps[-1].poses) > 1:
             self._begin()
         while self._loops.queue:
@@ -282,15 +275,6 @@ class Tracker:
                 yaw = wrap(anchor[2] + local[:, 2])
                 poses[submap.numbers] = np.column_stack([to_map(anchor, local[:, :2]), yaw])
         return poses
-
-    def _judge(self, view: View, prior: Float[np.ndarray, "3 3"]) -> Judge:
-        """The judge of poses by the last scans."""
-        recent = [
-            (compose(anchor, pose), before)
-            for anchor, submap in zip(self.graph.poses[-2:], self.submaps[-2:], strict=True)
-            for pose, before in submap.views
-        ][-_RECENT:]
-        return Judge(view=view, recent=recent, predicted=self.pose, covariance=prior)
 
     def _begin(self) -> bool:
         """Close the submap, and begin the next at the robot; whether past poses changed."""

@@ -5,12 +5,11 @@ Both networks have weights of the same names and shapes, and a test compares the
 
 import itertools
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from robosim.support.torch_training import weights_of
 from slam.networks.map_network import OBSTACLE, SEEN, MapNetwork, NetworkConfig
-from slam.networks.weights import Weights
 
 
 class MapModule(nn.Module):
@@ -27,16 +26,9 @@ class MapModule(nn.Module):
         self.up = nn.ModuleList(_layer(a, a) for a, _ in pairs)
         self.last = nn.Conv2d(widths[0], 2, 1)
 
-    @classmethod
-    def of(cls, network: MapNetwork) -> "MapModule":
-        """A network in use, to be looked at or trained on."""
-        module = cls(network.config)
-        module.load_state_dict({name: torch.tensor(array) for name, array in network.weights.items()})
-        return module.eval()
-
     def network(self) -> MapNetwork:
         """The network with the weights as they are, for use."""
-        return MapNetwork(arrays_of(self), self.config)
+        return MapNetwork(weights_of(self), self.config)
 
     def forward(self, features: Float[Tensor, "b c h w"]) -> Float[Tensor, "b 2 h w"]:
         """Logits; height and width must be multiples of the coarsest cell."""
@@ -64,8 +56,3 @@ def loss(
     """Mean cross-entropy of both probabilities, a proper score: its least value is that of calibrated ones."""
     entropy = nn.functional.binary_cross_entropy_with_logits
     return entropy(logits[:, OBSTACLE], obstacle) + 0.3 * entropy(logits[:, SEEN], seen)
-
-
-def arrays_of(module: nn.Module) -> Weights:
-    """Weights of a module as arrays, copied, by their names."""
-    return {name: value.detach().contiguous().numpy().copy() for name, value in module.state_dict().items()}

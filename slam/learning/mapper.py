@@ -10,7 +10,7 @@ result. Convolutions are trained in bfloat16, twice as fast where the processor 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -18,22 +18,11 @@ from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
 from robosim.support.checks import Range, checked
-from robosim.support.restoring import check_weights, restore_network, restore_optimiser
+from robosim.support.torch_training import Store, check_weights, restore_network, restore_optimiser
 from slam.learning.map_module import MapModule, loss
 from slam.networks.features import BELIEF, PLACE_LEFT
 from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig
 from slam.networks.scores import PatchScores
-
-
-@runtime_checkable
-class Store(Protocol):
-    """Storage of the state of a training."""
-
-    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
-        """Put the state back that was saved last, if there is one."""
-
-    def save(self, state: dict[str, Any]) -> None:
-        """Keep a state."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from jaxtyping import Float, Int8
 from torch import Tensor, nn
 
 from robosim.support.checks import Range, checked
-from slam.learning.map_module import arrays_of
+from robosim.support.torch_training import weights_of
 from slam.networks.pose_network import (
     INPUTS,
     LIMIT,
@@ -50,16 +50,9 @@ class PoseModule(nn.Module):
             nn.Linear(config.flat, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, N_OUTPUTS)
         )
 
-    @classmethod
-    def of(cls, network: PoseNetwork) -> "PoseModule":
-        """A network in use, to be looked at or trained on."""
-        module = cls(network.config)
-        module.load_state_dict({name: torch.tensor(array) for name, array in network.weights.items()})
-        return module.eval()
-
     def network(self) -> PoseNetwork:
         """The network with the weights as they are, for use."""
-        return PoseNetwork(arrays_of(self), self.config)
+        return PoseNetwork(weights_of(self), self.config)
 
     def forward(
         self, patches: Float[Tensor, "b 5 64 64"]
@@ -118,14 +111,7 @@ class Pairs:
 def train_pose(
     pairs: Pairs, recipe: PoseRecipe, on_step: Callable[[int], None] = lambda step: None
 ) -> tuple[PoseModule, list[dict[str, float]]]:
-    """Train a network.
-
-    Returns:
-        The network, ready for use, and the mean loss of every hundred steps.
-
-    Raises:
-        ValueError: If there are no pairs.
-    """
+    """Train a network on one pair or more; returns it, ready for use, and the mean loss of every hundred steps."""
     if not len(pairs):
         raise ValueError("There are no pairs to learn from, expected some.")
     torch.manual_seed(recipe.seed)

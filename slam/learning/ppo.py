@@ -96,11 +96,7 @@ def improve(
     config: PpoConfig,
     rng: np.random.Generator,
 ) -> dict[str, float]:
-    """Climb the surrogate; weights change in place.
-
-    Returns:
-        Means over the last pass: entropy, share of clipped ratios, error of the value.
-    """
+    """Climb the surrogate; returns the last entropy, share of clipped ratios, and error of the value (means)."""
     data = _together(walks, config)
     n = len(data["taken"])
     losses: list[list[float]] = []

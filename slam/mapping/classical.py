@@ -272,7 +272,7 @@ class ClassicalMapper:
             self.collided = not near and self.marks.update(
                 self._step, action, displacement, self.pose, self.occupancy.probability
             )
-        self._stand(self.pose)
+        self.occupancy.stand(self.pose, self.hull, 0.5 * self.config.resolution_m)
         self.marks.stand(self.pose)
         return self.estimate()
 
@@ -423,10 +423,6 @@ class ClassicalMapper:
         self.surfaces.paste(rows, columns, surfaces)
         self.redrawn.append(frame)
         return len(numbers)
-
-    def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Mark the cells under the hull as free."""
-        self.occupancy.stand(pose, self.hull, 0.5 * self.config.resolution_m)
 
     def _make_room_for(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
         """Grow the map, as far as allowed, until it holds a scan at a pose."""

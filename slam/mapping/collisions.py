@@ -79,11 +79,7 @@ class CollisionMarks:
         pose: Float[np.ndarray, "3"],
         probability: Float32[np.ndarray, "ny nx"],
     ) -> bool:
-        """Detect a collision by the measured displacement, mark it, and remove old marks.
-
-        Returns:
-            Whether the robot was stopped.
-        """
+        """Detect a collision by the measured displacement, mark it, remove old marks; whether the robot was stopped."""
         self._forget(step)
         expected_m = self._expected_m(action)
         if expected_m < _JUDGED_M:

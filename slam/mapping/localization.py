@@ -108,13 +108,7 @@ class Localizer:
         displacement: Float[np.ndarray, "3"],
         covariance: Float[np.ndarray, "3 3"],
     ) -> Location:
-        """Add a scan.
-
-        Args:
-            scan: Points of the scan, in the robot's frame.
-            displacement: Displacement since the scan before by odometry: x, y [m], yaw [rad] in the frame before.
-            covariance: Of the displacement, in that frame.
-        """
+        """Add a scan and the displacement since the one before by odometry, in the frame of that, with covariance."""
         for candidate in self._candidates:
             self._follow(candidate, scan, displacement, covariance)
         self._candidates.sort(key=_worst_last)

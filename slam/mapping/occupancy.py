@@ -88,11 +88,7 @@ class OccupancyGrid:
     def integrate(
         self, scan: Scan, pose: Float[np.ndarray, "3"], camera_height_m: float, down: float
     ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
-        """Enter a scan.
-
-        Returns:
-            Rows and columns of the window that changed, and the cells in it that stopped being obstacles.
-        """
+        """Enter a scan; returns rows and columns of the changed window, and its cells that stopped being obstacles."""
         rows, columns, frame = self.frame.window(*self.view_box(scan, pose))
         top_m, cleared = self.top_m[rows, columns], np.zeros(frame.shape, bool)
         hit = np.zeros(frame.shape, bool)

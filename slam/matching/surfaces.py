@@ -26,12 +26,7 @@ class SurfaceGrid:
     """Points and normals, cell by cell, of a grid that may grow; 12 bytes a cell, and 60 more where a surface is."""
 
     def __init__(self, frame: GridFrame, *, fronts: bool = True):
-        """Make a grid without surfaces.
-
-        Args:
-            frame: Its cells.
-            fronts: Whether `front_m` is stored, two thirds of the memory of an empty cell.
-        """
+        """Make a grid without surfaces. `fronts` stores `front_m`, two thirds of the memory of an empty cell."""
         self.frame, self._fronts = frame, fronts
         # Row of each cell plus 1, 0 where it has none.
         self._row = zeros(frame.shape, np.int32)
@@ -134,8 +129,7 @@ def nearest_plane(
 ) -> tuple[int, float, float]:
     """The nearest surface among 3 x 3 cells whose normal differs from a unit vector by no more than an angle (cosine).
 
-    Returns:
-        Its row in the planes, -1 if there is none; from the point to its mean: x, y [m].
+    Returns its row in the planes, -1 if there is none, and x, y [m] from the point to its mean.
     """
     (x0, y0, cell_m), row_of, planes = surfaces
     ny, nx = row_of.shape

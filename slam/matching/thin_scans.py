@@ -33,14 +33,7 @@ def is_thin(bearing_rad: Float[np.ndarray, " w"]) -> bool:
 def thin_scan(
     bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], max_range_m: float, sigma_m: float
 ) -> ScanPoints:
-    """Ends of beams, with normals that point to the robot.
-
-    Args:
-        bearing_rad: Directions in the robot's frame [rad].
-        range_m: How far away each beam ends at a surface [m]; inf where it meets none.
-        max_range_m: Farther points are dropped [m].
-        sigma_m: Standard deviation of a point from its surface [m].
-    """
+    """Ends of beams up to `max_range_m`, with normals to the robot; the range is inf where nothing is met."""
     seen = range_m <= max_range_m
     back = -np.column_stack([np.cos(bearing_rad[seen]), np.sin(bearing_rad[seen])])
     n = len(back)
@@ -81,11 +74,7 @@ class RecentPoints:
     def new_surfaces(
         self, through: Callable[[Float[np.ndarray, "n 2"]], Bool[np.ndarray, " n"]]
     ) -> ScanPoints:
-        """Surfaces at points that were not on one before.
-
-        Args:
-            through: Which of some points beams went through.
-        """
+        """Surfaces at points that were not on one before; `through` says which of some points beams went through."""
         points, facing = np.concatenate(self._points), np.concatenate(self._facing)
         drawn, pieces = np.concatenate(self._drawn), []
         for k in np.flatnonzero(~drawn):

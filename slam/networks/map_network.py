@@ -16,17 +16,16 @@ import numpy as np
 from jaxtyping import Float32
 
 from robosim.support.checks import Range, checked
+from robosim.support.weights import Weights, check_weights, trained_numbers
 from slam.grid import GridFrame
 from slam.networks.features import N_CHANNELS, Features
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
-from slam.networks.weights import Weights, check_weights, convolution_shapes, merged, trained_numbers
+from slam.networks.weights import convolution_shapes, merged
 from slam.sensing.egocentric import AHEAD
 from slam.sensing.projection import Scan
 
 #: Index of each logit.
 OBSTACLE, SEEN = 0, 1
-#: Scales that a patch of 64 cells can have, and channels of one.
-MOST_SCALES, WIDEST = 7, 512
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +47,7 @@ class MapNetwork:
     """Logits of obstacle and seen for each cell of a patch, by trained weights."""
 
     def __init__(self, weights: Weights, config: NetworkConfig = NetworkConfig()) -> None:
-        """Make a network ready.
-
-        Raises:
-            ValueError: If they do not fit each other, or a weight is no number.
-        """
+        """Make a network ready; ValueError if they do not fit each other, or a weight is no number."""
         check_weights(weights, map_shapes(config))
         self.weights, self.config = dict(weights), config
         self._run = OnnxRunner(_model(weights, config))

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
+from robosim.support.weights import Weights, check_weights, trained_numbers
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
-from slam.networks.weights import Weights, check_weights, convolution_shapes, trained_numbers
+from slam.networks.weights import convolution_shapes
 
 #: Channels: what the scan says (the first four of `slam.networks.features`), and the map's belief.
 INPUTS = 5
@@ -25,8 +26,6 @@ SIDE = 64
 UNIT = (0.05, 0.05, 0.04)
 #: Standard deviation of predicted poses in training, the prior in the answers: x, y [m], yaw [rad].
 SPREAD = UNIT
-#: Channels of a scale, and weights of the layer that sees the whole patch.
-WIDEST, MOST_WEIGHTS = 512, 20_000_000
 #: Number of outputs (offset, logarithms of the root's diagonal, entries below it), and bound of the logarithms.
 N_OUTPUTS, LIMIT = 9, 4.0
 
@@ -55,11 +54,7 @@ class PoseNetwork:
     """Offset of the true pose from the predicted one, and the root of its information matrix, by trained weights."""
 
     def __init__(self, weights: Weights, config: PoseNetworkConfig = PoseNetworkConfig()) -> None:
-        """Make a network ready.
-
-        Raises:
-            ValueError: If they do not fit each other, or a weight is no number.
-        """
+        """Make a network ready; ValueError if they do not fit each other, or a weight is no number."""
         check_weights(weights, pose_shapes(config))
         self.weights, self.config = dict(weights), config
         self._run = OnnxRunner(_model(weights, config))

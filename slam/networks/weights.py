@@ -1,35 +1,12 @@
-"""Trained weights as arrays: checks, and normalisation merged into convolutions."""
-
-from collections.abc import Mapping
+"""Weights of convolutions: their shapes, and normalisation merged into them."""
 
 import numpy as np
 from jaxtyping import Float32
 
-from slam.support.weights import check_values
+from robosim.support.weights import Weights
 
-Weights = Mapping[str, np.ndarray]
 #: Added to variances by batch normalisation; PyTorch's default.
 _EPSILON = 1e-5
-
-
-def check_weights(weights: Weights, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Check that weights fit a network.
-
-    Raises:
-        ValueError: If names, shapes or types differ, a value is NaN, infinite or too large, or a variance is negative.
-    """
-    kinds = {name: np.int64 if name.endswith("num_batches_tracked") else np.float32 for name in shapes}
-    if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
-        k: (shape, np.dtype(kinds[k])) for k, shape in shapes.items()
-    }:
-        raise ValueError("other names, shapes or kinds of numbers")
-    check_values(weights)
-
-
-def trained_numbers(weights: Weights) -> int:
-    """Count of trained numbers: all but what batch normalisation counts by itself."""
-    counted = ("running_mean", "running_var", "num_batches_tracked")
-    return sum(array.size for name, array in weights.items() if not name.endswith(counted))
 
 
 def convolution_shapes(

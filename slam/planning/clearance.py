@@ -35,13 +35,7 @@ class Clearance:
         obstacle: Bool[np.ndarray, "ny nx"],
         offset_m: Float32[np.ndarray, "ny nx 2"] | None = None,
     ):
-        """Prepare a window.
-
-        Args:
-            frame: Where the cells of the window lie.
-            obstacle: Obstacle cells.
-            offset_m: Surface inside each obstacle cell, from its centre (x, y) [m]; the centre if None.
-        """
+        """Prepare a window; `offset_m` is from the centre of each obstacle cell to its surface, 0 if None."""
         self.frame = frame
         self._obstacle = obstacle
         self._offset_m = np.zeros((*frame.shape, 2), np.float32) if offset_m is None else offset_m

@@ -144,11 +144,7 @@ def scan_from_depth(
     camera: CameraModel,
     band: Band = Band(),
 ) -> Scan:
-    """The nearest surface in each column of a depth image.
-
-    Returns:
-        The scan, one entry for each column.
-    """
+    """The nearest surface in each column of a depth image, as a scan with one entry for each column."""
     left, down = camera.slopes(depth.shape)
     known = clean_depth(depth, camera)
     first, last = _band_limits(down, camera, band)

@@ -24,13 +24,13 @@ _CAMERA_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def _ours(
-    backend: Literal["pyrender", "embree"], *, depth_alone: bool = False
+    backend: Literal["pyrender", "embree"],
 ) -> Callable[[trimesh.Trimesh, CameraConfig], Shot]:
     def make(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
         from robosim.camera.cameras import make_camera
 
         camera = make_camera([mesh], config, backend=backend)
-        return camera.render_depth if depth_alone else lambda pose: camera.render(pose).depth
+        return lambda pose: camera.render(pose).depth
 
     return make
 
@@ -130,9 +130,7 @@ OURS = "robosim"
 #: What makes a camera from a mesh: ours and others, on the OpenGL system of the environment, and Embree.
 CAMERAS: dict[str, Callable[[trimesh.Trimesh, CameraConfig], Shot]] = {
     OURS: _ours("pyrender"),
-    "robosim, depth alone": _ours("pyrender", depth_alone=True),
     "pyrender": _stock_pyrender,
     "mujoco.Renderer": _mujoco,
     "Embree": _ours("embree"),
-    "Embree, depth alone": _ours("embree", depth_alone=True),
 }

@@ -98,7 +98,9 @@ def test_workers_and_interruptions_change_nothing(folders, tmp_path, capsys):
 
 
 def test_a_baseline_without_departures(folders, tmp_path):
-    run(folders, tmp_path, "--model", "huang", "--no-aod", "--no-peak", "--workers", "1", "--members", "1")
+    run(
+        folders, tmp_path, "--model", "reference", "--no-aod", "--no-peak", "--workers", "1", "--members", "1"
+    )
     classifier = load_classifier(tmp_path / "link-state.safetensors")
     assert classifier.inputs == ("aoa", "snr")
     assert classifier.predict(np.zeros((1, 5)), np.full((1, 5), -np.inf)).tolist() == [[1, 0, 0, 0]]

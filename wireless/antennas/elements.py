@@ -151,11 +151,5 @@ def mean_power(element: Element, order: int = 64) -> float:
 def directivity(
     element: Element, direction: Float[np.ndarray, "*batch 3"], order: int = 64
 ) -> Float[np.ndarray, "*batch"]:
-    """Power density in directions over the mean over the sphere.
-
-    Args:
-        element: The radiator.
-        direction: Unit vectors in the element's frame.
-        order: Fineness of the mean (`sphere`).
-    """
+    """Power density in directions (unit vectors, frame of the element) over its mean over the sphere."""
     return element.amplitude(direction) ** 2 / mean_power(element, order)

@@ -170,15 +170,7 @@ class Material:
 
 
 def check_material(name: str | Material, field: str = "material") -> None:
-    """Complain of a name that no material has, and say which was perhaps meant.
-
-    Args:
-        name: Name to look for.
-        field: What the message calls the value.
-
-    Raises:
-        ValueError: If there is no such material.
-    """
+    """Raise ValueError for a name, in the message called `field`, that no material has; it suggests another."""
     if isinstance(name, Material):
         return
     _check_known(name, field, {**MATERIALS, **WALLS})

@@ -28,13 +28,7 @@ MOST_NARROW = 1000
 def lobe(
     cos_psi: Float[np.ndarray, "*batch"], cos_s: Float[np.ndarray, "*batch"], alpha: int | None
 ) -> Float[np.ndarray, "*batch"]:
-    """Shape f of the lobe.
-
-    Args:
-        cos_psi: Cosine of the angle from the reflected direction.
-        cos_s: Cosine of the angle from the wall's normal.
-        alpha: Exponent; None for Lambert's law.
-    """
+    """Shape f by cosines of angles from the reflected direction and the normal; alpha None: Lambert's law."""
     return cos_s if alpha is None else ((1 + cos_psi) / 2) ** alpha
 
 

@@ -25,12 +25,7 @@ SCREEN_MODELS = {"knife-edges": True, "model-b": False}
 
 @compiled
 def edge_share(v: float, phases: bool) -> complex:
-    """g(v): from -1/2 to 1/2 as an edge moves across the path from far left to far right.
-
-    Args:
-        v: Fresnel parameter of the edge.
-        phases: Whether by Fresnel integrals, see `SCREEN_MODELS`.
-    """
+    """g(v): from -1/2 to 1/2 as an edge moves over the path, left to right; `phases` as in `SCREEN_MODELS`."""
     if not phases:
         return complex(np.arctan(0.25 * np.pi**1.5 * v) / np.pi, 0.0)
     t = np.sqrt(0.5 * np.pi) * abs(v)

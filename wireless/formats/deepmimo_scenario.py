@@ -36,13 +36,7 @@ def scenario_name(name: str) -> str:
 
 
 def transmitter_files(paths: Paths, tx: int, *, horizontal: bool = False) -> dict[str, bytes]:
-    """The paths of one transmitter to all receivers, as files by their names in the folder of the scenario.
-
-    Args:
-        paths: Paths of this transmitter, and perhaps of others.
-        tx: Number of the transmitter.
-        horizontal: Whether phases are of horizontal polarisation at both ends; else of vertical.
-    """
+    """The paths of one transmitter as files by name; phases of horizontal polarisation, else of vertical."""
     strongest = paths.select(paths.tx == tx).strongest(N_PATHS)
     n_rx, width = len(strongest.rx_position), max(1, int(strongest.rank.max(initial=0)) + 1)
     place = strongest.rx, strongest.rank

@@ -222,11 +222,7 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
 
 
 def read_columns(path: str | PathLike[str], names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Read some columns of numbers of a file of links.
-
-    Raises:
-        FileError: If the file is of another kind, or damaged.
-    """
+    """Read some columns of numbers of a file of links; FileError if the file is of another kind, or damaged."""
     with reading(Path(path), _WHAT, _REMEDY) as file:
         table = _table(file, names)
         return {name: values(table, name, COLUMNS[name][0]) for name in names}

@@ -129,11 +129,7 @@ def read_measurements(data: Path, building: str, number: int) -> Measurements:
 
 
 def read_tx_positions(path: Path) -> Float[np.ndarray, "n 3"]:
-    """Positions of transmitters [m].
-
-    Raises:
-        FileError: If the file is missing or damaged.
-    """
+    """Positions of transmitters [m]; FileError if the file is missing or damaged."""
     table = _read(path, ["x", "y", "z"])
     return np.column_stack([table["x"], table["y"], table["z"]])
 

@@ -47,8 +47,7 @@ class Walls(NamedTuple):
 def clip(polygon: Polygon, n: int, normal: Point, level: float, out: Polygon) -> int:
     """The part of a convex polygon (or of a segment) where normal . x >= level.
 
-    Returns:
-        Its number of corners, in `out`; 0 if there is none; -1 if it has more than `out` has room for.
+    Returns its number of corners, in `out`; 0 if there is none; -1 if it has more than `out` has room for.
     """
     m = 0
     before = -1.0
@@ -76,10 +75,9 @@ def clip(polygon: Polygon, n: int, normal: Point, level: float, out: Polygon) ->
 
 @compiled
 def side_planes(apex: Point, window: Polygon, n: int, plane: Planes) -> int:
-    """Unit normals into the cone and levels, of the planes through an apex and each side of a window.
+    """Unit normals into the cone and levels of the planes through an apex and sides of a window; their number.
 
-    Returns:
-        Number of planes; sides that rounding could turn are left out.
+    Sides that rounding could turn are left out.
     """
     centre, normal, m = np.zeros(3), np.empty(3), 0
     for k in range(n):

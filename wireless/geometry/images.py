@@ -59,8 +59,7 @@ def _twice(views: Views) -> Views:
 def cone_of(windows: Windows, views: Views, v: int, plane: Planes) -> int:
     """Planes around what a view may reach; the last is that of its facet, its normal away from the image.
 
-    Returns:
-        Number of planes; 0 if the view has no window, and so reaches everything.
+    Returns their number; 0 if the view has no window, and so reaches everything.
     """
     order = views.order[v]
     if order == 0:

@@ -62,13 +62,7 @@ def inward_of(triangle: Triangles, normal: Float[np.ndarray, "t 3"]) -> Triangle
 def make_tree(
     triangle: Triangles, plane: Float[np.ndarray, "t 4"] | None = None, near_m: float = NEAR_M
 ) -> Tree:
-    """Sort triangles into boxes.
-
-    Args:
-        triangle: Corners [m].
-        plane: Unit normal and level of the plane that each is taken to lie in; None for its own.
-        near_m: Tolerance of contact.
-    """
+    """Sort triangles into boxes, each in its `plane`, or its own if None; `near_m` is the tolerance of contact."""
     if plane is None:
         normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
         normal = normal / np.linalg.norm(normal, axis=1)[:, None]

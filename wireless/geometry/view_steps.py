@@ -222,11 +222,7 @@ def add_visits(
     has_target: Bool[np.ndarray, " t"],
     n_max: int,
 ) -> tuple[int, bool]:
-    """Store the triangles that a view passes, and of those without targets at most so many.
-
-    Returns:
-        The new number of visits, and whether all of them are stored.
-    """
+    """Store triangles that a view passes, at most so many without targets; the new number, and whether all are in."""
     visit, sector, last, whole = visits.visit, visits.sector, visits.last, True
     for n in range(steps):
         t = trail.step[n, 0]
@@ -410,11 +406,7 @@ def add_views(
     count: tuple[int, int],
     limits: Limits,
 ) -> tuple[int, int]:
-    """Add the views that one view begins at walls: passing and mirrored.
-
-    Returns:
-        The new numbers of views and of windows' corners.
-    """
+    """Add the views that a view begins at walls, passing and mirrored; new numbers of views and corners."""
     now, mirrors, (n_views, n_corners) = (
         eye.number,
         eye.order < max(limits.target_order, limits.edge_order),

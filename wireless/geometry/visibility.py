@@ -155,11 +155,7 @@ def views_onto(
     start: Int[np.ndarray, " r1"],
     start_list: Int[np.ndarray, " s"],
 ) -> tuple[Int[np.ndarray, " r1"], Int[np.ndarray, " h"]]:
-    """Views that targets are in.
-
-    Returns:
-        Where each target's views begin, and an end; views by rising number.
-    """
+    """Views that targets are in: where each target's views begin, and an end; views by rising number."""
     n, image, visit, sector = len(target), seen.image, seen.visit, seen.sector
     first, views, count = np.zeros(n + 1, np.int64), np.empty(64, np.int64), 0
     stamp = np.full(len(image), -1, np.int64)

@@ -6,25 +6,23 @@ neither trained on such links nor evaluated for them. On disk it is `NAME.safete
 `NAME.json` with the card: data, seeds, recipe, scores.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
-from safetensors.numpy import load, save
 
-from robosim.support.reading import reading
+from robosim.support.weights import Weights, check_weights, load_network, network_files, trained_numbers
 from wireless.linkstate.calibration import scaled
-from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, softmax
+from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, softmax
 from wireless.linkstate.tokens import COLUMNS, is_path, make_tokens
 from wireless.paths import LinkState
 
 #: Links given to a network at once, which bounds the memory.
 _BLOCK = 4096
-#: A card is a few pages of text [bytes]; temperatures are about 1.
-_MOST_CARD, _HOTTEST = 5_000_000, 1e6
+#: Temperatures are about 1.
+_HOTTEST = 1e6
 
 
 class LinkStateClassifier:
@@ -59,16 +57,13 @@ class LinkStateClassifier:
         self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
         self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
         shapes = KINDS[model].shapes(self.inputs, **self.options)
-        for i, weights in enumerate(self.networks):
-            check_weights(weights, shapes, f"network {i}")
+        for weights in self.networks:
+            check_weights(weights, shapes)
 
     @property
     def parameters(self) -> int:
         """Count of trained numbers."""
-        counted = ("running_mean", "running_var", "num_batches_tracked")
-        return sum(
-            array.size for each in self.networks for name, array in each.items() if not name.endswith(counted)
-        )
+        return sum(map(trained_numbers, self.networks))
 
     def predict(
         self,
@@ -143,8 +138,7 @@ class LinkStateClassifier:
             "states": list(self.states),
             "temperature": self.temperature,
         }
-        text = json.dumps({**head, **{k: v for k, v in self.card.items() if k not in head}}, indent=2) + "\n"
-        return {f"{name}.safetensors": save(weights), f"{name}.json": text.encode()}
+        return network_files(name, weights, head, self.card)
 
 
 def load_classifier(path: Path) -> LinkStateClassifier:
@@ -153,24 +147,15 @@ def load_classifier(path: Path) -> LinkStateClassifier:
     Raises:
         FileError: If a file is missing or damaged, or they do not fit each other.
     """
-    remedy, card_path = "Train one by `robosim train link-state`.", path.with_suffix(".json")
-    what = f"the classifier of link states that {card_path.name} describes"
-    with reading(path, what, remedy) as file:
-        with reading(
-            card_path, "the card of a classifier of link states", remedy, most_bytes=_MOST_CARD
-        ) as card_file:
-            card = _checked(json.loads(card_file.read()))
-        weights = load(file.read())
+
+    def make(weights: Weights, card: dict[str, Any]) -> LinkStateClassifier:
+        card = _checked(card)
         networks = [_part(weights, str(i)) for i in range(card["networks"])]
-        return LinkStateClassifier(
-            networks,
-            model=card["model"],
-            inputs=card["inputs"],
-            options=card["options"],
-            states=card["states"],
-            temperature=card["temperature"],
-            card=card,
-        )
+        arguments = {name: card[name] for name in ("model", "inputs", "options", "states", "temperature")}
+        return LinkStateClassifier(networks, card=card, **arguments)
+
+    what = "classifier of link states"
+    return load_network(path, f"the {what}", f"a {what}", "Train one by `robosim train link-state`.", make)[0]
 
 
 def _checked(card: dict[str, Any]) -> dict[str, Any]:

@@ -31,11 +31,7 @@ PEAK_UNIT, DELAY_UNIT_S, DELAY_LIMIT = 10.0, 100e-9, 5.0
 def path_and_pair_features(
     tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
 ) -> tuple[Float32[np.ndarray, "n 5 f"], Float32[np.ndarray, "n 5 5 g"], Bool[np.ndarray, "n 5"]]:
-    """Features of each path and of each ordered pair of paths; zero where one is missing.
-
-    Returns:
-        Features of paths, features of pairs, and which paths are there.
-    """
+    """Features of each path and of each ordered pair of paths, zero where one is missing; and which paths are there."""
     there = np.isfinite(tokens[..., SNR])
     x = np.nan_to_num(tokens, nan=0.0)
     snr = x[..., SNR].clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
@@ -68,10 +64,7 @@ def feature_counts(inputs: Sequence[str]) -> tuple[int, int]:
 def scaled_estimates(
     tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
 ) -> Float32[np.ndarray, "n f"]:
-    """Raw estimates, scaled as published, one input after the other.
-
-    Reference: Yin et al., arXiv 2110.14789.
-    """
+    """Raw estimates, scaled as published, one input after the other. Reference: Yin et al., arXiv 2110.14789."""
     x = np.nan_to_num(tokens, nan=0.0)
     scaled = {
         "aoa": x[..., AOA] / math.pi,
@@ -81,53 +74,6 @@ def scaled_estimates(
         "delay": (x[..., DELAY] - x[:, :1, DELAY]) / DELAY_UNIT_S,
     }
     return np.concatenate([scaled[name] for name in inputs], -1)
-
-
-def moments(tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]) -> Float32[np.ndarray, "n f"]:
-    """Moments of the estimated channel.
-
-    Reference: Huang et al., IEEE TWC 2020; the public estimates have no delays, so delay spread, excess delay and
-    rise time are missing there.
-
-    Returns:
-        Total and strongest SNR [dB], K-factor [dB], skewness and kurtosis of path SNRs [dB]; the power-weighted
-        circular spread sqrt(-2 ln R) [rad] of arrivals, and of departures if used; mean excess delay, delay
-        spread and rise time from first to strongest [100 ns] if delays are used.
-    """
-    there = np.isfinite(tokens[..., SNR])
-    x = np.nan_to_num(tokens, nan=0.0)
-    level = x[..., SNR]
-    power = 10 ** (level / 10) * there
-    total = power.sum(1).clip(1e-6)
-    weight = power / total[:, None]
-    count = there.sum(1).clip(1).astype(np.float32)
-    centred = (level - (level.sum(1) / count)[:, None]) * there
-    spread = ((centred**2).sum(1) / count).clip(1e-6)
-    strongest = power.max(1).clip(1e-6)
-    features = [
-        10 * np.log10(total),
-        10 * np.log10(strongest),
-        10 * np.log10(strongest / (total - strongest).clip(1e-3)),
-        (centred**3).sum(1) / count / spread**1.5,
-        (centred**4).sum(1) / count / spread**2,
-    ]
-    for name, column in (("aoa", AOA), ("aod", AOD)):
-        if name in inputs:
-            angle = wrapped(x[..., column])
-            length = np.hypot((weight * np.cos(angle)).sum(1), (weight * np.sin(angle)).sum(1))
-            features.append(np.sqrt(-2 * np.log(length.clip(1e-6, 1))))
-    if "delay" in inputs:
-        delay = x[..., DELAY] / DELAY_UNIT_S
-        first = np.where(there, delay, np.inf).min(1)
-        excess = np.where(there, delay - np.nan_to_num(first, posinf=0.0)[:, None], 0)
-        mean = (weight * excess).sum(1)
-        features += [mean, np.sqrt((weight * (excess - mean[:, None]) ** 2).sum(1)), excess[:, 0]]
-    return np.stack(features, 1).astype(np.float32)
-
-
-def moment_count(inputs: Sequence[str]) -> int:
-    """Number of moments."""
-    return moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
 
 
 def _departure_features(

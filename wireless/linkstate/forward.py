@@ -4,34 +4,24 @@ They are small and used for one link at a time, so that matrix products suffice.
 trains them, with weights of the same names and shapes. Each link is computed separately: its result does not depend on
 the other links of a call.
 
-References: Ba et al., "Layer normalization", arXiv 1607.06450; Ioffe and Szegedy, "Batch normalization", ICML 2015.
+Reference: Ba et al., "Layer normalization", arXiv 1607.06450.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
 
-from wireless.linkstate.features import (
-    feature_counts,
-    moment_count,
-    moments,
-    path_and_pair_features,
-    scaled_estimates,
-)
+from robosim.support.weights import Weights
+from wireless.linkstate.features import feature_counts, path_and_pair_features, scaled_estimates
 from wireless.linkstate.tokens import N_PATHS
 
-#: Trained numbers by their names.
-Weights = Mapping[str, np.ndarray]
 Shapes = dict[str, tuple[int, ...]]
 
 N_STATES = 4
 #: Widest network that is made; weights that are read must fit into memory.
 WIDEST = 512
-#: Largest magnitude of a weight. Trained weights are of order one; damaged ones overflow float32.
-LARGEST = 1e6
 #: Constant that normalisation adds to variances, as in PyTorch.
 _EPSILON = np.float32(1e-5)
 
@@ -95,75 +85,32 @@ def reference_logits(
     weights: Weights, tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
 ) -> Float32[np.ndarray, "n 4"]:
     """The published network on the raw estimates, scaled as published."""
-    return _published(weights, scaled_estimates(tokens, inputs))
+    x = scaled_estimates(tokens, inputs)
+    for name in ("layers.0", "layers.2"):
+        x = _relu(_dense(weights, name, x))
+    return _dense(weights, "layers.4", x)
 
 
 def reference_shapes(inputs: Sequence[str]) -> Shapes:
     """Shapes of its weights."""
-    return _published_shapes(N_PATHS * len(inputs))
-
-
-def moments_logits(
-    weights: Weights, tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
-) -> Float32[np.ndarray, "n 4"]:
-    """Hand-made features: powers, K-factor, kurtosis and skewness of power, spreads of angles and delays."""
-    mean, variance = weights["norm.running_mean"], weights["norm.running_var"]
-    return _published(weights, (moments(tokens, inputs) - mean) / np.sqrt(variance + _EPSILON))
-
-
-def moments_shapes(inputs: Sequence[str]) -> Shapes:
-    """Shapes of its weights."""
-    n = moment_count(inputs)
-    of_norm = {"norm.running_mean": (n,), "norm.running_var": (n,), "norm.num_batches_tracked": ()}
-    return of_norm | _published_shapes(n)
+    return (
+        _dense_shapes("layers.0", N_PATHS * len(inputs), 8)
+        | _dense_shapes("layers.2", 8, 6)
+        | _dense_shapes("layers.4", 6, N_STATES)
+    )
 
 
 #: Networks by name.
 KINDS = {
     "ours": Kind(relation_logits, relation_shapes),
     "reference": Kind(reference_logits, reference_shapes),
-    "huang": Kind(moments_logits, moments_shapes),
 }
-
-
-def check_weights(weights: Weights, shapes: Shapes, what: str) -> None:
-    """See that weights are those of a network.
-
-    Raises:
-        ValueError: If names, shapes or types differ, or a value is NaN, infinite or above `LARGEST`.
-    """
-    kinds: dict[str, Any] = {
-        name: np.int64 if name.endswith("num_batches_tracked") else np.float32 for name in shapes
-    }
-    if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
-        k: (shape, np.dtype(kinds[k])) for k, shape in shapes.items()
-    }:
-        raise ValueError(f"{what} has other names, shapes or kinds of weights")
-    for name, values in weights.items():
-        if values.dtype.kind == "f" and not (np.abs(values) <= LARGEST).all():
-            raise ValueError(f"{name} of {what} has values that are NaN, infinite or above {LARGEST:,.0f}")
-        if name.endswith("running_var") and (values < 0).any():
-            raise ValueError(f"{name} of {what} has negative variances")
 
 
 def softmax(logits: Float32[np.ndarray, "n k"]) -> Float32[np.ndarray, "n k"]:
     """Probabilities of logits."""
     power = np.exp(logits - logits.max(1, keepdims=True))
     return power / power.sum(1, keepdims=True)
-
-
-def _published(weights: Weights, x: Float32[np.ndarray, "n f"]) -> Float32[np.ndarray, "n 4"]:
-    for name in ("layers.0", "layers.2"):
-        x = _relu(_dense(weights, name, x))
-    return _dense(weights, "layers.4", x)
-
-
-def _published_shapes(n_inputs: int) -> Shapes:
-    return (
-        _dense_shapes("layers.0", n_inputs, 8)
-        | _dense_shapes("layers.2", 8, 6)
-        | _dense_shapes("layers.4", 6, N_STATES)
-    )
 
 
 def _dense(weights: Weights, name: str, x: Float32[np.ndarray, "*n f"]) -> Float32[np.ndarray, "*n g"]:

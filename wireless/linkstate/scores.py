@@ -22,12 +22,7 @@ def scores(
     building: Int[np.ndarray, " n"],
     names: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Scores of calibrated probabilities.
-
-    Returns:
-        Plain numbers: over all links, over those with paths (`*_with_paths`), the calibration error over both,
-        and the accuracy in each building.
-    """
+    """Scores of calibrated probabilities over all links, those with paths (`*_with_paths`), and by building."""
     right = probability.argmax(1) == state
     return {
         "links": len(state),

@@ -109,14 +109,7 @@ def log_evidence(
     walls: Shaped[np.ndarray, "n m"],
     config: PowerLawConfig | None = None,
 ) -> Float[np.ndarray, " m"]:
-    """Logarithm of the density of all readings for each candidate place of the transmitter, up to a constant.
-
-    Args:
-        readings: Received powers.
-        candidates: Places [m].
-        walls: Number of walls between each reading and each candidate.
-        config: Prior of the model's parameters.
-    """
+    """Logarithm of the density of all readings for each candidate place [m], up to a constant."""
     c = config or PowerLawConfig()
     if not len(readings.xy):
         return np.zeros(len(candidates))

@@ -71,7 +71,9 @@ def trace_blocks(
         traced = iter(trace(*block))
         while len(tables) < block[0].stop - block[0].start and not stopped.is_set():
             with delayed_signals():  # once, not for each of the loops that a short link calls
-                tables.append(_packed(next(traced)))
+                table = next(traced)
+                used = int(table.n_paths.sum())
+                tables.append(Table(table.n_paths, *(column[:used].copy() for column in table[1:])))
         return tables
 
     done = in_threads(run, blocks, workers=workers, stop=stopped.set)
@@ -80,9 +82,3 @@ def trace_blocks(
         for i, table in zip(range(txs.start, txs.stop), tables, strict=True):
             rows[i].append((table, rxs.start))
     return rows
-
-
-def _packed(table: Table) -> Table:
-    """Return a table without the rows that no path fills."""
-    used = int(table.n_paths.sum())
-    return Table(table.n_paths, *(column[:used].copy() for column in table[1:]))

@@ -95,7 +95,12 @@ class PlanScene:
                     layers, around, source, mask_of(targets, len(self._region)), limits
                 )
                 if visibility.whole:  # otherwise it sees too much to store
-                    self._store(key, visibility)
+                    stored = {**self._sights, key: visibility}
+                    while len(stored) > STORED_SIGHTS or (
+                        len(stored) > 1 and sum(map(_bytes, stored.values())) > STORED_BYTES
+                    ):
+                        del stored[next(iter(stored))]
+                    self._sights = stored
             return visibility
 
         return trace_plans(layers, setting, limits, (tx, around_tx), (rx, around_rx), visible, workers)
@@ -147,15 +152,6 @@ class PlanScene:
             setting = self.setting if tri_open.any() else self.setting._replace(max_through=0)
             self._passed = {region: (layers, setting)}
         return self._passed[region]
-
-    def _store(self, key: tuple[bytes, int], visibility: Visibility) -> None:
-        """Store what a transmitter sees, and forget what was stored first if that is too much."""
-        stored = {**self._sights, key: visibility}
-        while len(stored) > STORED_SIGHTS or (
-            len(stored) > 1 and sum(map(_bytes, stored.values())) > STORED_BYTES
-        ):
-            del stored[next(iter(stored))]
-        self._sights = stored
 
     def _located(self, points: Float[np.ndarray, "n 2"]) -> Around:
         """`locate`, whose last result is stored."""
@@ -217,7 +213,8 @@ class SpaceScene:
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
     ) -> Rows:
         """Paths of each transmitter, to receivers in blocks."""
-        setting = self._passing(np.concatenate([tx, rx]))
+        leads_on = self._sides is None or not self._sides.alike(np.concatenate([tx, rx]))
+        setting = self.setting if leads_on else self.setting._replace(max_through=0)
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             receivers = rx[rxs]
@@ -233,11 +230,6 @@ class SpaceScene:
     def misplaced(self, points: Points) -> str:
         """Nothing: points may lie anywhere."""
         return ""
-
-    def _passing(self, points: Points) -> Setting:
-        """The setting for some points: paths that pass a closed surface once do not end on the side they began on."""
-        leads_on = self._sides is None or not self._sides.alike(points)
-        return self.setting if leads_on else self.setting._replace(max_through=0)
 
 
 def limits_of(setting: Setting, most_visits: int, span_m: np.ndarray | None = None) -> Limits:

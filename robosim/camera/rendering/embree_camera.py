@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Float, Float32
+from jaxtyping import Float
 
 from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.merged_meshes import merge
@@ -33,27 +33,6 @@ class EmbreeCamera(ClosingCamera):
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """Take a picture from a pose; RuntimeError if the camera is closed."""
-        hits, depth = self._cast(T_map_camera)
-        face = hits["primID"]
-        rgb = self._colour[face]
-        rgb += self._along_u[face] * hits["u"][:, None]
-        rgb += self._along_v[face] * hits["v"][:, None]
-        rgb[depth == 0] = 0.0
-        shape = self.config.height, self.config.width
-        return RGBD(rgb.astype(np.uint8).reshape(*shape, 3), depth.reshape(shape))
-
-    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
-        """Take the depth of a picture only, which is faster; raises as `render` does."""
-        return self._cast(T_map_camera)[1].reshape(self.config.height, self.config.width)
-
-    def close(self) -> None:
-        """Free the tree; nothing happens the second time."""
-        self._scene = None
-
-    def _cast(
-        self, T_map_camera: Float[np.ndarray, "4 4"]
-    ) -> tuple[dict[str, np.ndarray], Float32[np.ndarray, " n"]]:
-        """Hits of all rays, and their depths [m], 0 for none between the near and the far plane."""
         if self._scene is None:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")
         R, t = self._scenery.to_local(T_map_camera)
@@ -62,5 +41,15 @@ class EmbreeCamera(ClosingCamera):
         near = np.float32(self.config.near_m)
         hits = self._scene.run(t.astype(np.float32) + near * directions, directions, output=True)
         depth = hits["tfar"] + near
-        depth[(hits["primID"] < 0) | (depth > self.config.far_m)] = 0.0
-        return hits, depth
+        depth[(hits["primID"] < 0) | (depth > self.config.far_m)] = 0.0  # none between near and far plane
+        face = hits["primID"]
+        rgb = self._colour[face]
+        rgb += self._along_u[face] * hits["u"][:, None]
+        rgb += self._along_v[face] * hits["v"][:, None]
+        rgb[depth == 0] = 0.0
+        shape = self.config.height, self.config.width
+        return RGBD(rgb.astype(np.uint8).reshape(*shape, 3), depth.reshape(shape))
+
+    def close(self) -> None:
+        """Free the tree; nothing happens the second time."""
+        self._scene = None

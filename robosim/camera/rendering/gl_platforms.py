@@ -39,13 +39,11 @@ _UINT, _INT, _POINTER, _BYTE = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, cty
 #: takes longer than drawing a small frame; these go straight to the driver.
 _FRAME_FUNCTIONS: dict[str, tuple[type, ...]] = {
     "glClear": (_UINT,),
-    "glColorMask": (_BYTE, _BYTE, _BYTE, _BYTE),
     "glFinish": (),
     "glMultiDrawElements": (_UINT, _POINTER, _UINT, _POINTER, _INT),
     "glPixelStorei": (_UINT, _INT),
     "glReadPixels": (_INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER),
     "glUniformMatrix4fv": (_INT, _INT, _BYTE, _POINTER),
-    "glUseProgram": (_UINT,),
 }
 
 

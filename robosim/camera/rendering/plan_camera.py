@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.merged_meshes import merge
@@ -69,24 +69,6 @@ class PlanCamera(ClosingCamera):
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """Take a picture from a pose; ValueError if it does not look level, RuntimeError if the camera is closed."""
-        shape = self.config.height, self.config.width
-        rgb, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
-        self._draw(T_map_camera, depth, rgb)
-        return RGBD(rgb, depth)
-
-    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
-        """Take the depth of a picture only, which is faster; raises as `render` does."""
-        depth = np.zeros((self.config.height, self.config.width), np.float32)
-        self._draw(T_map_camera, depth, np.zeros((0, 0, 3), np.uint8))
-        return depth
-
-    def close(self) -> None:
-        """A closed camera takes no more pictures."""
-        self._closed = True
-
-    def _draw(
-        self, T_map_camera: Float[np.ndarray, "4 4"], depth: Float32[np.ndarray, "h w"], rgb: np.ndarray
-    ) -> None:
         if self._closed:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")
         R, t = self._scenery.to_local(T_map_camera)
@@ -96,10 +78,17 @@ class PlanCamera(ClosingCamera):
                 "Take pyrender or embree for one that looks up or down."
             )
         R_camera = np.ascontiguousarray(R.T)
+        shape = self.config.height, self.config.width
+        rgb, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
         if self._storey is not None:
             _draw_storey(self._storey, t, R_camera, self._lens, depth, rgb)
         if len(self._others):
             draw_triangles(self._others, self._colours, t, R_camera, self._lens, depth, rgb)
+        return RGBD(rgb, depth)
+
+    def close(self) -> None:
+        """A closed camera takes no more pictures."""
+        self._closed = True
 
 
 def _are_walls(triangles: Float[np.ndarray, "n 3 3"], low: float, high: float) -> Bool[np.ndarray, " n"]:
@@ -128,9 +117,8 @@ def _segments(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 2 2
 def _draw_storey(
     storey: _Storey, place: np.ndarray, R_camera: np.ndarray, lens: Lens, depth: np.ndarray, rgb: np.ndarray
 ) -> None:
-    """Walls, floor and ceiling by column; rows of `R_camera` are right, down, ahead; no rows of `rgb`: depth only."""
+    """Walls, floor and ceiling by column; rows of `R_camera` are right, down, ahead."""
     height, width = depth.shape
-    draws_colour = len(rgb) > 0
     right, ahead = R_camera[0], R_camera[2]
     for j in range(width):
         x = (j + 0.5 - 0.5 * width) / lens.focal_px
@@ -147,5 +135,4 @@ def _draw_storey(
                 z, grey = (place[2] - storey.ceiling_m) / y if storey.has_ceiling else np.inf, _CEILING
             if lens.near_m <= z <= lens.far_m:
                 depth[i, j] = z
-                if draws_colour:
-                    rgb[i, j, :] = grey
+                rgb[i, j, :] = grey

@@ -46,10 +46,6 @@ in vec3 color;
 out vec4 frag_color;
 void main() { frag_color = vec4(color, 1.0); }
 """
-_DEPTH = """
-#version 330 core
-void main() {}
-"""
 
 
 class FlatPass:
@@ -68,12 +64,11 @@ class FlatPass:
         """
         self._calls = platform.calls
         primitive._add_to_context()
-        self._programs = {True: _compile(_VERTEX, _COLOUR), False: _compile(_VERTEX, _DEPTH)}
-        self._P_V = {key: GL.glGetUniformLocation(program, "P_V") for key, program in self._programs.items()}
+        program = _compile(_VERTEX, _COLOUR)
+        self._P_V = GL.glGetUniformLocation(program, "P_V")
         self._counts = (3 * run_lengths).astype(np.int32)  # three indices per triangle, of four bytes each
         self._offsets = (12 * (np.cumsum(run_lengths) - run_lengths)).astype(np.uint64)
         self._drawn_counts, self._drawn_offsets = self._counts.copy(), self._offsets.copy()
-        self._draws_colour: bool | None = None
         GL.glViewport(0, 0, platform.width, platform.height)
         GL.glEnable(GL.GL_DEPTH_TEST)
         GL.glDepthFunc(GL.GL_GREATER)
@@ -82,23 +77,20 @@ class FlatPass:
         GL.glEnable(GL.GL_CULL_FACE)
         GL.glClearColor(0.0, 0.0, 0.0, 1.0)
         GL.glBindVertexArray(primitive._vaid)
+        GL.glUseProgram(program)
         # Read once: NumPy's `ctypes` takes longer than a call of OpenGL.
         self._addresses = self._drawn_counts.ctypes.data, self._drawn_offsets.ctypes.data
         self._bits = int(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
         self._triangles, self._index_type = int(GL.GL_TRIANGLES), int(GL.GL_UNSIGNED_INT)
 
-    def draw(self, P_V: Sequence[float], runs: Int[np.ndarray, " n"], *, colour: bool = True) -> None:
-        """Draw some runs of triangles to the current context and wait for the end; depth always, colours on demand.
+    def draw(self, P_V: Sequence[float], runs: Int[np.ndarray, " n"]) -> None:
+        """Draw some runs of triangles to the current context and wait for the end.
 
         `P_V` is projection times view, row by row: clip coordinates of points in the scene's frame.
         """
         calls = self._calls
-        if colour != self._draws_colour:
-            calls.glColorMask(*[int(colour)] * 4)
-            calls.glUseProgram(self._programs[colour])
-            self._draws_colour = colour
         calls.glClear(self._bits)
-        calls.glUniformMatrix4fv(self._P_V[colour], 1, 1, (ctypes.c_float * 16)(*P_V))
+        calls.glUniformMatrix4fv(self._P_V, 1, 1, (ctypes.c_float * 16)(*P_V))
         n = len(runs)
         self._counts.take(runs, out=self._drawn_counts[:n], mode="clip")
         self._offsets.take(runs, out=self._drawn_offsets[:n], mode="clip")
@@ -153,7 +145,12 @@ class PyrenderCamera(ClosingCamera):
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """Take a picture from a pose; RuntimeError if the camera is closed."""
-        self._draw(T_map_camera, colour=True)
+        if not self._free.alive:
+            raise RuntimeError("The camera is closed. Make a new one with make_camera.")
+        R, t = self._scenery.to_local(T_map_camera)
+        seen = self._visibility.parts(R, t)
+        self.platform.make_current()
+        self._pass.draw(self._projection_view(R, t), seen)
         rgb = self.platform.read_rgb()
         depth, whole = self._metres(self.platform.read_depth_code())
         self.platform.make_uncurrent()
@@ -161,24 +158,9 @@ class PyrenderCamera(ClosingCamera):
             rgb[depth == 0] = 0
         return RGBD(rgb, depth)
 
-    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
-        """Take the depth of a picture only, which is faster; raises as `render` does."""
-        self._draw(T_map_camera, colour=False)
-        depth, _ = self._metres(self.platform.read_depth_code())
-        self.platform.make_uncurrent()
-        return depth
-
     def close(self) -> None:
         """Free the context and what is in it; nothing happens the second time."""
         self._free()
-
-    def _draw(self, T_map_camera: Float[np.ndarray, "4 4"], *, colour: bool) -> None:
-        if not self._free.alive:
-            raise RuntimeError("The camera is closed. Make a new one with make_camera.")
-        R, t = self._scenery.to_local(T_map_camera)
-        seen = self._visibility.parts(R, t)
-        self.platform.make_current()
-        self._pass.draw(self._projection_view(R, t), seen, colour=colour)
 
     def _projection_view(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> list[float]:
         """Clip coordinates of points in the scene's frame: a matrix row by row, the far plane at infinity.

@@ -31,7 +31,6 @@ def draw_triangles(
 ) -> None:
     """Triangles over what is drawn already, where they are nearer."""
     height, width = depth.shape
-    draws_colour = len(rgb) > 0
     seen, weight = np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(triangles)):
         for corner in range(3):
@@ -68,8 +67,7 @@ def draw_triangles(
                 z = 1.0 / (wa + wb + wc)
                 if lens.near_m <= z <= lens.far_m and (depth[i, j] == 0 or z < depth[i, j]):
                     depth[i, j] = z
-                    if draws_colour:
-                        rgb[i, j, :] = colours[k]
+                    rgb[i, j, :] = colours[k]
 
 
 @compiled

@@ -212,7 +212,8 @@ def occupancy_of(
 def _by_the_letter(image: PlanImage, header: RosHeader) -> UInt8[np.ndarray, "h w"]:
     """States of the pixels by map_server's rule."""
     if header.mode == "raw":
-        return _raw_states(image, header.thresholds)
+        percent = np.floor(np.arange(image.white + 1) * 255 / image.white + 0.5)
+        return looked_up(header.thresholds.raw_states(percent), image.light)
     if header.mode == "trinary" and image.alpha is not None:
         share = 3 * image.opaque // image.white  # a grey channel stands for three
         light = share * image.light.astype(np.uint32) + image.alpha
@@ -238,11 +239,6 @@ def _materials_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.n
                 "%s: materials names #%02x%02x%02x, which no pixel of the picture has.", path, *colour
             )
     return materials
-
-
-def _raw_states(image: PlanImage, thresholds: Thresholds) -> UInt8[np.ndarray, "h w"]:
-    percent = np.floor(np.arange(image.white + 1) * 255 / image.white + 0.5)
-    return looked_up(thresholds.raw_states(percent), image.light)
 
 
 def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:

@@ -269,7 +269,7 @@ def test_a_low_robot_maps_what_stops_it_and_nothing_else(building):
     config = CameraConfig(width=128, height=128, height_m=0.28)
     T = camera_pose(np.array([0.8, 1.1, 0.3]), config)
     with make_camera([shaded_mesh(building)], config) as camera:
-        depth = camera.render_depth(T)
+        depth = camera.render(T).depth
     low, high = (scan_from_depth(depth, config, Band(high_m=top)) for top in (0.4, 1.35))
     outline = np.array([[0, 0], [WIDTH, 0], [WIDTH, DEPTH], [0, DEPTH]])
     bearing = np.arctan(low.left.astype(float))

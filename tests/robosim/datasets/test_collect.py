@@ -49,7 +49,7 @@ def test_frames_are_what_the_true_poses_see():
     camera = make_camera([shaded_mesh(building)], CameraConfig())
     patches = TruePatches(building)
     for i in range(12):
-        depth = camera.render_depth(camera_pose(frames["pose"][i], CameraConfig()))
+        depth = camera.render(camera_pose(frames["pose"][i], CameraConfig())).depth
         off = np.abs(frames["depth"][i] / 1000 - depth)
         assert (off > 0.002).mean() < 0.05  # the target's post may be in the picture
         truth = np.unpackbits(frames["truth"][i], axis=-1).astype(bool)

@@ -10,7 +10,7 @@ from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import map_log
 from robosim.logs.log_observations import mapper_of, observations
 from robosim.navigation import make_navigator
-from robosim.policies.goals import Explore
+from robosim.policies.goals import Explore, PolicyContext
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from slam.actions import Velocity
@@ -22,7 +22,7 @@ def agent_of(log):
     """An agent that explores, with the errors of the log's odometry."""
     robot = RobotConfig(camera=None, lidar="rplidar-a1")
     navigator = make_navigator(SimulatorConfig(robot=robot))._replace(mapper=mapper_of(log))
-    agent = Agent(navigator, Explore(navigator.explorer), robot)
+    agent = Agent(navigator, Explore(PolicyContext(explorer=navigator.explorer)), robot)
     agent.reset(np.zeros(3))
     return agent
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from rich.console import Console
+from torch_modules import module_of
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
@@ -17,9 +18,8 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.installation import shipped_network
 from robosim.task.tasks import make_task
 from robosim.training.mapper import read_frames, read_pairs, train_mapper
-from slam.learning.map_module import MapModule
 from slam.learning.mapper import Recipe, classical_scores, validate
-from slam.learning.pose import PoseModule, pose_scores
+from slam.learning.pose import pose_scores
 from slam.networks.files import load_mapper, load_pose
 
 QUIET = Console(quiet=True)
@@ -35,7 +35,7 @@ def test_it_beats_the_classical_map_in_new_homes(tmp_path):
     frames = read_frames(
         collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET)
     )
-    learned, classical = validate(MapModule.of(network), frames), classical_scores(frames)
+    learned, classical = validate(module_of(network), frames), classical_scores(frames)
     assert learned["iou_seen"] > max(0.8, classical["iou_seen"] + 0.02)
     assert learned["iou_hidden"] > classical["iou_hidden"] + 0.1
     assert learned["calibration_error_seen"] < 0.02
@@ -107,7 +107,7 @@ def test_the_shipped_pose_estimates_offsets_in_new_homes(tmp_path):
     """
     network, card = load_pose(shipped_network("pose"))
     pairs = read_pairs(collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET))
-    scores = pose_scores(PoseModule.of(network), pairs)
+    scores = pose_scores(module_of(network), pairs)
     assert scores["estimated_m"] < 0.5 * scores["predicted_m"]
     assert scores["estimated_deg"] < 0.7 * scores["predicted_deg"]
     assert 0.5 < scores["consistency"] < 2

@@ -19,7 +19,7 @@ from slam.networks.features import (
     SURFACE,
     Features,
 )
-from slam.networks.files import load_mapper, mapper_files
+from slam.networks.files import files_of, load_mapper
 from slam.networks.map_network import OBSTACLE, MapPredictor, NetworkConfig
 from slam.networks.scores import PatchScores
 from slam.sensing.projection import CameraModel, scan_from_depth
@@ -160,7 +160,7 @@ def test_interrupted_training_ends_the_same(tmp_path):
 def test_weights_come_back(tmp_path):
     """Saved and loaded: the same answers; without the card, or damaged, a sentence."""
     network = MapModule(SMALL).network()
-    for name, content in mapper_files(network, {"about": "a test"}, "m").items():
+    for name, content in files_of(network, {"about": "a test"}, "m").items():
         (tmp_path / name).write_bytes(content)
     loaded, card = load_mapper(tmp_path / "m.safetensors")
     x = np.random.default_rng(0).normal(size=(1, 7, 64, 64)).astype(np.float32)

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import torch
+from torch_modules import module_of
 
 from robosim.support.installation import shipped_network
-from slam.learning.map_module import MapModule, arrays_of
+from robosim.support.torch_training import weights_of
+from slam.learning.map_module import MapModule
 from slam.learning.pose import PoseModule
 from slam.networks.features import N_CHANNELS
 from slam.networks.files import load_mapper, load_pose
@@ -22,7 +24,7 @@ def test_the_shipped_mapper_says_what_pytorch_says():
     network, _ = load_mapper(shipped_network("mapper"))
     patches = shown(3, N_CHANNELS)
     with torch.inference_mode():
-        expected = MapModule.of(network)(torch.from_numpy(patches)).numpy()
+        expected = module_of(network)(torch.from_numpy(patches)).numpy()
     assert np.ptp(expected) > 10
     np.testing.assert_allclose(network(patches), expected, atol=5e-5)
 
@@ -32,7 +34,7 @@ def test_the_shipped_pose_says_what_pytorch_says():
     network, _ = load_pose(shipped_network("pose"))
     patches = shown(3, INPUTS)
     with torch.inference_mode():
-        expected = PoseModule.of(network)(torch.from_numpy(patches))
+        expected = module_of(network)(torch.from_numpy(patches))
     for found, wanted in zip(network(patches), expected, strict=True):
         np.testing.assert_allclose(found, wanted.numpy(), atol=1e-5)
 
@@ -56,27 +58,27 @@ def test_a_mapper_of_any_size_says_what_pytorch_says(widths):
 def test_shapes_are_those_that_pytorch_makes(widths):
     mapper, pose = NetworkConfig(widths=widths, inputs=4), PoseNetworkConfig(widths=widths, hidden=5)
     for module, shapes in ((MapModule(mapper), map_shapes(mapper)), (PoseModule(pose), pose_shapes(pose))):
-        assert {name: value.shape for name, value in arrays_of(module).items()} == shapes
+        assert {name: value.shape for name, value in weights_of(module).items()} == shapes
         counted = sum(value.numel() for value in module.parameters())
         assert module.network().parameters == counted
 
 
 def test_weights_that_do_not_fit_are_rejected():
-    weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
+    weights = dict(weights_of(MapModule(NetworkConfig(widths=(4,)))))
     with pytest.raises(ValueError, match="other names, shapes"):
         MapNetwork(weights, NetworkConfig(widths=(4, 8)))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e30])
 def test_values_that_overflow_are_rejected(value):
-    weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
+    weights = dict(weights_of(MapModule(NetworkConfig(widths=(4,)))))
     weights["last.bias"] = np.array([value, 0], np.float32)
     with pytest.raises(ValueError, match=r"last\.bias has values that are NaN, infinite or above 1,000,000"):
         MapNetwork(weights, NetworkConfig(widths=(4,)))
 
 
 def test_negative_variances_are_rejected():
-    weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
+    weights = dict(weights_of(MapModule(NetworkConfig(widths=(4,)))))
     name = next(name for name in weights if name.endswith("running_var"))
     weights[name] = -weights[name]
     with pytest.raises(ValueError, match="has negative variances"):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from robosim.support.torch_training import weights_of
 from wireless.linkstate import LinkStateClassifier, load_classifier, make_tokens
-from wireless.linkstate.features import moments
-from wireless.linkstate.learning.networks import NETWORKS, weights_of
+from wireless.linkstate.learning.networks import NETWORKS
 from wireless.linkstate.tokens import AOA, AOD, DELAY, SNR
 
 FULL = ("aoa", "aod", "snr", "peak", "delay")
@@ -146,19 +146,3 @@ def test_files_that_are_damaged_are_named(tmp_path):
         ValueError, match=r"none\.safetensors: no such file, expected the classifier of link states"
     ):
         load_classifier(tmp_path / "none.safetensors")
-
-
-def test_moments_against_their_definitions():
-    """Two paths 90 degrees and 10 dB apart: K-factor 10 dB; spread from R = |10 + j| / 11; delay spread by hand."""
-    tokens = make_tokens(
-        np.array([[0.0, np.pi / 2]]), np.array([[20.0, 10.0]]), delay_s=np.array([[50e-9, 150e-9]])
-    )
-    total, strongest, k_factor, skewness, kurtosis, spread, mean, rms, rise = moments(
-        tokens, ("aoa", "snr", "delay")
-    )[0]
-    assert total.item() == pytest.approx(10 * np.log10(110), abs=1e-4)
-    assert strongest.item() == pytest.approx(20, abs=1e-4)
-    assert k_factor.item() == pytest.approx(10, abs=1e-4)
-    assert (skewness.item(), kurtosis.item()) == pytest.approx((0, 1), abs=1e-4)
-    assert spread.item() == pytest.approx(np.sqrt(-2 * np.log(np.hypot(10, 1) / 11)), abs=1e-4)
-    assert (mean.item(), rms.item(), rise.item()) == pytest.approx((1 / 11, np.sqrt(10) / 11, 0), abs=1e-5)

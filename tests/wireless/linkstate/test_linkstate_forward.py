@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from robosim.support.torch_training import weights_of
 from wireless.linkstate.forward import KINDS
-from wireless.linkstate.learning.networks import NETWORKS, weights_of
+from wireless.linkstate.learning.networks import NETWORKS
 from wireless.linkstate.tokens import make_tokens
 
 SOME, ALL = ("aoa", "snr"), ("aoa", "aod", "snr", "peak", "delay")

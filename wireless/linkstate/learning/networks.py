@@ -1,33 +1,24 @@
 """Networks that classify the link state from estimated paths, as PyTorch trains them.
 
-Ours, the published one, and hand-made features; `wireless.linkstate.forward` is what is used of them, with weights of
+Ours and the published one; `wireless.linkstate.forward` is what is used of them, with weights of
 the same names and shapes, and a test compares their results.
 
 `RelationNetwork` lets every path look at every other: a message from each pair's geometry, summed over partners,
 twice; then the paths, from the strongest, go through a small dense head. `ReferenceNetwork` is the published
-network on scaled raw estimates, 8 and 6 hidden units. `MomentsNetwork` sees a channel's moments only, after
-Huang et al.; the public estimates have no delays, so delay spread, excess delay and rise time are missing there.
-All take tokens (`wireless.linkstate.tokens`) and give logits of the four states.
+network on scaled raw estimates, 8 and 6 hidden units. Both take tokens (`wireless.linkstate.tokens`) and give logits
+of the four states.
 
-References: Yin et al., arXiv 2110.14789; Huang et al., "Machine-learning-enabled LOS/NLOS identification for MIMO
-systems in dynamic environments", IEEE TWC 2020.
+Reference: Yin et al., arXiv 2110.14789.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from wireless.linkstate.features import (
-    feature_counts,
-    moment_count,
-    moments,
-    path_and_pair_features,
-    scaled_estimates,
-)
-from wireless.linkstate.forward import N_STATES, Weights
+from wireless.linkstate.features import feature_counts, path_and_pair_features, scaled_estimates
+from wireless.linkstate.forward import N_STATES
 from wireless.linkstate.tokens import N_PATHS
 
 
@@ -93,52 +84,18 @@ class ReferenceNetwork(nn.Module):
     def __init__(self, inputs: Sequence[str]) -> None:
         super().__init__()
         self.inputs = tuple(inputs)
-        self.layers = _published_layers(N_PATHS * len(self.inputs))
+        n_inputs = N_PATHS * len(self.inputs)
+        self.layers = nn.Sequential(
+            nn.Linear(n_inputs, 8), nn.ReLU(), nn.Linear(8, 6), nn.ReLU(), nn.Linear(6, N_STATES)
+        )
 
     def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
         """Logits of the states."""
         return self.layers(torch.from_numpy(scaled_estimates(tokens.numpy(), self.inputs)))
 
 
-class MomentsNetwork(nn.Module):
-    """Hand-made features: powers, K-factor, kurtosis and skewness of power, spreads of angles and delays."""
-
-    def __init__(self, inputs: Sequence[str]) -> None:
-        super().__init__()
-        self.inputs = tuple(inputs)
-        self.norm = nn.BatchNorm1d(moment_count(inputs), affine=False)
-        self.layers = _published_layers(self.norm.num_features)
-
-    def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
-        """Logits of the states."""
-        return self.layers(self.norm(torch.from_numpy(moments(tokens.numpy(), self.inputs))))
-
-
-def weights_of(network: nn.Module) -> Weights:
-    """Weights of a network as arrays, copied, by their names."""
-    return {name: value.detach().contiguous().numpy().copy() for name, value in network.state_dict().items()}
-
-
-def _published_layers(n_inputs: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Linear(n_inputs, 8), nn.ReLU(), nn.Linear(8, 6), nn.ReLU(), nn.Linear(6, N_STATES)
-    )
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Train in one thread: sums split over threads add up in another order, and weights would differ."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
 #: Networks by name.
 NETWORKS: dict[str, Callable[..., nn.Module]] = {
     "ours": RelationNetwork,
     "reference": ReferenceNetwork,
-    "huang": MomentsNetwork,
 }

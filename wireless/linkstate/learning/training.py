@@ -9,7 +9,7 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
@@ -17,25 +17,14 @@ from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
 from robosim.support.checks import Range, checked
-from robosim.support.restoring import restore_network, restore_optimiser
+from robosim.support.torch_training import Store, restore_network, restore_optimiser, torch_threads
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
-from wireless.linkstate.learning.networks import NETWORKS, one_thread
+from wireless.linkstate.learning.networks import NETWORKS
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, is_path
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
-
-
-@runtime_checkable
-class Store(Protocol):
-    """Storage of the state of a training."""
-
-    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
-        """Put the state back that was saved last, if there is one."""
-
-    def save(self, state: dict[str, Any]) -> None:
-        """Store a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +32,7 @@ class Store(Protocol):
 class Recipe:
     """How a network is trained."""
 
-    model: Literal["ours", "reference", "huang"] = "ours"
+    model: Literal["ours", "reference"] = "ours"
     """Kind of network."""
     inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
     """Columns of tokens that it uses."""
@@ -82,7 +71,7 @@ class Recipe:
         return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
 
 
-def default_recipe(model: Literal["ours", "reference", "huang"]) -> Recipe:
+def default_recipe(model: Literal["ours", "reference"]) -> Recipe:
     """Default training of each kind of network.
 
     The published network had 300 epochs of Adam at a steady 0.001; a third of them, slowing down, end no worse.
@@ -123,7 +112,7 @@ def train(
             f"none of {len(tokens)} links has an estimated path: there is nothing to learn from."
         )
     x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
-    with one_thread(), torch.random.fork_rng(devices=[]):
+    with torch_threads(), torch.random.fork_rng(devices=[]):
         run = _Run(x, y, recipe)
         if checkpoint:
             checkpoint.restore(run.restore)
@@ -162,7 +151,12 @@ class _Run:
             step = number * self.steps + i
             for group in self.optimiser.param_groups:
                 group["lr"] = self.recipe.learning_rate * _rate(step / (self.recipe.epochs * self.steps))
-            loss = self._loss(self._disturbed(self.x[rows]), self.y[rows])
+            logits = self.network(self._disturbed(self.x[rows]))[:, self.states]
+            loss = nn.functional.cross_entropy(
+                logits,
+                torch.searchsorted(self.states, self.y[rows]),
+                label_smoothing=self.recipe.label_smoothing,
+            )
             self.optimiser.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(self.network.parameters(), _CLIP)
@@ -172,13 +166,6 @@ class _Run:
         accuracy, watched_loss = self._score(*watch) if watch and len(watch[1]) else (None, None)
         self.epochs.append(
             Epoch(epoch=number + 1, loss=total / len(self.x), accuracy=accuracy, watched_loss=watched_loss)
-        )
-
-    def _loss(self, tokens: Tensor, state: Tensor) -> Tensor:
-        """Over the states that there are: the others' logits are never used."""
-        logits = self.network(tokens)[:, self.states]
-        return nn.functional.cross_entropy(
-            logits, torch.searchsorted(self.states, state), label_smoothing=self.recipe.label_smoothing
         )
 
     def _disturbed(self, tokens: Tensor) -> Tensor:

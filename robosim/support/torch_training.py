@@ -1,14 +1,55 @@
-"""Restore a network and its optimiser from a stored state, with checks that training can continue from it."""
+"""Training in PyTorch: its threads, weights, and stored states from which it can continue.
 
-from collections.abc import Mapping
-from typing import Any
+A convolution that is split over threads sums in another order, and the last bits of its result differ. Over a thousand
+decisions this changes the trajectory. The networks here are too small to gain from a second thread.
+"""
 
-import torch
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+try:
+    import torch
+except ImportError as error:
+    raise ImportError(
+        "Training needs PyTorch, which is not installed: pip install 'robosim-wireless[train]', or in a checkout "
+        "pip install -e '.[train]'",
+        name="torch",
+    ) from error
 
 #: Larger weights overflow in the next step or the one after.
 _LARGEST = 1e6
 #: No training has so many steps, nor so large gradients.
 _MOST_STEPS = 1e9
+
+
+@runtime_checkable
+class Store(Protocol):
+    """Storage of the state of a training."""
+
+    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
+        """Put the state back that was saved last, if there is one."""
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Store a state."""
+
+
+@contextmanager
+def torch_threads(count: int = 1) -> Iterator[None]:
+    """Compute with so many threads inside the block, and as before after it; half a microsecond."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def weights_of(network: torch.nn.Module) -> dict[str, np.ndarray]:
+    """Weights of a network as arrays, copied, by their names."""
+    return {name: value.detach().contiguous().numpy().copy() for name, value in network.state_dict().items()}
 
 
 def restore_network(network: torch.nn.Module, state: Mapping[str, Any]) -> None:
@@ -23,11 +64,7 @@ def restore_network(network: torch.nn.Module, state: Mapping[str, Any]) -> None:
 
 
 def check_weights(state: Mapping[str, Any]) -> None:
-    """Check that tensors hold plausible weights.
-
-    Raises:
-        ValueError: If one does not.
-    """
+    """Check that tensors hold plausible weights; ValueError if one does not."""
     for name, value in state.items():
         if not (isinstance(value, torch.Tensor) and bool((value.abs() <= _LARGEST).all())):
             raise ValueError(f"{name} has values that are no weights")

@@ -1,1 +1,0 @@
-"""Support of all of the package: checks, files from outside, compiled inner loops, weights."""
