@@ -83,9 +83,7 @@ class Channel:
 
     def synchronised(self) -> "Channel":
         """The channel as a receiver sees it whose clock starts with the first path of each link."""
-        first = np.full(self._shape, np.inf).ravel()
-        np.minimum.at(first, self.paths.link, self.paths.delay_s)
-        delay_s = self.paths.delay_s - first[self.paths.link]
+        delay_s = self.paths.delay_s - self.first_delay_s()[self.paths.tx, self.paths.rx]
         return replace(self, paths=replace(self.paths, delay_s=delay_s))
 
     def cir(
@@ -140,6 +138,12 @@ class Channel:
         if coherent:
             return np.abs(self._sum(self.coefficient)) ** 2
         return self._sum(np.abs(self.coefficient) ** 2)
+
+    def first_delay_s(self) -> Float[np.ndarray, "n_tx n_rx"]:
+        """Delay of the first path of each link; NaN without paths."""
+        first = np.full(self._shape, np.inf)
+        np.minimum.at(first, (self.paths.tx, self.paths.rx), self.paths.delay_s)
+        return np.where(np.isfinite(first), first, np.nan)
 
     def delay_spread_s(self) -> Float[np.ndarray, "n_tx n_rx"]:
         """Root mean square delay spread of each link; NaN without paths."""
