@@ -23,16 +23,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Values of each link in a map, besides gain and category.
-_VALUES = ("delay_s", "delay_spread_s", *(f"{angle}_spread_rad" for angle in ("aoa_az", "aoa_el", "aod_az", "aod_el")))
-#: Labels of what `CoverageMap.plot` draws.
+_VALUES = (
+    "delay_s",
+    "delay_spread_s",
+    *(f"{angle}_spread_rad" for angle in ("aoa_az", "aoa_el", "aod_az", "aod_el")),
+)
+#: Links whose values are computed at once.
+_BATCH_LINKS = 8192
+#: Labels of what `CoverageMap.plot` draws, and factors to their units.
 _LABELS = {
-    "power_dbm": "received power [dBm]",
-    "snr_db": "SNR [dB]",
-    "sinr_db": "SINR [dB]",
-    "best_sinr_db": "SINR of the best server [dB]",
-    "best_server": "best server, from 0",
-    "delay_s": "delay of the first path [s]",
-    "delay_spread_s": "delay spread [s]",
+    "power_dbm": ("received power [dBm]", 1.0),
+    "snr_db": ("SNR [dB]", 1.0),
+    "sinr_db": ("SINR [dB]", 1.0),
+    "best_server": ("best server, from 1", 1.0),
+    "delay_s": ("delay of the first path [ns]", 1e9),
+    "delay_spread_s": ("delay spread [ns]", 1e9),
 }
 
 
@@ -60,7 +65,7 @@ class ReceiverGrid:
     unreached: UInt8[np.ndarray, "ny nx"]
     """`CellState` of each cell if no path arrives there."""
 
-    def within(self, bounds_m: tuple[float, float, float, float] | None) -> "ReceiverGrid":
+    def within(self, bounds_m: tuple[float, ...] | None) -> "ReceiverGrid":
         """The receivers in a box x, y, x, y [m], also without bounds; the cells of others are outside.
 
         Raises:
@@ -68,7 +73,8 @@ class ReceiverGrid:
         """
         if bounds_m is None:
             return self
-        west, south, east, north = check_bounds(bounds_m)
+        check_bounds(bounds_m)
+        west, south, east, north = bounds_m
         x, y = self.position[:, :2].T
         is_inside = (west <= x) & (x <= east) & (south <= y) & (y <= north)
         if not is_inside.any():
@@ -85,20 +91,26 @@ class ReceiverGrid:
         )
 
 
-def check_bounds(bounds_m: tuple[float, ...]) -> tuple[float, ...]:
-    """A box x, y, x, y [m]; ValueError if it is none."""
-    if len(bounds_m) != 4 or not np.isfinite(bounds_m).all() or not bounds_m[0] < bounds_m[2] or not bounds_m[1] < bounds_m[3]:
+def check_bounds(bounds_m: tuple[float, ...]) -> None:
+    """Raise ValueError if four numbers are no box x, y, x, y [m]."""
+    if (
+        len(bounds_m) != 4
+        or not np.isfinite(bounds_m).all()
+        or not bounds_m[0] < bounds_m[2]
+        or not bounds_m[1] < bounds_m[3]
+    ):
         raise ValueError(
             f"bounds are {_text(bounds_m)}, expected the lower-left and the upper-right corner x, y, x, y [m]."
         )
-    return bounds_m
 
 
-def outside_error(bounds_m: tuple[float, ...], low: Float[np.ndarray, "..."], high: Float[np.ndarray, "..."]) -> ValueError:
+def outside_error(
+    bounds_m: tuple[float, ...], low: Float[np.ndarray, "..."], high: Float[np.ndarray, "..."]
+) -> ValueError:
     """Error of a box x, y, x, y [m] that has nothing in common with a scene between two corners."""
     return ValueError(
-        f"bounds are {_text(bounds_m)}, outside of the scene, which reaches from {_text(low[:2])} to {_text(high[:2])} m. "
-        "Give others, or leave them out for the whole scene."
+        f"bounds are {_text(bounds_m)}, outside of the scene, which reaches from {_text(low[:2])} to {_text(high[:2])} "
+        "m. Give others, or leave them out for the whole scene."
     )
 
 
@@ -114,7 +126,7 @@ def link_values(
     coherent: bool = False,
     threshold_db: float = -np.inf,
 ) -> dict[str, np.ndarray]:
-    """Values of links by the names of the fields of `CoverageMap`, n_tx x n_rx each.
+    """Values of links by the names of the fields of `CoverageMap`, n_tx x n_rx each, computed in batches.
 
     Args:
         paths: Paths of all links.
@@ -123,6 +135,15 @@ def link_values(
         coherent: Whether paths add with their phases.
         threshold_db: Paths of less power gain do not count for link categories.
     """
+    n_rx, size = len(paths.rx_position), max(1, _BATCH_LINKS // len(paths.tx_position))
+    if n_rx > size:
+        options = {"tx": tx, "rx": rx, "coherent": coherent, "threshold_db": threshold_db}
+        parts = []
+        for first in range(0, n_rx, size):
+            batch = paths.select((first <= paths.rx) & (paths.rx < first + size))
+            batch = replace(batch, rx=batch.rx - first, rx_position=paths.rx_position[first : first + size])
+            parts.append(link_values(batch, **options))
+        return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
     channel = Channel.from_paths(paths, tx=tx, rx=rx)
     values = {
         "gain": channel.power(coherent=coherent).sum(axis=2).mean(axis=2),
@@ -216,12 +237,11 @@ class CoverageMap:
         power = np.nan_to_num(self.power_dbm, nan=-np.inf)
         return np.where(power.max(axis=0) > -np.inf, power.argmax(axis=0), -1)
 
-    @property
-    def best_sinr_db(self) -> Float[np.ndarray, "ny nx"]:
-        """SINR of the best server [dB]; NaN where none is."""
+    def best(self, quantity: str) -> Float[np.ndarray, "ny nx"]:
+        """A quantity of the best server of each cell, such as `sinr_db`; NaN where none is."""
         server = self.best_server
-        best = np.take_along_axis(self.sinr_db, np.maximum(server, 0)[None], axis=0)[0]
-        return np.where(server >= 0, best, np.nan)
+        values = np.take_along_axis(getattr(self, quantity), np.maximum(server, 0)[None], axis=0)[0]
+        return np.where(server >= 0, values, np.nan)
 
     def averaged(self, side: int) -> "CoverageMap":
         """A map of larger cells, of side x side cells each; cells left over at the upper and right edges are dropped.
@@ -257,35 +277,56 @@ class CoverageMap:
         )
 
     def to_arrays(self) -> dict[str, Any]:
-        """All fields, and SNR, SINR and best server, by their names."""
-        derived = ("power_dbm", "snr_db", "sinr_db", "best_server", "best_sinr_db")
+        """All fields, and power, SNR, SINR and best server, by their names."""
+        derived = ("power_dbm", "snr_db", "sinr_db", "best_server")
         return {**vars(self), **{name: getattr(self, name) for name in derived}}
 
     def to_table(self) -> pa.Table:
         """One row per transmitter and cell, as an Arrow table (`to_table().to_pandas()`)."""
         tx, row, column = np.indices(self.gain.shape)
-        place = {f"{axis}_m": np.broadcast_to(self.position[..., i], tx.shape) for i, axis in enumerate("xyz")}
-        columns = {"tx": tx, "row": row, "column": column, **place, "state": self.state, "category": self.category}
+        place = {
+            f"{axis}_m": np.broadcast_to(self.position[..., i], tx.shape) for i, axis in enumerate("xyz")
+        }
+        columns = {
+            "tx": tx,
+            "row": row,
+            "column": column,
+            **place,
+            "state": self.state,
+            "category": self.category,
+        }
         columns |= {name: getattr(self, name) for name in ("power_dbm", "snr_db", "sinr_db", *_VALUES)}
         columns["is_best_server"] = tx == self.best_server
-        about = {"noise_dbm": self.noise_dbm, "frequency_hz": self.frequency_hz, "points_per_cell": self.points_per_cell}
+        about = {
+            "noise_dbm": self.noise_dbm,
+            "frequency_hz": self.frequency_hz,
+            "points_per_cell": self.points_per_cell,
+        }
         table = pa.table({name: np.ascontiguousarray(values).ravel() for name, values in columns.items()})
         return table.replace_schema_metadata({name: repr(value) for name, value in about.items()})
 
-    def plot(self, quantity: str = "power_dbm", tx: int = 0, axes: "Axes | None" = None) -> "Axes":
-        """Draw a quantity of a transmitter from above, or of all, and the transmitters.
+    def plot(self, quantity: str = "power_dbm", tx: int | None = None, axes: "Axes | None" = None) -> "Axes":
+        """Draw a quantity from above, and the transmitters.
 
         Args:
-            quantity: Name of a field or property, such as `power_dbm`, `best_sinr_db` or `delay_spread_s`.
-            tx: Number of the transmitter.
+            quantity: Name of a field or property, such as `power_dbm`, `sinr_db`, `best_server` or `delay_spread_s`.
+            tx: Number of the transmitter; None for the best server of each cell.
             axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
         """
-        axes, values = axes_in_metres(axes), np.asarray(getattr(self, quantity), float)
-        is_reached = self.state == CellState.REACHED
-        if values.ndim == 3:
-            values, is_reached = values[tx], is_reached[tx : tx + 1]
-        values = np.where(is_reached.any(axis=0), values, np.nan)
-        image = axes.pcolormesh(self.edges[..., 0], self.edges[..., 1], values, cmap="cividis", rasterized=True)
-        axes.figure.colorbar(image, ax=axes, label=_LABELS.get(quantity, quantity))
+        from matplotlib import colormaps
+
+        axes, n_tx, style = axes_in_metres(axes), len(self.gain), {"cmap": "cividis"}
+        if quantity == "best_server":
+            values = np.where(self.best_server >= 0, self.best_server + 1.0, np.nan)  # as in names of files
+            style = {"cmap": colormaps["viridis"].resampled(n_tx), "vmin": 0.5, "vmax": n_tx + 0.5}
+        elif tx is None:
+            values = self.best(quantity)
+        else:
+            values = np.where(self.state[tx] == CellState.REACHED, getattr(self, quantity)[tx], np.nan)
+        label, factor = _LABELS.get(quantity, (quantity, 1.0))
+        image = axes.pcolormesh(*np.moveaxis(self.edges, 2, 0), factor * values, rasterized=True, **style)
+        bar = axes.figure.colorbar(image, ax=axes, label=label, shrink=0.8)
+        if quantity == "best_server" and n_tx <= 20:
+            bar.set_ticks(range(1, n_tx + 1))
         axes.plot(*self.tx_position[:, :2].T, "*", color="#CC0000", mec="white", ms=13)
         return axes

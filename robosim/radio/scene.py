@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import shapely
@@ -21,19 +21,24 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
+from wireless.coverage import CoverageMap
 from wireless.em.materials import Material
 from wireless.paths import Paths
-from wireless.tracing.mitsuba_scene import read_mitsuba
+from wireless.tracing.coverage import level_grid
+from wireless.tracing.mitsuba_scene import MitsubaScene, read_mitsuba
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from mpl_toolkits.mplot3d import Axes3D
 
 #: A place this far from free space still counts as on its edge [m].
 ON_EDGE_M = 1e-6
 #: Faces that meet at a smaller angle are one surface in pictures.
 FLAT_RAD = 1e-3
-Place = FloorPlan | OneStorey
+Place = FloorPlan | OneStorey | MitsubaScene
+#: Box x, y, x, y [m].
+Bounds = tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,17 +72,33 @@ class RadioSite(ABC):
     """Its name in reports and files."""
     config: RadioConfig
     """Radio to trace."""
+    whole: Building | Storeys | MitsubaScene
+    """All surfaces, and their materials."""
     mesh: trimesh.Trimesh
-    """All surfaces."""
+    """Triangles of all surfaces."""
     storeys: tuple[Storey, ...] = ()
     """Storeys of a building, from the lowest up; a scene has none."""
     floor_m: float = 0.0
     """Height of the floor below terminals without a height of their own [m]."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def tracer(self) -> Tracer:
         """The tracer, made at the first use; ValueError if a material is unknown at the carrier frequency."""
+        return Tracer(self.whole, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
+
+    @property
+    def engine(self) -> str:
+        """Engine of the tracer: `plan` or `storeys`, which are fast, or `space`."""
+        return self.tracer.scene.engine
+
+    @property
+    @abstractmethod
+    def digest(self) -> str:
+        """A text that changes with any vertex, face or material."""
+
+    @abstractmethod
+    def section(self, grid: ReceiverGrid) -> "Building | SceneSection":
+        """What pictures of a grid from above show."""
 
     @property
     def height_m(self) -> float:
@@ -100,9 +121,37 @@ class RadioSite(ABC):
                 raise ValueError(problem)
         return positions
 
-    def grid(self, step_m: float) -> ReceiverGrid:
-        """Receivers on a grid at `height_m`; ValueError if there is none."""
-        raise ValueError(f"{self.name} has no floor plan to lay a grid over. Give places of receivers.")
+    @abstractmethod
+    def grid(
+        self,
+        step_m: float,
+        *,
+        bounds_m: Bounds | None = None,
+        tx: Float[np.ndarray, "n_tx 3"] | None = None,
+        per_side: int = 1,
+    ) -> ReceiverGrid:
+        """Receivers on a grid at `height_m`, one or per_side^2 in each cell; ValueError if there is none.
+
+        Args:
+            step_m: Side of cells [m].
+            bounds_m: Box x, y, x, y that cells are in [m]; None for all.
+            tx: Transmitters [m], which tell free space from bodies where no plan does.
+            per_side: Receivers along each side of a cell.
+        """
+
+    def coverage(
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        cell_m: float,
+        *,
+        bounds_m: Bounds | None = None,
+        points_per_side: int = 1,
+        **options: Any,
+    ) -> CoverageMap:
+        """Coverage of the cells of a grid by transmitters [m]; `options` are others of `Tracer.coverage`."""
+        grid = self.grid(cell_m, bounds_m=bounds_m, tx=tx, per_side=points_per_side)
+        about = {"tx_power_dbm": self.config.tx_power_dbm, "threshold_db": self.config.threshold_db}
+        return self.tracer.coverage(tx, grid=grid, points_per_side=points_per_side, **about | options)
 
     def nearest_free(self, place: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """The free point nearest to a place (x, y) or (x, y, z) [m]."""
@@ -144,28 +193,57 @@ def radio_site(
     """
     match place:
         case Path():
-            return MeshScene(place, config, materials)
+            return MeshScene(read_mitsuba(place, materials), config)
+        case MitsubaScene():
+            return MeshScene(place, config)
     return RadioScene(place, config)
 
 
 class MeshScene(RadioSite):
-    """A Mitsuba scene: places are anywhere.
+    """A Mitsuba scene: places are anywhere, its floor is at its lowest point."""
 
-    Raises:
-        FileError: If a file is damaged, or a shape or material is not understood.
-    """
+    def __init__(self, scene: MitsubaScene, config: RadioConfig):
+        self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
+        self.floor_m = float(scene.mesh.bounds[0, 2])
 
-    def __init__(
-        self, path: Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
-    ):
-        self.name, self.config = path.stem, config
-        self._scene = read_mitsuba(path, materials)
-        self.mesh = self._scene.mesh
+    @property
+    def digest(self) -> str:
+        """A text that changes with any vertex, face or material of the scene."""
+        return self.whole.digest()
 
-    @cached_property
-    def tracer(self) -> Tracer:
-        """The tracer of the scene."""
-        return Tracer(self._scene, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
+    def section(self, grid: ReceiverGrid) -> "SceneSection":
+        """The surfaces of the scene at the height of a grid."""
+        return SceneSection(self.name, self.mesh, grid)
+
+    def grid(
+        self,
+        step_m: float,
+        *,
+        bounds_m: Bounds | None = None,
+        tx: Float[np.ndarray, "n_tx 3"] | None = None,
+        per_side: int = 1,
+    ) -> ReceiverGrid:
+        """Cells over all of the scene, or over a box."""
+        return level_grid(self.mesh, step_m, self.height_m, bounds_m, tx, per_side)
+
+
+class SceneSection:
+    """A level section of a scene, with the members of a `Building` that pictures from above need."""
+
+    furnishings = ()
+
+    def __init__(self, name: str, mesh: trimesh.Trimesh, grid: ReceiverGrid):
+        self.name = name
+        corners = grid.edges.reshape(-1, 2)
+        self.free = shapely.MultiPolygon([shapely.box(*corners.min(axis=0), *corners.max(axis=0))])
+        lines = trimesh.intersections.mesh_plane(mesh, [0, 0, 1], [0, 0, grid.position[0, 2]])
+        self._lines = np.asarray(lines).reshape(-1, 2, 3)[..., :2]
+
+    def draw_walls(self, axes: "Axes", *, colour: str, zorder: float) -> None:
+        """Draw the surfaces that the section meets."""
+        from matplotlib.collections import LineCollection
+
+        axes.add_collection(LineCollection(list(self._lines), colors=colour, linewidths=0.9, zorder=zorder))
 
 
 class RadioScene(RadioSite):
@@ -179,7 +257,7 @@ class RadioScene(RadioSite):
     clearance_m = 0.01
     """Distance of nearest free points from walls, where there is space [m]; more than messages round away."""
 
-    def __init__(self, plan: Place, config: RadioConfig):
+    def __init__(self, plan: FloorPlan | OneStorey, config: RadioConfig):
         self.config = config
         number = 0
         match plan:
@@ -191,25 +269,27 @@ class RadioScene(RadioSite):
         self.name, self.mesh, self.storeys = plan.name, self.whole.mesh, self.whole.storeys
         self.building, self.floor_m = self.storeys[number].building, self.storeys[number].floor_m
 
-    @cached_property
-    def tracer(self) -> Tracer:
-        """The tracer of the whole building."""
-        return Tracer(self.whole, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
-
-    @property
-    def engine(self) -> str:
-        """Engine of the tracer: `plan` or `storeys`, which are fast, or `space`."""
-        return self.tracer.scene.engine
-
     @property
     def digest(self) -> str:
         """A text that changes with any vertex, face or material of the building."""
         return self.whole.digest
 
-    def grid(self, step_m: float) -> ReceiverGrid:
+    def section(self, grid: ReceiverGrid) -> Building:
+        """The building of the storey."""
+        return self.building
+
+    def grid(
+        self,
+        step_m: float,
+        *,
+        bounds_m: Bounds | None = None,
+        tx: Float[np.ndarray, "n_tx 3"] | None = None,
+        per_side: int = 1,
+    ) -> ReceiverGrid:
         """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
-        grid = receiver_grid(self.building, step_m, self.config.height_m)
-        return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
+        grid = receiver_grid(self.building, step_m / per_side, self.config.height_m)
+        grid = replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
+        return grid.within(bounds_m)
 
     def transmitters(
         self, count: int, stream: Callable[[int], np.random.Generator]

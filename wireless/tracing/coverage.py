@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
-from robosim.support.checks import Range, checked
+from robosim.support.checks import Range, check_number, checked
 from wireless.antennas.mounting import MountedArray
 from wireless.bands import noise_power_dbm
 from wireless.coverage import CellState, CoverageMap, ReceiverGrid, check_bounds, link_values, outside_error
@@ -64,10 +64,12 @@ def level_grid(
     Raises:
         ValueError: If there are too many cells, or the box is outside of the mesh.
     """
+    check_number("grid", cell_m, *CELL_M)
     low, high = np.asarray(mesh.bounds)
-    west, south, east, north = check_bounds(bounds_m or (*low[:2], *high[:2]))
+    check_bounds(box := bounds_m or (*low[:2], *high[:2]))
+    west, south, east, north = box
     if not (west < high[0] and south < high[1] and east > low[0] and north > low[1]):
-        raise outside_error((west, south, east, north), low, high)
+        raise outside_error(box, low, high)
     nx, ny = (per_side * max(1, math.ceil(side / cell_m - 1e-9)) for side in (east - west, north - south))
     check_count(nx * ny, cell_m, east - west, north - south)
     step_m, origin = cell_m / per_side, np.array([west, south])
@@ -85,8 +87,9 @@ def check_count(count: float, cell_m: float, width_m: float, height_m: float) ->
     if count > MOST_POINTS:
         least = math.sqrt(width_m * height_m / MOST_POINTS)
         raise ValueError(
-            f"grid is {cell_m:g} m, which makes {count:.0f} points of {width_m:g} x {height_m:g} m, expected at most "
-            f"{MOST_POINTS}. Take wider cells, such as {math.ceil(least * 120) / 100:g} m, or smaller bounds."
+            f"grid is {cell_m:g} m, which makes {count:.0f} receivers on {width_m:g} x {height_m:g} m, more than "
+            f"{MOST_POINTS} places. Take wider cells, such as {math.ceil(least * 120) / 100:g} m, or in a scene "
+            "smaller bounds."
         )
 
 
@@ -123,7 +126,8 @@ def trace_coverage(
     power_dbm = to_array(config.tx_power_dbm, "tx_power_dbm")
     if power_dbm.shape not in ((), (len(tx),)) or not np.isfinite(power_dbm).all():
         raise ValueError(
-            f"tx_power_dbm is {config.tx_power_dbm}, expected a number [dBm], or one for each of {len(tx)} transmitters."
+            f"tx_power_dbm is {config.tx_power_dbm}, expected a number [dBm], or one for each of the {len(tx)} "
+            "transmitters."
         )
     batch = max(1, _BATCH_LINKS // len(tx))
     links = []
