@@ -234,8 +234,8 @@ class CoverageMap:
     @property
     def best_server(self) -> Int[np.ndarray, "ny nx"]:
         """Number of the transmitter that is received with most power; -1 where none is."""
-        power = np.nan_to_num(self.power_dbm, nan=-np.inf)
-        return np.where(power.max(axis=0) > -np.inf, power.argmax(axis=0), -1)
+        power = np.nan_to_num(10 ** (self.power_dbm / 10))
+        return np.where(power.max(axis=0) > 0, power.argmax(axis=0), -1)
 
     def best(self, quantity: str) -> Float[np.ndarray, "ny nx"]:
         """A quantity of the best server of each cell, such as `sinr_db`; NaN where none is."""

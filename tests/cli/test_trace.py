@@ -267,8 +267,7 @@ def test_a_channel_along_a_trajectory_in_a_scene(scene_file, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--grid 0.5", "--grid is 0.5, which is for floor plans, and this is a Mitsuba scene"),
-        ("--storey 0", "--storey is 0"),
+        ("--storey 0", "--storey is 0, which is for floor plans, and this is a Mitsuba scene"),
         ("--material brick", "--material is brick"),
         ("--resolution 0.1", "--resolution is 0.1"),
         ("--floor-ceiling", "--floor-ceiling is True"),

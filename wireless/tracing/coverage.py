@@ -16,7 +16,6 @@ from wireless.coverage import CellState, CoverageMap, ReceiverGrid, check_bounds
 from wireless.geometry.array_types import Points
 from wireless.geometry.closed_surfaces import Sides, capped
 from wireless.paths import Paths
-from wireless.support.arrays import to_array
 
 #: Sides of cells [m], and most points of a grid.
 CELL_M, MOST_POINTS = Range(1e-6, 1e5, "m", "Try 1."), 1_000_000
@@ -123,7 +122,7 @@ def trace_coverage(
     Raises:
         ValueError: If the powers do not fit the transmitters.
     """
-    power_dbm = to_array(config.tx_power_dbm, "tx_power_dbm")
+    power_dbm = np.asarray(config.tx_power_dbm, float)
     if power_dbm.shape not in ((), (len(tx),)) or not np.isfinite(power_dbm).all():
         raise ValueError(
             f"tx_power_dbm is {config.tx_power_dbm}, expected a number [dBm], or one for each of the {len(tx)} "

@@ -68,8 +68,8 @@ def test_radio_site_is_what_its_place_is(place, name, height_m, has_grid, neares
         ):
             site.places(((-1.0, 1.0),), "tx")
     else:
-        with pytest.raises(ValueError, match="no floor plan"):
-            site.grid(0.5)
+        grid = site.grid(10)
+        assert grid.shape == (10, 10) and grid.position[[0, -1]].tolist() == [[-45, -45, 1.5], [45, 45, 1.5]]
 
 
 def test_radio_site_knows_heights_and_names_of_storeys():
