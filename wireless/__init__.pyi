@@ -19,7 +19,6 @@ from wireless.channel import Channel as Channel
 from wireless.channel import subcarriers as subcarriers
 from wireless.coverage import CoverageMap as CoverageMap
 from wireless.coverage import CellState as CellState
-from wireless.tracing.coverage import CoverageConfig as CoverageConfig
 from wireless.antennas.mounting import MountedArray as MountedArray
 from wireless.antennas.arrays import Array as Array
 from wireless.antennas.elements import element_named as element_named

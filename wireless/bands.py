@@ -17,7 +17,6 @@ windows hold paths that are at least 3.4 m longer than the strongest.
 Left out: sharing of antennas over time, regulations of countries, duty cycles.
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -26,8 +25,6 @@ from robosim.support.checks import check_choice
 if TYPE_CHECKING:
     from wireless.sounding.sounder import SoundingConfig
 
-#: Thermal noise at 290 K.
-NOISE_DBM_PER_HZ = -174.0
 BandName = Literal["ble", "wifi-2.4", "wifi-5", "wifi-6", "uwb-6.5", "28ghz", "60ghz", "140ghz"]
 
 
@@ -78,11 +75,6 @@ BANDS: dict[BandName, Band] = {
     "60ghz": Band(60.48e9, 10.0, 1760.0, 1024, 10.0, 20, "gnb", "ue"),
     "140ghz": Band(142e9, 10.0, 1000.0, 2048, 10.0, 12, "gnb", "ue"),
 }
-
-
-def noise_power_dbm(bandwidth_mhz: float, loss_db: float) -> float:
-    """Noise of a receiver of a bandwidth, with its noise figure and other losses [dBm]."""
-    return NOISE_DBM_PER_HZ + 10 * math.log10(bandwidth_mhz * 1e6) + loss_db
 
 
 def band_named(name: str) -> Band:

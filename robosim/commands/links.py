@@ -1,7 +1,7 @@
 """`robosim trace` and `robosim dataset`."""
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -33,7 +33,7 @@ from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import ADVANCED, Range
 from robosim.support.installation import install_first
 from robosim.support.reading import expanded
-from wireless.bands import BANDS, BandName, noise_power_dbm
+from wireless.bands import BANDS, BandName
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
@@ -63,7 +63,6 @@ def trace(
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     band: BandName = "28ghz",
     bandwidth_mhz: Annotated[float | None, Range(1e-3, 1e5, "MHz"), ADVANCED] = None,
-    loss_db: Annotated[float | None, Range(-200, 200, "dB"), ADVANCED] = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
     plots: bool = True,
@@ -104,7 +103,7 @@ def trace(
         tx_array: Array of transmitters, for --csi and the coverage: rows x columns of the antenna, half a wavelength
             apart, such as 8x4, 8x4:3gpp,90,6 with the antenna, or 8x4@0.7 with the distance in wavelengths.
         rx_array: Array of receivers; likewise.
-        bounds: Box that the grid is in: lower-left and upper-right corner [m]; by default all of the plan or scene.
+        bounds: Box of a grid over a scene: lower-left and upper-right corner [m]; by default all of the scene.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         scene_material: Material of a scene by its name there, instead of its own, such as paint=glass: a material of
@@ -114,14 +113,13 @@ def trace(
         polarisation: Polarisation of all antennas; both takes the mean.
         band: Radio band, which sets the defaults of carrier frequency, transmit power, bandwidth and losses.
         bandwidth_mhz: Bandwidth [MHz], whose noise SNR and SINR of the coverage have; by default that of the band.
-        loss_db: Noise figure and other losses [dB]; by default those of the band.
         radio: Which paths are traced.
         reading: How to read the plan.
         plots: Whether to draw pictures.
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from robosim.commands.antenna_options import parse_antennas
+    from robosim.commands.antenna_options import parse_antenna
     from robosim.datasets.csi import parse_csi, write_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
     from robosim.radio.receivers import check_step
@@ -161,14 +159,19 @@ def trace(
             f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
         )
     alone = grid is None and len(rx) > 0
-    elements, arrays = _by_end("antenna", tx_antenna, rx_antenna), _by_end("array", tx_array, rx_array)
-    antennas = parse_antennas(elements, arrays, polarisation)
-    if csi is None and (alone or along) and {*elements.values(), *arrays.values()} != {"isotropic", None}:
+    given = (tx_antenna, tx_array), (rx_antenna, rx_array)
+    antennas = tuple(
+        parse_antenna(end, *words, polarisation) for end, words in zip(("tx", "rx"), given, strict=True)
+    )
+    if csi is None and (alone or along) and {*given} != {("isotropic", None)}:
         raise ValueError(
             "An antenna or array is given, which count with --csi or --grid only. Give --csi 64x312.5kHz."
         )
     if bounds is not None and (alone or along):
         raise ValueError("bounds is given without a grid. Give --grid 1, or leave it out.")
+    noise = BANDS[band].sounding
+    if bandwidth_mhz is not None:
+        noise = replace(noise, bandwidth_mhz=bandwidth_mhz)
     offsets = None if csi is None else parse_csi(csi, config.frequency_hz)
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     with console.status("reading the scene ..." if is_scene else "reading the plan ..."):
@@ -197,10 +200,7 @@ def trace(
             grid_m=0.15 if grid is None else grid,
             bounds_m=bounds,
             rx=rx[0] if rx else None,
-            noise_dbm=noise_power_dbm(
-                BANDS[band].bandwidth_mhz if bandwidth_mhz is None else bandwidth_mhz,
-                BANDS[band].loss_db if loss_db is None else loss_db,
-            ),
+            noise_dbm=noise.noise_dbm,
             antennas=antennas,
             plots=plots,
             workers=work.count,
@@ -221,11 +221,6 @@ def trace(
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
-
-
-def _by_end(name: str, tx: str | None, rx: str | None) -> dict[str, Any]:
-    """Values of both ends by the names of their options."""
-    return {f"tx_{name}": tx, f"rx_{name}": rx}
 
 
 def _numbers(n_tx: int) -> str:

@@ -34,7 +34,7 @@ from robosim.datasets.link_units import (
 )
 from robosim.drawing.radio_pictures import choose_link, plot_coverage, plot_grid, plot_link
 from robosim.radio.receivers import ReceiverGrid
-from robosim.radio.scene import Bounds, Place, RadioConfig, RadioSite, radio_site
+from robosim.radio.scene import Place, RadioConfig, RadioSite, radio_site
 from robosim.support.checks import check_some
 from robosim.support.files import npz_bytes, whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
@@ -43,12 +43,13 @@ from robosim.support.run_folder import run_folder
 from robosim.support.tum import read_tum
 from robosim.support.workers import Workers
 from wireless.antennas.mounting import MountedArray
-from wireless.bands import noise_power_dbm
 from wireless.coverage import CellState, CoverageMap, link_values
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
+from wireless.sounding.sounder import SoundingConfig
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
+from wireless.tracing.mitsuba_scene import MitsubaScene
 
 PATHS, UNITS = "paths.parquet", "units"
 #: Receivers of a unit, as many as the tracer handles at once.
@@ -88,7 +89,8 @@ def trace_grid(
         ]
         done = total - sum(len(txs) * (ends[first] - first) for txs, first in calls)
         report(done, total)
-        site = LinkPlan(plan.digest(), plan, tx, len(rx))
+        digest = plan.digest if isinstance(plan, MitsubaScene) else plan.digest()
+        site = LinkPlan(digest, plan, tx, len(rx))
         with Workers(workers, cluster, what="links") as pool:
             arguments = [(site, config, txs, rx[first : ends[first]]) for txs, first in calls]
             for number, tables in pool.run(_trace_unit, arguments):
@@ -159,9 +161,9 @@ def trace_plan(
     *,
     tx: tuple[tuple[float, ...], ...],
     grid_m: float = 0.15,
-    bounds_m: Bounds | None = None,
+    bounds_m: tuple[float, ...] | None = None,
     rx: tuple[float, ...] | None = None,
-    noise_dbm: float = noise_power_dbm(400.0, 6.0),
+    noise_dbm: float = SoundingConfig().noise_dbm,
     antennas: tuple[MountedArray, MountedArray] | None = None,
     plots: bool = True,
     workers: int = 1,
@@ -175,20 +177,8 @@ def trace_plan(
     each transmitter, with rays to `rx` or to a receiver with many paths; `trace.json`, whose content is returned. After
     an interruption the same call resumes, to the same files.
 
-    Args:
-        plan: Floor plan, storey or scene.
-        config: Radio to trace.
-        out: The folder.
-        tx: Places of transmitters [m].
-        grid_m: Step between receivers [m].
-        bounds_m: Box x, y, x, y that receivers are in [m]; None for all.
-        rx: Receiver whose rays are drawn [m].
-        noise_dbm: Noise of receivers, for the coverage [dBm].
-        antennas: Antennas of transmitters and receivers, for the coverage; None for isotropic ones.
-        plots: Whether to draw pictures.
-        workers: Processes.
-        cluster: Address of a dask scheduler whose workers are used instead.
-        console: Terminal.
+    Noise [dBm] and antennas of transmitters and receivers are those of the coverage; None for isotropic ones. A grid
+    over a scene can have bounds, a box x, y, x, y [m].
 
     Raises:
         ValueError: If a position or the grid does not fit.
@@ -375,7 +365,7 @@ def _write_formats(
         The number of links of each state, and what a `CoverageMap` has of all links.
     """
     config, name = scene.config, scene.name
-    tx_antenna, rx_antenna = antennas or 2 * (MountedArray.polarised(config.tracer.polarisation),)
+    antennas = antennas or 2 * (MountedArray.polarised(config.tracer.polarisation),)
     links = []
     states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
     with whole_folder(deepmimo_folder(out, name)) as folder, console.status("writing ...") as status:
@@ -387,7 +377,7 @@ def _write_formats(
             write_files(folder, deepmimo_paths(scene, paths, i))
             write_files(out, csv_files(scene, grid, paths, i))
             paths = replace(paths, tx_position=transmitters[i : i + 1], tx=np.zeros_like(paths.tx))
-            links.append(link_values(paths, tx=tx_antenna, rx=rx_antenna, threshold_db=config.threshold_db))
+            links.append(link_values(paths, *antennas, threshold_db=config.threshold_db))
         write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), int(reached.sum())))
     write_files(out, transmitters_file(name, transmitters))
     return states, {key: np.concatenate([values[key] for values in links]) for key in links[0]}

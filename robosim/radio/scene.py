@@ -37,8 +37,6 @@ ON_EDGE_M = 1e-6
 #: Faces that meet at a smaller angle are one surface in pictures.
 FLAT_RAD = 1e-3
 Place = FloorPlan | OneStorey | MitsubaScene
-#: Box x, y, x, y [m].
-Bounds = tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +90,9 @@ class RadioSite(ABC):
         return self.tracer.scene.engine
 
     @property
-    @abstractmethod
     def digest(self) -> str:
         """A text that changes with any vertex, face or material."""
+        return self.whole.digest
 
     @abstractmethod
     def section(self, grid: ReceiverGrid) -> "Building | SceneSection":
@@ -122,36 +120,22 @@ class RadioSite(ABC):
         return positions
 
     @abstractmethod
-    def grid(
-        self,
-        step_m: float,
-        *,
-        bounds_m: Bounds | None = None,
-        tx: Float[np.ndarray, "n_tx 3"] | None = None,
-        per_side: int = 1,
-    ) -> ReceiverGrid:
-        """Receivers on a grid at `height_m`, one or per_side^2 in each cell; ValueError if there is none.
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
+        """Receivers in cells of a side [m] at `height_m`; ValueError if there is none.
 
-        Args:
-            step_m: Side of cells [m].
-            bounds_m: Box x, y, x, y that cells are in [m]; None for all.
-            tx: Transmitters [m], which tell free space from bodies where no plan does.
-            per_side: Receivers along each side of a cell.
+        Scenes need `tx`, the transmitters [m], which tell air from bodies, and take `bounds_m`, a box x, y, x, y.
         """
 
     def coverage(
         self,
         tx: Float[np.ndarray, "n_tx 3"],
         cell_m: float,
-        *,
-        bounds_m: Bounds | None = None,
-        points_per_side: int = 1,
+        bounds_m: tuple[float, ...] | None = None,
         **options: Any,
     ) -> CoverageMap:
-        """Coverage of the cells of a grid by transmitters [m]; `options` are others of `Tracer.coverage`."""
-        grid = self.grid(cell_m, bounds_m=bounds_m, tx=tx, per_side=points_per_side)
+        """Coverage of the cells of a grid by transmitters [m]; `options` are those of `Tracer.coverage`."""
         about = {"tx_power_dbm": self.config.tx_power_dbm, "threshold_db": self.config.threshold_db}
-        return self.tracer.coverage(tx, grid=grid, points_per_side=points_per_side, **about | options)
+        return self.tracer.coverage(tx, grid=self.grid(cell_m, tx=tx, bounds_m=bounds_m), **about | options)
 
     def nearest_free(self, place: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """The free point nearest to a place (x, y) or (x, y, z) [m]."""
@@ -206,25 +190,13 @@ class MeshScene(RadioSite):
         self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
         self.floor_m = float(scene.mesh.bounds[0, 2])
 
-    @property
-    def digest(self) -> str:
-        """A text that changes with any vertex, face or material of the scene."""
-        return self.whole.digest()
-
     def section(self, grid: ReceiverGrid) -> "SceneSection":
         """The surfaces of the scene at the height of a grid."""
         return SceneSection(self.name, self.mesh, grid)
 
-    def grid(
-        self,
-        step_m: float,
-        *,
-        bounds_m: Bounds | None = None,
-        tx: Float[np.ndarray, "n_tx 3"] | None = None,
-        per_side: int = 1,
-    ) -> ReceiverGrid:
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
         """Cells over all of the scene, or over a box."""
-        return level_grid(self.mesh, step_m, self.height_m, bounds_m, tx, per_side)
+        return level_grid(self.mesh, step_m, self.height_m, **options)
 
 
 class SceneSection:
@@ -269,27 +241,16 @@ class RadioScene(RadioSite):
         self.name, self.mesh, self.storeys = plan.name, self.whole.mesh, self.whole.storeys
         self.building, self.floor_m = self.storeys[number].building, self.storeys[number].floor_m
 
-    @property
-    def digest(self) -> str:
-        """A text that changes with any vertex, face or material of the building."""
-        return self.whole.digest
-
     def section(self, grid: ReceiverGrid) -> Building:
         """The building of the storey."""
         return self.building
 
-    def grid(
-        self,
-        step_m: float,
-        *,
-        bounds_m: Bounds | None = None,
-        tx: Float[np.ndarray, "n_tx 3"] | None = None,
-        per_side: int = 1,
-    ) -> ReceiverGrid:
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
         """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
-        grid = receiver_grid(self.building, step_m / per_side, self.config.height_m)
-        grid = replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
-        return grid.within(bounds_m)
+        if options.get("bounds_m") is not None:
+            raise ValueError(f"bounds are given for {self.name}, but they are for scenes. Leave them out.")
+        grid = receiver_grid(self.building, step_m, self.config.height_m)
+        return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
 
     def transmitters(
         self, count: int, stream: Callable[[int], np.random.Generator]

@@ -325,10 +325,10 @@ def test_grid_over_a_scene(tmp_path, capsys):
     }
     with np.load(out / "deepmimo_scenarios/house/power_t000_tx001_r001.npz") as file:
         assert np.isfinite(file["power"]).sum(axis=1).tolist() == paths.count()[1].tolist()
-    main([*command.split(), "--no-plots", "--bandwidth-mhz", "20", "--loss-db", "0"])
+    main([*command.split(), "--no-plots", "--bandwidth-mhz", "20"])
     assert "0 traced" in capsys.readouterr().out
     with np.load(out / "coverage.npz") as file:
-        assert file["noise_dbm"] == pytest.approx(-174 + 10 * np.log10(20e6))
+        assert file["noise_dbm"] == pytest.approx(-174 + 10 * np.log10(20e6) + 6)
 
 
 def test_grid_over_a_scene_is_interrupted_and_resumed(tmp_path, fails):
@@ -348,7 +348,7 @@ def test_grid_over_a_scene_is_interrupted_and_resumed(tmp_path, fails):
         ("--grid 0.001", "10 x 10 m, more than 1000000 places. Take wider cells, such as 0.02 m"),
         ("--grid nan", "grid is nan"),
         ("--grid -1", "grid is -1.0"),
-        ("--grid 1 --bounds 20,20,30,30", "bounds are (20, 20, 30, 30), outside of the scene"),
+        ("--grid 1 --bounds 20,20,30,30", "scene, which reaches from [-5.0, -5.0] to [5.0, 5.0] m"),
         ("--grid 1 --tx-array 8y4", "tx_array is '8y4', expected rows x columns"),
         ("--grid 1 --rx-array 0x4", "rx_array is '0x4', expected rows x columns"),
         ("--grid 1 --tx-array 2x2:dish", "Known: patch, 3gpp"),

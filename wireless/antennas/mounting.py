@@ -43,13 +43,7 @@ class MountedArray:
 
     @classmethod
     def polarised(cls, polarisation: str, array: Array | None = None, **mounting: Any) -> "MountedArray":
-        """An array with the polarisation of a tracer; for both, the vertical ports before all horizontal ones.
-
-        Args:
-            polarisation: `vertical`, `horizontal` or `both`.
-            array: Elements, each with a port for each polarisation; None for an isotropic one.
-            mounting: Angles and scaling.
-        """
+        """An array, or an isotropic element, with the polarisation of a tracer; for both, all vertical ports first."""
         array, slant_rad = array or cls().array, _SLANT_RAD[polarisation]
         array = replace(array, position_wl=np.tile(array.position_wl, (len(slant_rad), 1)))
         return cls(array=array, slant_rad=np.repeat(slant_rad, len(array) // len(slant_rad)), **mounting)

@@ -53,6 +53,7 @@ class MitsubaScene(NamedTuple):
     name: str = "scene"
     """Name in reports and files."""
 
+    @property
     def digest(self) -> str:
         """A text that changes with any vertex, face or material."""
         return surfaces_digest(self.mesh, self.face_material, self.materials)

@@ -27,8 +27,6 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.checks import Range, checked
-from wireless.antennas.mounting import MountedArray
-from wireless.coverage import CoverageMap, ReceiverGrid
 from wireless.em.materials import WALLS, Material, wall_row
 from wireless.em.scattering import MOST_NARROW
 from wireless.geometry.array_types import Point
@@ -39,7 +37,7 @@ from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
 from wireless.support.arrays import to_array
 from wireless.tracing.blocks import Rows
-from wireless.tracing.coverage import CoverageConfig, level_grid, trace_coverage
+from wireless.tracing.coverage import trace_coverage
 from wireless.tracing.curved import CurvedWalls
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh
@@ -389,43 +387,7 @@ class Tracer:
             tables = scattering.added(tables, tx - scene.origin, rx - scene.origin, self.config.max_paths)
         return self._paths(tx, rx, tables, scene.origin)
 
-    def coverage(
-        self,
-        tx: ArrayLike,
-        *,
-        grid: ReceiverGrid | None = None,
-        tx_antenna: MountedArray | None = None,
-        rx_antenna: MountedArray | None = None,
-        workers: int | None = None,
-        **options: Any,
-    ) -> CoverageMap:
-        """Coverage of a level plane by transmitters: power, link state, delay, spreads, SNR and SINR of each cell.
-
-        Args:
-            tx: Positions of transmitters [m], n_tx x 3.
-            grid: Receivers, such as of `robosim.receiver_grid`; None for cells over the scene.
-            tx_antenna: Antennas of transmitters; None for isotropic ones with the tracer's polarisation.
-            rx_antenna: Antennas of receivers; likewise.
-            workers: Threads, see `trace`.
-            options: Fields of `CoverageConfig`, such as cell_m=0.5, height_m=1.5, bounds_m=(0, 0, 10, 5).
-
-        Raises:
-            ValueError: If there are too many cells, the map is outside of the scene, or an option is out of range.
-        """
-        config, places = CoverageConfig(**options), to_array(tx, "tx")
-        isotropic = MountedArray.polarised(self.config.polarisation)
-        if grid is None:
-            z_m = float(self.mesh.bounds[0, 2]) + config.height_m
-            sides = config.points_per_side
-            grid = level_grid(self.mesh, config.cell_m, z_m, config.bounds_m, places, sides)
-        return trace_coverage(
-            lambda tx, rx: self.trace(tx, rx, workers=workers),
-            places,
-            grid,
-            config,
-            tx_antenna=tx_antenna or isotropic,
-            rx_antenna=rx_antenna or isotropic,
-        )
+    coverage = trace_coverage
 
     def reweigh(self, paths: Paths, materials: tuple[str | Material, ...]) -> Float[np.ndarray, " n"]:
         """Power gain of paths that this tracer found, with other materials in the place of its own, in their order.
