@@ -179,7 +179,7 @@ class CoverageMap:
     def to_table(self) -> pa.Table:
         """One row per transmitter and cell, as an Arrow table (`to_table().to_pandas()`)."""
         tx, row, column = np.indices(self.gain.shape)
-        columns = {"tx": tx, "row": row, "column": column}
+        columns: dict[str, Any] = {"tx": tx, "row": row, "column": column}
         columns |= {
             f"{axis}_m": np.broadcast_to(self.position[..., i], tx.shape) for i, axis in enumerate("xyz")
         }

@@ -159,11 +159,12 @@ def trace(
             f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
         )
     alone = grid is None and len(rx) > 0
-    given = (tx_antenna, tx_array), (rx_antenna, rx_array)
-    antennas = tuple(
-        parse_antenna(end, *words, polarisation) for end, words in zip(("tx", "rx"), given, strict=True)
+    antennas = (
+        parse_antenna("tx", tx_antenna, tx_array, polarisation),
+        parse_antenna("rx", rx_antenna, rx_array, polarisation),
     )
-    if csi is None and (alone or along) and {*given} != {("isotropic", None)}:
+    is_plain = (tx_antenna, tx_array) == (rx_antenna, rx_array) == ("isotropic", None)
+    if csi is None and (alone or along) and not is_plain:
         raise ValueError(
             "An antenna or array is given, which count with --csi or --grid only. Give --csi 64x312.5kHz."
         )

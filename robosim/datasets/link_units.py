@@ -24,7 +24,7 @@ from rich.text import Text
 from robosim.movers.mover import Body
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.radio.receivers import STEP_M, ReceiverGrid
-from robosim.radio.scene import Place, RadioConfig, RadioScene, RadioSite
+from robosim.radio.scene import RadioConfig, RadioScene, RadioSite
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part, to_dict
 from robosim.support.progress import text_column
@@ -166,12 +166,12 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """A plan or storey with its transmitters; equal if the plans are equal."""
+    """A plan, storey or scene with its transmitters; equal if the plans are equal."""
 
     digest: str
     """Digest of the plan, see `FloorPlan.digest`."""
-    plan: Place = field(compare=False)
-    """The plan."""
+    plan: Any = field(compare=False)
+    """The plan, storey or scene."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Places of transmitters [m]."""
     n_rx: int = field(compare=False)

@@ -34,7 +34,7 @@ from robosim.datasets.link_units import (
 )
 from robosim.drawing.radio_pictures import choose_link, plot_coverage, plot_grid, plot_link
 from robosim.radio.receivers import ReceiverGrid
-from robosim.radio.scene import Place, RadioConfig, RadioSite, radio_site
+from robosim.radio.scene import AnyPlace, RadioConfig, RadioSite, radio_site
 from robosim.support.checks import check_some
 from robosim.support.files import npz_bytes, whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
@@ -57,7 +57,7 @@ UNIT_RX = BLOCK_RX
 
 
 def trace_grid(
-    plan: Place,
+    plan: AnyPlace,
     config: RadioConfig,
     tx: Float[np.ndarray, "n_tx 3"],
     rx: Float[np.ndarray, "n_rx 3"],
@@ -155,7 +155,7 @@ APART_M = 0.005
 
 
 def trace_plan(
-    plan: Place,
+    plan: AnyPlace,
     config: RadioConfig,
     out: Path,
     *,

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 ON_EDGE_M = 1e-6
 #: Faces that meet at a smaller angle are one surface in pictures.
 FLAT_RAD = 1e-3
-Place = FloorPlan | OneStorey | MitsubaScene
+Place = FloorPlan | OneStorey
+AnyPlace = Place | MitsubaScene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +170,7 @@ class RadioSite(ABC):
 
 
 def radio_site(
-    place: Place | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
+    place: AnyPlace | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
 ) -> RadioSite:
     """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file.
 
@@ -229,7 +230,7 @@ class RadioScene(RadioSite):
     clearance_m = 0.01
     """Distance of nearest free points from walls, where there is space [m]; more than messages round away."""
 
-    def __init__(self, plan: FloorPlan | OneStorey, config: RadioConfig):
+    def __init__(self, plan: Place, config: RadioConfig):
         self.config = config
         number = 0
         match plan:
