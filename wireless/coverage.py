@@ -87,7 +87,7 @@ def link_values(
         first_s = np.fmin.reduce(values["delay_s"], axis=2)
         category = np.take_along_axis(values["category"], strongest, axis=2)[..., 0]
         parts.append({**means, "gain": weight.mean(axis=2), "delay_s": first_s, "category": category})
-    return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
+    return {name: np.concatenate([values[name] for values in parts], axis=1) for name in parts[0]}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -89,7 +89,7 @@ def trace(
             .yaml of a building of several storeys; or a Mitsuba or Sionna RT scene (.xml).
         tx: Transmitter [m] in the plan's frame; can be given several times.
         grid: Step between receivers [m]; by default 0.15, or no grid with receivers (--rx). Over a scene, cells of this
-            side at --height above its lowest point, in the box around it or in --bounds.
+            side at --height above its lowest point.
         rx: Receiver [m]; can be given several times. With a grid, the one whose rays are drawn.
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.

@@ -124,7 +124,7 @@ class RadioSite(ABC):
     def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
         """Receivers in cells of a side [m] at `height_m`; ValueError if there is none.
 
-        Scenes need `tx`, the transmitters [m], which tell air from bodies, and take `bounds_m`, a box x, y, x, y.
+        Scenes need `tx`, the transmitters [m], which are in air, and take `bounds_m`, a box x, y, x, y.
         """
 
     def coverage(

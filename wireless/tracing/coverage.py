@@ -123,16 +123,16 @@ def trace_coverage(
         grid = level_grid(tracer.mesh, cell_m, z_m, tx=places, bounds_m=bounds_m)
     isotropic, n = MountedArray.polarised(tracer.config.polarisation), points_per_side**2
     ends = tx_antenna or isotropic, rx_antenna or isotropic
-    part = (np.arange(points_per_side) + 0.5) / points_per_side - 0.5
+    middle = (np.arange(points_per_side) + 0.5) / points_per_side - 0.5
     sides = np.diff(grid.edges[:2, :2], axis=1)[0, 0], np.diff(grid.edges[:2, :2], axis=0)[0, 0]
-    offset = (part[:, None, None] * sides[1] + part[:, None] * sides[0]).reshape(-1, 2)
+    offset = (middle[:, None, None] * sides[1] + middle[:, None] * sides[0]).reshape(-1, 2)
     points = (grid.position[:, None] + np.pad(offset, ((0, 0), (0, 1)))).reshape(-1, 3)
     parts, batch = [], n * max(1, _BATCH_LINKS // (n * len(places)))
     for first in range(0, len(points), batch):
         paths = tracer.trace(places, points[first : first + batch], workers=workers)
         parts.append(link_values(paths, *ends, coherent=coherent, threshold_db=threshold_db, points=n))
     return CoverageMap.from_links(
-        {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]},
+        {name: np.concatenate([values[name] for values in parts], axis=1) for name in parts[0]},
         grid,
         tx_position=places,
         tx_power_dbm=np.broadcast_to(power_dbm, len(places)).copy(),

@@ -91,7 +91,7 @@ def test_coverage_of_a_site_is_that_of_its_links(place):
     assert np.array_equal(coverage.state[at] == CellState.REACHED, paths.count() > 0)
 
 
-def test_coverage_of_a_plan_tells_walls_from_what_is_outside():
+def test_coverage_of_a_plan_separates_walls_and_the_outside():
     """Wall cells are bodies, unknown ones outside; bounds are for scenes."""
     plan = two_rooms(0.8)
     occupancy = plan.occupancy.copy()

@@ -90,15 +90,15 @@ def test_coverage_sinr_is_that_of_its_powers(shaded):
         assert shaded.sinr_db[i][both] == pytest.approx(sinr, abs=1e-9)
         alone = (power[i] > 0) & (power[1 - i] == 0)
         assert shaded.sinr_db[i][alone] == pytest.approx(shaded.snr_db[i][alone], abs=1e-9)
-    nobody = (power == 0).all(axis=0)
-    assert nobody.any() and (shaded.best_server[nobody] == -1).all()
-    assert (shaded.best_server[~nobody] == power.argmax(axis=0)[~nobody]).all()
-    assert np.isnan(shaded.best("sinr_db")[nobody]).all()
+    is_unserved = (power == 0).all(axis=0)
+    assert is_unserved.any() and (shaded.best_server[is_unserved] == -1).all()
+    assert (shaded.best_server[~is_unserved] == power.argmax(axis=0)[~is_unserved]).all()
+    assert np.isnan(shaded.best("sinr_db")[is_unserved]).all()
     free_space = 23 - 20 * np.log10(4 * np.pi * np.linalg.norm([5.5, 0.5, 1.5]) * FREQUENCY_HZ / C)
     assert shaded.power_dbm[0, 20, 14] == pytest.approx(free_space, abs=1e-9)  # at (-5.5, 0.5), 1.5 m lower
 
 
-def test_coverage_tells_shadows_from_the_inside_of_bodies(shaded):
+def test_coverage_separates_shadows_and_the_inside_of_bodies(shaded):
     """Behind the house nothing arrives, in it neither; all else is reached, by Friis."""
     x, y = np.moveaxis(shaded.position[..., :2], 2, 0)
     is_house = (abs(x - 6) < 2) & (abs(y) < 2)
