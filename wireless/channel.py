@@ -29,6 +29,8 @@ from wireless.antennas.mounting import MountedArray
 from wireless.paths import Paths
 from wireless.support.arrays import to_array
 
+#: Thermal noise at 290 K.
+NOISE_DBM_PER_HZ = -174.0
 #: Taps before the first and after the last delay: the square sum of a sinc beyond is 3 % of the whole.
 _MARGIN = 6
 
@@ -204,6 +206,11 @@ class Channel:
     @property
     def _shape(self) -> tuple[int, int]:
         return len(self.paths.tx_position), len(self.paths.rx_position)
+
+
+def noise_power_dbm(bandwidth_mhz: float, loss_db: float) -> float:
+    """Noise of a receiver in its bandwidth [MHz], with its noise figure and other losses [dBm]."""
+    return NOISE_DBM_PER_HZ + 10 * float(np.log10(bandwidth_mhz * 1e6)) + loss_db
 
 
 def subcarriers(count: int, spacing_hz: float) -> Float[np.ndarray, " count"]:

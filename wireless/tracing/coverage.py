@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from robosim.support.checks import Range, check_arguments, check_number
 from wireless.antennas.mounting import MountedArray
+from wireless.channel import noise_power_dbm
 from wireless.coverage import CellState, CoverageMap, ReceiverGrid, link_values
 from wireless.geometry.closed_surfaces import Sides, capped
-from wireless.sounding.sounder import SoundingConfig
 from wireless.support.arrays import to_array
 
 #: Sides of cells [m], and most points of a grid.
@@ -31,8 +31,8 @@ def level_grid(
 ) -> ReceiverGrid:
     """Cells at a height over all of a mesh, or over a box x, y, x, y from its lower-left corner.
 
-    Air is where a transmitter is: in a room on the inside of a closed surface, around houses on the outside. Cells
-    elsewhere are in a body, or outside of all closed surfaces.
+    Air is where a transmitter is: in a room on the inside of a closed surface, around houses on the outside. Other
+    cells are in a body, or outside of all closed surfaces.
 
     Raises:
         ValueError: If there are too many cells, or the box is outside of the mesh.
@@ -83,8 +83,8 @@ def trace_coverage(
     tx_antenna: MountedArray | None = None,
     rx_antenna: MountedArray | None = None,
     tx_power_dbm: float | tuple[float, ...] = 23.0,
-    bandwidth_mhz: float = 400.0,
-    loss_db: float = 6.0,
+    bandwidth_mhz: Annotated[float, Range(1e-3, 1e5, "MHz")] = 400.0,
+    loss_db: Annotated[float, Range(-200, 200, "dB")] = 6.0,
     threshold_db: float = -math.inf,
     coherent: bool = False,
     workers: int | None = None,
@@ -117,7 +117,6 @@ def trace_coverage(
         raise ValueError(
             f"tx_power_dbm is {tx_power_dbm}, expected a number [dBm], or one for each transmitter."
         )
-    noise = SoundingConfig(bandwidth_mhz=bandwidth_mhz, loss_db=loss_db)
     if grid is None:
         z_m = float(tracer.mesh.bounds[0, 2]) + height_m
         grid = level_grid(tracer.mesh, cell_m, z_m, tx=places, bounds_m=bounds_m)
@@ -136,7 +135,7 @@ def trace_coverage(
         grid,
         tx_position=places,
         tx_power_dbm=np.broadcast_to(power_dbm, len(places)).copy(),
-        noise_dbm=noise.noise_dbm,
+        noise_dbm=noise_power_dbm(bandwidth_mhz, loss_db),
         frequency_hz=tracer.frequency_hz,
         coherent=coherent,
         points_per_cell=n,
