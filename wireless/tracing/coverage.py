@@ -13,7 +13,7 @@ from wireless.antennas.mounting import MountedArray
 from wireless.channel import noise_power_dbm
 from wireless.coverage import CellState, CoverageMap, ReceiverGrid, link_values
 from wireless.geometry.closed_surfaces import Sides, capped
-from wireless.support.arrays import to_array
+from wireless.support.arrays import to_positions
 
 #: Sides of cells [m], and most points of a grid.
 CELL_M, MOST_POINTS = Range(1e-6, 1e5, "m", "Try 1."), 1_000_000
@@ -39,8 +39,9 @@ def level_grid(
     """
     check_number("grid", cell_m, *CELL_M)
     low, high = np.asarray(mesh.bounds)[:, :2]
-    start, end = np.reshape((*low, *high) if bounds_m is None else bounds_m, (2, 2)).astype(float)
-    if not ((start < end) & (start < high) & (end > low)).all():
+    box = np.array((*low, *high) if bounds_m is None else bounds_m, float)
+    start, end = box[:2], box[2:]
+    if box.shape != (4,) or not ((start < end) & (start < high) & (end > low)).all():
         raise ValueError(
             f"bounds are {bounds_m}, expected the lower-left and the upper-right corner x, y, x, y [m] of a box in the "
             f"scene, which reaches from {low.round(3).tolist()} to {high.round(3).tolist()} m."
@@ -112,7 +113,7 @@ def trace_coverage(
         ValueError: If there are too many cells, the map is outside of the scene, or an argument is out of range.
     """
     check_arguments(trace_coverage, locals())
-    places, power_dbm = to_array(tx, "tx"), np.asarray(tx_power_dbm, float)
+    places, power_dbm = to_positions(tx, "tx"), np.asarray(tx_power_dbm, float)
     if power_dbm.shape not in ((), (len(places),)) or not np.isfinite(power_dbm).all():
         raise ValueError(
             f"tx_power_dbm is {tx_power_dbm}, expected a number [dBm], or one for each transmitter."

@@ -35,7 +35,7 @@ from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
-from wireless.support.arrays import to_array
+from wireless.support.arrays import to_positions
 from wireless.tracing.blocks import Rows
 from wireless.tracing.coverage import trace_coverage
 from wireless.tracing.curved import CurvedWalls
@@ -356,12 +356,8 @@ class Tracer:
             ValueError: If there are no points, or one is not finite, kilometres away, or with scene='plan' not
                 between floor and ceiling, or there is no worker.
         """
-        tx, rx, scene = to_array(tx, "tx"), to_array(rx, "rx"), self.scene
+        tx, rx, scene = to_positions(tx, "tx"), to_positions(rx, "rx"), self.scene
         for name, points in (("tx", tx), ("rx", rx)):
-            if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
-                raise ValueError(
-                    f"{name} has shape {points.shape}, expected (n, 3), one or more finite positions [m]."
-                )
             far = np.abs(points - scene.origin).max()
             if far >= REACH_M:
                 raise ValueError(

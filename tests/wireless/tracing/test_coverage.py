@@ -186,13 +186,17 @@ def test_coverage_table_has_a_row_per_transmitter_and_cell(shaded):
         ),
         ({"bounds_m": (3.0, 3.0, 2.0, 4.0)}, "expected the lower-left and the upper-right corner"),
         ({"bounds_m": (3.0, float("nan"), 4.0, 4.0)}, "expected the lower-left and the upper-right corner"),
+        ({"bounds_m": (3.0, 4.0, 5.0)}, "expected the lower-left and the upper-right corner"),
+        ({"points_per_side": 0}, "points_per_side is 0"),
+        ({"tx": [0.0, 0.0, 5.0]}, r"tx has shape \(3,\), expected"),
+        ({"tx": [[0.0, 0.0, float("nan")]]}, r"tx has shape \(1, 3\), expected .* finite"),
         ({"tx_power_dbm": (1.0, 2.0)}, "or one for each transmitter"),
         ({"bandwidth_mhz": 0.0}, "bandwidth_mhz is 0.0"),
     ],
 )
 def test_coverage_rejects_maps_that_cannot_be(options, message, open_ground):
     with pytest.raises(ValueError, match=message):
-        open_ground.coverage([[0.0, 0.0, 5.0]], **options)
+        open_ground.coverage(**{"tx": [[0.0, 0.0, 5.0]], **options})
 
 
 def test_coverage_plots_quantities_of_a_transmitter_and_of_the_best_server(shaded):
