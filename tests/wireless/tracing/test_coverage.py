@@ -213,3 +213,16 @@ def test_coverage_plots_quantities_of_a_transmitter_and_of_the_best_server(shade
         np.testing.assert_array_equal(np.isfinite(shown), reached)
         np.testing.assert_allclose(shown[reached], expected[reached])
         axes.figure.clf()
+
+
+@pytest.mark.parametrize("polarisation", ["vertical", "horizontal", "both"])
+def test_coverage_has_the_polarisation_of_the_tracer(polarisation):
+    """Gains are sums of the powers that the tracer gives its paths."""
+    config = TracerConfig(max_reflections=1, diffraction=False, polarisation=polarisation)
+    tracer = Tracer(with_house(), materials=("concrete",), config=config)
+    coverage = tracer.coverage([[0.0, 1.0, 4.0]], cell_m=4.0)
+    paths = tracer.trace([[0.0, 1.0, 4.0]], coverage.position.reshape(-1, 3))
+    power = np.bincount(paths.rx, paths.power, len(paths.rx_position)).reshape(10, 10)
+    reached = coverage.state[0] == CellState.REACHED
+    assert reached.sum() > 50 and coverage.gain[0][reached] == pytest.approx(power[reached], rel=1e-9)
+    assert not power[~reached].any()
