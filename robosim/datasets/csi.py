@@ -54,13 +54,7 @@ def write_csi(
 ) -> None:
     """Write the responses of the paths of a folder, and draw that of the receiver at `rx`, or of a chosen one.
 
-    Args:
-        folder: The folder.
-        offset_hz: Frequencies of the subcarriers, counted from the carrier.
-        antennas: Antennas of transmitters and of receivers.
-        n_tx: Number of transmitters.
-        rx: Place of the receiver that is drawn [m].
-        plots: Whether to draw.
+    Frequencies count from the carrier; antennas are those of transmitters and of receivers.
 
     Raises:
         ValueError: If there are too many numbers.

@@ -23,6 +23,7 @@ import pyarrow.parquet as pq
 from jaxtyping import Float, Int
 from rich.console import Console
 
+from robosim.datasets.coverage_files import write_coverage
 from robosim.datasets.link_units import (
     LinkPlan,
     csv_files,
@@ -32,7 +33,7 @@ from robosim.datasets.link_units import (
     link_progress,
     transmitters_file,
 )
-from robosim.drawing.radio_pictures import choose_link, plot_coverage, plot_grid, plot_link
+from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_link
 from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import AnyPlace, RadioConfig, RadioSite, radio_site
 from robosim.support.checks import check_some
@@ -43,7 +44,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.tum import read_tum
 from robosim.support.workers import Workers
 from wireless.antennas.mounting import MountedArray
-from wireless.coverage import CellState, CoverageMap, link_values
+from wireless.coverage import CellState, link_values
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
@@ -206,20 +207,8 @@ def trace_plan(
             )
             timing = progress.timing()
         states, links = _write_formats(scene, transmitters, grid, path, out, antennas, console)
-        coverage = CoverageMap.from_links(
-            links,
-            grid,
-            tx_position=transmitters,
-            tx_power_dbm=np.full(len(transmitters), config.tx_power_dbm),
-            noise_dbm=noise_dbm,
-            frequency_hz=config.frequency_hz,
-            coherent=False,
-        )
-        with whole_file(out / "coverage.parquet") as partial:
-            pq.write_table(coverage.to_table(), partial, compression="zstd")
-        write_whole(out / "coverage.npz", npz_bytes(coverage.to_arrays()))
+        coverage = write_coverage(out, scene, grid, links, transmitters, noise_dbm=noise_dbm, plots=plots)
         if plots:
-            plot_coverage(out / "coverage.png", scene.section(grid), coverage)
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
                     _plot(scene, grid, Paths.read_parquet(path, i), i, given_rx, out)
