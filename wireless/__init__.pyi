@@ -17,6 +17,8 @@ from wireless.em.materials import permittivity as permittivity
 # Channels between antennas
 from wireless.channel import Channel as Channel
 from wireless.channel import subcarriers as subcarriers
+from wireless.coverage import CoverageMap as CoverageMap
+from wireless.coverage import CellState as CellState
 from wireless.antennas.mounting import MountedArray as MountedArray
 from wireless.antennas.arrays import Array as Array
 from wireless.antennas.elements import element_named as element_named

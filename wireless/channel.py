@@ -29,6 +29,8 @@ from wireless.antennas.mounting import MountedArray
 from wireless.paths import Paths
 from wireless.support.arrays import to_array
 
+#: Thermal noise at 290 K.
+NOISE_DBM_PER_HZ = -174.0
 #: Taps before the first and after the last delay: the square sum of a sinc beyond is 3 % of the whole.
 _MARGIN = 6
 
@@ -83,9 +85,7 @@ class Channel:
 
     def synchronised(self) -> "Channel":
         """The channel as a receiver sees it whose clock starts with the first path of each link."""
-        first = np.full(self._shape, np.inf).ravel()
-        np.minimum.at(first, self.paths.link, self.paths.delay_s)
-        delay_s = self.paths.delay_s - first[self.paths.link]
+        delay_s = self.paths.delay_s - self.first_delay_s()[self.paths.tx, self.paths.rx]
         return replace(self, paths=replace(self.paths, delay_s=delay_s))
 
     def cir(
@@ -140,6 +140,12 @@ class Channel:
         if coherent:
             return np.abs(self._sum(self.coefficient)) ** 2
         return self._sum(np.abs(self.coefficient) ** 2)
+
+    def first_delay_s(self) -> Float[np.ndarray, "n_tx n_rx"]:
+        """Delay of the first path of each link; NaN without paths."""
+        first = np.full(self._shape, np.inf)
+        np.minimum.at(first, (self.paths.tx, self.paths.rx), self.paths.delay_s)
+        return np.where(np.isfinite(first), first, np.nan)
 
     def delay_spread_s(self) -> Float[np.ndarray, "n_tx n_rx"]:
         """Root mean square delay spread of each link; NaN without paths."""
@@ -200,6 +206,11 @@ class Channel:
     @property
     def _shape(self) -> tuple[int, int]:
         return len(self.paths.tx_position), len(self.paths.rx_position)
+
+
+def noise_power_dbm(bandwidth_mhz: float, loss_db: float) -> float:
+    """Noise of a receiver in its bandwidth [MHz], with its noise figure and other losses [dBm]."""
+    return NOISE_DBM_PER_HZ + 10 * float(np.log10(bandwidth_mhz * 1e6)) + loss_db
 
 
 def subcarriers(count: int, spacing_hz: float) -> Float[np.ndarray, " count"]:

@@ -250,6 +250,11 @@ class Building(Faces):
         things = [footprint(furnishing.bodies, self.height_m) for furnishing in self.furnishings]
         return [shapely.get_coordinates(line) for line in shapely.get_parts(shapely.boundary(things))]
 
+    @property
+    def name(self) -> str:
+        """Name of its plan."""
+        return self.plan.name
+
     def draw_walls(self, axes: "Axes", *, colour: str = WALL_COLOUR, zorder: float = 2) -> None:
         """Draw walls, furniture and what is placed from above into axes as they are."""
         from matplotlib.collections import LineCollection

@@ -11,7 +11,6 @@ exactly; rounding would leave triangles of nearly no area along straight walls.
 Left out: vertices in the middle of another ring's edge, which the outlines of plans do not have.
 """
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -25,6 +24,7 @@ from scipy.sparse.csgraph import connected_components
 
 from robosim.plans.furnishings.furnishing import Furnishing
 from wireless.em.materials import Material
+from wireless.tracing.mesh_check import surfaces_digest
 
 
 def rings_of(free: shapely.MultiPolygon) -> tuple[np.ndarray, Int[np.ndarray, " n"]]:
@@ -99,12 +99,7 @@ class Faces:
     @property
     def digest(self) -> str:
         """A text that changes with any vertex, face or material."""
-        seen = hashlib.sha256()
-        for array in (self.mesh.vertices, self.mesh.faces, self.face_material):
-            seen.update(np.ascontiguousarray(array, float).tobytes())
-        named = (material if isinstance(material, str) else repr(material) for material in self.materials)
-        seen.update("|".join(named).encode())
-        return seen.hexdigest()[:16]
+        return surfaces_digest(self.mesh, self.face_material, self.materials)
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own."""

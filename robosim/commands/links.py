@@ -1,10 +1,10 @@
 """`robosim trace` and `robosim dataset`."""
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.text import Text
@@ -17,6 +17,7 @@ from robosim.commands.shared_options import (
     DEFAULT_RADIO,
     DEFAULT_WAVEFORM,
     NO_OPTIONS,
+    Box,
     OnePlace,
     PlanOptions,
     RadioOptions,
@@ -32,7 +33,7 @@ from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import ADVANCED, Range
 from robosim.support.installation import install_first
 from robosim.support.reading import expanded
-from wireless.bands import BandName
+from wireless.bands import BANDS, BandName
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
@@ -53,43 +54,56 @@ def trace(
     csi: str | None = None,
     tx_antenna: Annotated[str, ADVANCED] = "isotropic",
     rx_antenna: Annotated[str, ADVANCED] = "isotropic",
+    tx_array: Annotated[str | None, ADVANCED] = None,
+    rx_array: Annotated[str | None, ADVANCED] = None,
+    bounds: Annotated[Box, ADVANCED] = None,
     storey: int | None = None,
     scene_material: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, ADVANCED] = (),
     inspect: FlagCreatePairsOff[bool] = False,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     band: BandName = "28ghz",
+    bandwidth_mhz: Annotated[float | None, Range(1e-3, 1e5, "MHz"), ADVANCED] = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
     plots: bool = True,
     work: Work = ALL_CORES,
     out: Path | None = None,
 ) -> None:
-    """Trace radio paths from transmitters to receivers all over a floor plan, or in a Mitsuba or Sionna RT scene.
+    """Trace radio paths from transmitters to receivers all over a floor plan, or over a Mitsuba or Sionna RT scene.
 
-    Writes paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/), NAME_Tx_K.csv in the format of mmwRobotNav, and
-    pictures of each transmitter: power, link state and direction of arrival of the strongest path, and the rays of one
-    link. The same command resumes an interrupted run, with the same result. If receivers are given without a grid, only
-    the links to them are traced. A scene needs receivers or a trajectory; all of its surfaces reflect, level ones too.
+    Writes the coverage of the cells of a grid, coverage.parquet, .npz and .png: power of all paths, link state, delay,
+    spreads, SNR, SINR, best server; paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/), NAME_Tx_K.csv in the
+    format of mmwRobotNav, and pictures of each transmitter: power, link state and direction of arrival of the strongest
+    path, and the rays of one link. The same command resumes an interrupted run, with the same result. If receivers are
+    given without a grid, only the links to them are traced. A scene needs a grid, receivers or a trajectory; all of its
+    surfaces reflect, level ones too.
 
     Example: robosim trace office --tx 6.5,13 --grid 0.15 --out out/radio
 
-    Example: robosim trace canyon.xml --tx -20,0,15 --rx 30,2,1.5 --out out/canyon
+    Example: robosim trace canyon.xml --tx -20,0,15 --tx 20,0,15 --grid 1 --out out/map
+
+    Example: robosim trace canyon.xml --tx -20,0,15 --rx 30,2,1.5 --tx-array 8x4:3gpp --csi 64x312.5kHz
 
     Args:
         plan: Floor plan: one shipped, by name, or a ROS map (.yaml), image, mesh, .dxf, .svg, .ifc, .json, .npy; the
             .yaml of a building of several storeys; or a Mitsuba or Sionna RT scene (.xml).
         tx: Transmitter [m] in the plan's frame; can be given several times.
-        grid: Step between receivers [m]; by default 0.15, or no grid with receivers (--rx).
+        grid: Step between receivers [m]; by default 0.15, or no grid with receivers (--rx). Over a scene, cells of this
+            side at --height above its lowest point.
         rx: Receiver [m]; can be given several times. With a grid, the one whose rays are drawn.
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.
         rate: Impulse responses per second, with --along.
         csi: Subcarriers of frequency responses (channel state information): their number and spacing, such as
             64x312.5kHz. Writes csi_txK.npz and csi_txK.png for each transmitter.
-        tx_antenna: Antenna of transmitters with --csi: patch, 3gpp, isotropic, dipole, or a pattern file (.msi, .pln,
-            .csv), and its yaw, pitch (down) and roll [degrees], such as sector.msi,90,6. Paths stay those between
-            isotropic antennas.
-        rx_antenna: Antenna of receivers with --csi; likewise.
+        tx_antenna: Antenna of transmitters, for --csi and the coverage: patch, 3gpp, isotropic, dipole, or a pattern
+            file (.msi, .pln, .csv), and its yaw, pitch (down) and roll [degrees], such as sector.msi,90,6. Paths and
+            pictures of each transmitter stay those between isotropic antennas.
+        rx_antenna: Antenna of receivers; likewise.
+        tx_array: Array of transmitters, for --csi and the coverage: rows x columns of the antenna, half a wavelength
+            apart, such as 8x4, 8x4:3gpp,90,6 with the antenna, or 8x4@0.7 with the distance in wavelengths.
+        rx_array: Array of receivers; likewise.
+        bounds: Box of a grid over a scene: lower-left and upper-right corner [m]; by default all of the scene.
         storey: Storey of the receivers, and of transmitters without a height, in a building of several storeys; by
             default 0, the lowest. Heights count from the lowest floor.
         scene_material: Material of a scene by its name there, instead of its own, such as paint=glass: a material of
@@ -97,18 +111,20 @@ def trace(
         inspect: Print what is read of a scene, and trace nothing: shapes, triangles, and the permittivity, conductivity
             and thickness of materials at the carrier frequency.
         polarisation: Polarisation of all antennas; both takes the mean.
-        band: Radio band, which sets the defaults of carrier frequency and transmit power.
+        band: Radio band, which sets the defaults of carrier frequency, transmit power, bandwidth and losses.
+        bandwidth_mhz: Bandwidth [MHz], whose noise SNR and SINR of the coverage have; by default that of the band.
         radio: Which paths are traced.
         reading: How to read the plan.
         plots: Whether to draw pictures.
         work: Worker processes.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
+    from robosim.commands.antenna_options import parse_antenna
     from robosim.datasets.csi import parse_csi, write_csi
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
     from robosim.radio.receivers import check_step
     from robosim.radio.scene import radio_site
-    from wireless.tracing.mitsuba_scene import is_mitsuba
+    from wireless.tracing.mitsuba_scene import is_mitsuba, read_mitsuba
 
     config = radio.config(polarisation)
     file = expanded(plan)
@@ -132,7 +148,8 @@ def trace(
         _check_scene(plan, grid, rx, along, storey, radio, reading)
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
-    check_step(0.15 if grid is None else grid)
+    if not is_scene:
+        check_step(0.15 if grid is None else grid)
     if along is not None and (grid is not None or rx or csi is not None):
         raise ValueError(
             "along is given with grid, rx or csi: give either a trajectory or places of receivers."
@@ -141,28 +158,37 @@ def trace(
         raise ValueError(
             f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
         )
-    if csi is None and not tx_antenna == rx_antenna == "isotropic":
-        raise ValueError(
-            "tx_antenna or rx_antenna is given, which count with --csi only. Give --csi 64x312.5kHz."
-        )
-    antennas = {"tx_antenna": tx_antenna, "rx_antenna": rx_antenna}
-    responses = None if csi is None else parse_csi(csi, config.frequency_hz, polarisation, antennas)
     alone = grid is None and len(rx) > 0
+    antennas = (
+        parse_antenna("tx", tx_antenna, tx_array, polarisation),
+        parse_antenna("rx", rx_antenna, rx_array, polarisation),
+    )
+    is_plain = (tx_antenna, tx_array) == (rx_antenna, rx_array) == ("isotropic", None)
+    if csi is None and (alone or along) and not is_plain:
+        raise ValueError(
+            "An antenna or array is given, which count with --csi or --grid only. Give --csi 64x312.5kHz."
+        )
+    if bounds is not None and (alone or along):
+        raise ValueError("bounds is given without a grid. Give --grid 1, or leave it out.")
+    noise = BANDS[band].sounding
+    if bandwidth_mhz is not None:
+        noise = replace(noise, bandwidth_mhz=bandwidth_mhz)
+    offsets = None if csi is None else parse_csi(csi, config.frequency_hz)
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     with console.status("reading the scene ..." if is_scene else "reading the plan ..."):
-        place = None if is_scene else read_storey(plan, storey, reading)
+        place = read_mitsuba(file, materials) if is_scene else read_storey(plan, storey, reading)
     if along is not None:
-        site = radio_site(place or file, config, materials)
+        site = radio_site(place, config)
         samples = trace_along(site, folder, tx=tx, trajectory=along, rate_hz=rate, console=console)
         emit_result({"plan": site.name, "tx_m": tx, "samples": samples}, folder)
         console.print(f"{counted(samples, 'impulse response')} from {counted(len(tx), 'transmitter')}")
         console.print(f"Wrote channel_{_numbers(len(tx))}.npz in {folder}")
         return
-    if alone or place is None:
-        site = radio_site(place or file, config, materials)
+    if alone:
+        site = radio_site(place, config)
         paths = trace_link(site, folder, tx=tx, rx=rx, console=console)
-        if responses is not None:
-            write_csi(folder, responses, len(tx), rx=None, plots=plots)
+        if offsets is not None:
+            write_csi(folder, offsets, antennas, len(tx), rx=None, plots=plots)
             console.print(f"Wrote csi_{_numbers(len(tx))}.npz in {folder}")
         _report_links(site.name, paths, folder)
         return
@@ -173,14 +199,17 @@ def trace(
             folder,
             tx=tx,
             grid_m=0.15 if grid is None else grid,
+            bounds_m=bounds,
             rx=rx[0] if rx else None,
+            noise_dbm=noise.noise_dbm,
+            antennas=antennas,
             plots=plots,
             workers=work.count,
             cluster=work.cluster,
             console=console,
         )
-        if responses is not None:
-            write_csi(folder, responses, len(tx), rx=rx[0] if rx else None, plots=plots)
+        if offsets is not None:
+            write_csi(folder, offsets, antennas, len(tx), rx=rx[0] if rx else None, plots=plots)
     emit_result(result, folder)
     timing, states = result["timing"], result["states"]
     shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
@@ -188,7 +217,8 @@ def trace(
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
     drawn = ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else "")
-    console.print(f"Wrote paths.parquet, {result['plan']}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
+    files = f"coverage.parquet, coverage.npz, paths.parquet, {result['plan']}_Tx_*.csv, deepmimo_scenarios/"
+    console.print(f"Wrote {files}{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
@@ -208,8 +238,8 @@ def _check_scene(
     radio: RadioOptions,
     reading: PlanOptions,
 ) -> None:
-    """Raise ValueError for options that a scene has no use for, and if it is given no receiver."""
-    options = {"grid": grid, "storey": storey}
+    """Raise ValueError for options that a scene has no use for, and if it is given no receiver and no grid."""
+    options: dict[str, Any] = {"storey": storey}
     options |= {
         name: getattr(radio, name)
         for name in PLAN_ONLY
@@ -226,9 +256,10 @@ def _check_scene(
                 f"{scene}: --{name.replace('_', '-')} is {value}, which is for floor plans, and this is a Mitsuba "
                 "scene. Leave the option out."
             )
-    if not rx and along is None:
+    if not rx and along is None and grid is None:
         raise ValueError(
-            f"{scene}: a Mitsuba scene needs receivers. Give --rx X,Y,Z, which can be given several times, or --along."
+            f"{scene}: a Mitsuba scene needs receivers. Give --grid 1 for a map, --rx X,Y,Z, which can be given "
+            "several times, or --along."
         )
 
 

@@ -24,7 +24,7 @@ from rich.text import Text
 from robosim.movers.mover import Body
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.radio.receivers import STEP_M, ReceiverGrid
-from robosim.radio.scene import Place, RadioConfig, RadioScene
+from robosim.radio.scene import RadioConfig, RadioScene, RadioSite
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part, to_dict
 from robosim.support.progress import text_column
@@ -46,7 +46,7 @@ Files = dict[str, bytes]
 
 
 def csv_files(
-    scene: RadioScene, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
+    scene: RadioSite, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
 ) -> Files:
     """`NAME_Tx_K.csv` with traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` with its estimates."""
     config, start = scene.config, f"{scene.name}_Tx_{tx + 1}"
@@ -70,17 +70,17 @@ def deepmimo_folder(out: Path, name: str) -> Path:
     return out / SCENARIOS / scenario_name(name)
 
 
-def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
+def deepmimo_paths(scene: RadioSite, paths: Paths, tx: int) -> Files:
     """Files of a transmitter in a scenario."""
     return transmitter_files(paths, tx, horizontal=scene.config.tracer.polarisation == "horizontal")
 
 
-def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
+def deepmimo_scene(scene: RadioSite, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
     """The other files of a scenario, which are written last: they complete it."""
     return scene_files(
         mesh=scene.mesh,
         materials=scene.whole.materials,
-        face_material=scene.whole.face_material.astype(np.int64),
+        face_material=np.asarray(scene.whole.face_material, np.int64),
         frequency_hz=scene.config.frequency_hz,
         config=scene.tracer.config,
         n_tx=n_tx,
@@ -166,12 +166,12 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """A plan or storey with its transmitters; equal if the plans are equal."""
+    """A plan, storey or scene with its transmitters; equal if the plans are equal."""
 
     digest: str
     """Digest of the plan, see `FloorPlan.digest`."""
-    plan: Place = field(compare=False)
-    """The plan."""
+    plan: Any = field(compare=False)
+    """The plan, storey or scene."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Places of transmitters [m]."""
     n_rx: int = field(compare=False)

@@ -13,6 +13,7 @@ import math
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from functools import lru_cache
 from itertools import groupby, product
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ import pyarrow.parquet as pq
 from jaxtyping import Float, Int
 from rich.console import Console
 
+from robosim.datasets.coverage_files import write_coverage
 from robosim.datasets.link_units import (
     LinkPlan,
     csv_files,
@@ -29,12 +31,11 @@ from robosim.datasets.link_units import (
     deepmimo_paths,
     deepmimo_scene,
     link_progress,
-    prepare_site,
     transmitters_file,
 )
 from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_link
-from robosim.radio.receivers import ReceiverGrid, check_step
-from robosim.radio.scene import Place, RadioConfig, RadioScene, RadioSite
+from robosim.radio.receivers import ReceiverGrid
+from robosim.radio.scene import AnyPlace, RadioConfig, RadioSite, radio_site
 from robosim.support.checks import check_some
 from robosim.support.files import npz_bytes, whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
@@ -42,10 +43,14 @@ from robosim.support.parts import to_dict
 from robosim.support.run_folder import run_folder
 from robosim.support.tum import read_tum
 from robosim.support.workers import Workers
+from wireless.antennas.mounting import MountedArray
+from wireless.coverage import CellState, link_values
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
+from wireless.sounding.sounder import SoundingConfig
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
+from wireless.tracing.mitsuba_scene import MitsubaScene
 
 PATHS, UNITS = "paths.parquet", "units"
 #: Receivers of a unit, as many as the tracer handles at once.
@@ -53,9 +58,8 @@ UNIT_RX = BLOCK_RX
 
 
 def trace_grid(
-    plan: Place,
+    plan: AnyPlace,
     config: RadioConfig,
-    grid_m: float,
     tx: Float[np.ndarray, "n_tx 3"],
     rx: Float[np.ndarray, "n_rx 3"],
     folder: Path,
@@ -66,8 +70,7 @@ def trace_grid(
 ) -> Path:
     """Trace the links that are missing in a folder; returns the file of all paths, for `Paths.read_parquet`.
 
-    `rx` are the positions [m] of a `receiver_grid`, `grid_m` apart. `report` is called with the numbers of finished and
-    of all links, at first and after each unit.
+    `report` is called with the numbers of finished and of all links, at first and after each unit.
     """
 
     def unit(tx: int, first: int) -> Path:
@@ -87,9 +90,10 @@ def trace_grid(
         ]
         done = total - sum(len(txs) * (ends[first] - first) for txs, first in calls)
         report(done, total)
-        site = LinkPlan(plan.digest(), plan, tx, len(rx))
+        digest = plan.digest if isinstance(plan, MitsubaScene) else plan.digest()
+        site = LinkPlan(digest, plan, tx, len(rx))
         with Workers(workers, cluster, what="links") as pool:
-            arguments = [(site, config, grid_m, txs, first, ends[first]) for txs, first in calls]
+            arguments = [(site, config, txs, rx[first : ends[first]]) for txs, first in calls]
             for number, tables in pool.run(_trace_unit, arguments):
                 txs, first = calls[number]
                 for i, table in zip(txs, tables, strict=True):
@@ -125,12 +129,17 @@ def _join(
             writer.close()
 
 
+@lru_cache(maxsize=1)
+def _prepared(site: LinkPlan, config: RadioConfig) -> RadioSite:
+    """The site of a plan, cached for the next unit of the same process."""
+    return radio_site(site.plan, config)
+
+
 def _trace_unit(
-    site: LinkPlan, config: RadioConfig, grid_m: float, txs: list[int], first: int, end: int
+    site: LinkPlan, config: RadioConfig, txs: list[int], rx: Float[np.ndarray, "n_rx 3"]
 ) -> list[bytes]:
     """Paths from some transmitters to consecutive receivers, one file per transmitter."""
-    scene, grid = prepare_site(site, config, grid_m)
-    paths = scene.trace(site.transmitters[txs], grid.position[first:end], workers=1)
+    paths = _prepared(site, config).trace(site.transmitters[txs], rx, workers=1)
     tables = []
     for j, tx in enumerate(txs):
         of_tx = paths.select(paths.tx == j)
@@ -147,43 +156,48 @@ APART_M = 0.005
 
 
 def trace_plan(
-    plan: Place,
+    plan: AnyPlace,
     config: RadioConfig,
     out: Path,
     *,
     tx: tuple[tuple[float, ...], ...],
     grid_m: float = 0.15,
+    bounds_m: tuple[float, ...] | None = None,
     rx: tuple[float, ...] | None = None,
+    noise_dbm: float = SoundingConfig().noise_dbm,
+    antennas: tuple[MountedArray, MountedArray] | None = None,
     plots: bool = True,
     workers: int = 1,
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Trace transmitters to a grid of receivers over a plan, and write the results into a folder.
+    """Trace transmitters to a grid of receivers over a plan or scene, and write the results into a folder.
 
     The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and `NAME_tx_pos.csv` in
-    the format of mmwRobotNav; pictures of each transmitter, with rays to `rx` or to a receiver with many paths;
-    `trace.json`, whose content is returned. After an interruption the same call resumes, to the same files.
+    the format of mmwRobotNav; `coverage.parquet` and `coverage.npz` of `wireless.coverage.CoverageMap`; pictures of
+    each transmitter, with rays to `rx` or to a receiver with many paths; `trace.json`, whose content is returned. After
+    an interruption the same call resumes, to the same files.
+
+    Noise [dBm] and antennas of transmitters and receivers are those of the coverage; None for isotropic ones. A grid
+    over a scene can have bounds, a box x, y, x, y [m].
 
     Raises:
         ValueError: If a position or the grid does not fit.
         FolderError: If the folder belongs to other settings or another process works in it.
         MapError: If the plan has no free area.
     """
-    check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
     with console.status("preparing the building ..."):
-        scene = RadioScene(plan, config)
+        scene = radio_site(plan, config)
     check_terminals(tx, () if rx is None else (rx,), scene.height_m)
     transmitters = _transmitters(scene, tx, console)
     given_rx = None if rx is None else scene.places((rx,), "rx")[0]
-    grid = scene.grid(grid_m)
+    grid = scene.grid(grid_m, bounds_m=bounds_m, tx=transmitters)
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
         with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
             path = trace_grid(
                 plan,
                 config,
-                grid_m,
                 transmitters,
                 grid.position,
                 out,
@@ -192,19 +206,21 @@ def trace_plan(
                 report=progress.report,
             )
             timing = progress.timing()
-        states = _write_formats(scene, transmitters, grid, path, out, console)
+        states, links = _write_formats(scene, transmitters, grid, path, out, antennas, console)
+        coverage = write_coverage(out, scene, grid, links, transmitters, noise_dbm=noise_dbm, plots=plots)
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
                     _plot(scene, grid, Paths.read_parquet(path, i), i, given_rx, out)
         result = {
-            "plan": plan.name,
+            "plan": scene.name,
             "tx_m": transmitters,
             "receivers": len(grid.position),
             "links": len(transmitters) * len(grid.position),
             "states": {category.name.lower(): int(states[category]) for category in LinkCategory},
+            "cells": {state.name.lower(): int((coverage.state == state).sum()) for state in CellState},
             "engine": scene.engine,
-            "deepmimo": scenario_name(plan.name),
+            "deepmimo": scenario_name(scene.name),
             "config": to_dict(config),
             "timing": {
                 "seconds": round(timing["seconds"], 3),
@@ -307,9 +323,7 @@ def _transmitters(
     return transmitters
 
 
-def _settings(
-    scene: RadioScene, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid
-) -> dict[str, Any]:
+def _settings(scene: RadioSite, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid) -> dict[str, Any]:
     """Everything that the paths depend on."""
     return {
         "plan": scene.name,
@@ -326,15 +340,22 @@ def _settings(
 
 
 def _write_formats(
-    scene: RadioScene,
+    scene: RadioSite,
     transmitters: Float[np.ndarray, "n 3"],
     grid: ReceiverGrid,
     path: Path,
     out: Path,
+    antennas: tuple[MountedArray, MountedArray] | None,
     console: Console,
-) -> Int[np.ndarray, "5"]:
-    """Write the paths as a DeepMIMO scenario and as CSV files; returns the number of links of each state."""
+) -> tuple[Int[np.ndarray, "5"], dict[str, np.ndarray]]:
+    """Write the paths as a DeepMIMO scenario and as CSV files.
+
+    Returns:
+        The number of links of each state, and what a `CoverageMap` has of all links.
+    """
     config, name = scene.config, scene.name
+    antennas = antennas or 2 * (MountedArray.polarised(config.tracer.polarisation),)
+    links = []
     states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
     with whole_folder(deepmimo_folder(out, name)) as folder, console.status("writing ...") as status:
         for i in range(len(transmitters)):
@@ -344,13 +365,15 @@ def _write_formats(
             reached |= paths.count()[i] > 0
             write_files(folder, deepmimo_paths(scene, paths, i))
             write_files(out, csv_files(scene, grid, paths, i))
+            paths = replace(paths, tx_position=transmitters[i : i + 1], tx=np.zeros_like(paths.tx))
+            links.append(link_values(paths, *antennas, threshold_db=config.threshold_db))
         write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), int(reached.sum())))
     write_files(out, transmitters_file(name, transmitters))
-    return states
+    return states, {key: np.concatenate([values[key] for values in links]) for key in links[0]}
 
 
 def _plot(
-    scene: RadioScene,
+    scene: RadioSite,
     grid: ReceiverGrid,
     paths: Paths,
     tx: int,
@@ -365,7 +388,7 @@ def _plot(
     plot_grid(
         out,
         f"_tx{tx + 1}",
-        scene.building,
+        scene.section(grid),
         grid,
         paths,
         tx,

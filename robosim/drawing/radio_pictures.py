@@ -26,9 +26,10 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from robosim.building.building import Building
 from robosim.radio.receivers import ReceiverGrid
-from robosim.radio.scene import RadioSite
+from robosim.radio.scene import RadioSite, SceneSection
 from robosim.support.colours import FURNISHING, STATE_COLOURS, STATE_NAMES, css
 from robosim.support.figures import save_figure
+from wireless.coverage import CoverageMap
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 from wireless.support.counting import counted
 from wireless.support.ray_colours import ray_colours
@@ -43,13 +44,15 @@ KINDS = {
 }
 #: Arrows of arrival are about this far apart, as a share of the plan's longer side.
 ARROW_SHARE = 1 / 28
+#: What a picture from above shows.
+Section = Building | SceneSection
 _NO_PATH: dict[str, Any] = {"facecolor": "0.97", "edgecolor": "0.8", "hatch": "/////", "linewidth": 0}
 
 
 def plot_grid(
     folder: Path,
     suffix: str,
-    building: Building,
+    building: Section,
     grid: ReceiverGrid,
     paths: Paths,
     tx: int,
@@ -96,6 +99,18 @@ def plot_link(path: Path, site: RadioSite, paths: Paths, tx: int, rx: int) -> No
         figure = plt.figure(figsize=(8.0, 8.0), layout="constrained")
         axes = figure.add_subplot(projection="3d", computed_zorder=False)
         draw_in_space(axes, site, paths, tx, rx)
+    save_figure(figure, path)
+
+
+def plot_coverage(path: Path, building: Section, coverage: CoverageMap) -> None:
+    """Draw the best server of each cell, and its power, SINR and delay spread."""
+    figure, axes_of_all = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
+    quantities = ("power_dbm", "sinr_db", "best_server", "delay_spread_s")
+    for quantity, axes in zip(quantities, axes_of_all.ravel(), strict=True):
+        coverage.plot(quantity, axes=axes)
+        _shade_free(axes, building)
+        about = conditions(coverage.frequency_hz, coverage.tx_position[0], coverage.position.reshape(-1, 3))
+        _frame(axes, building, f"coverage of {counted(len(coverage.tx_position), 'transmitter')}", about)
     save_figure(figure, path)
 
 
@@ -149,7 +164,7 @@ def choose_link(paths: Paths, tx: int) -> int:
 
 def draw_power(
     axes: Axes,
-    building: Building,
+    building: Section,
     grid: ReceiverGrid,
     first: Paths,
     tx_position: Float[np.ndarray, "3"],
@@ -171,7 +186,7 @@ def draw_power(
 
 def draw_state(
     axes: Axes,
-    building: Building,
+    building: Section,
     grid: ReceiverGrid,
     category: UInt8[np.ndarray, " n"],
     tx_position: Float[np.ndarray, "3"],
@@ -203,7 +218,7 @@ def draw_state(
 
 
 def draw_arrival(
-    axes: Axes, building: Building, grid: ReceiverGrid, first: Paths, tx_position: Float[np.ndarray, "3"]
+    axes: Axes, building: Section, grid: ReceiverGrid, first: Paths, tx_position: Float[np.ndarray, "3"]
 ) -> None:
     """Azimuth of the strongest arrival, as colour, and as arrows that point there."""
     values = np.full(len(grid.position), np.nan)
@@ -232,7 +247,7 @@ def draw_arrival(
     _legend(axes, building, [_tx_handle(), arrow, _nothing_handle("no path")])
 
 
-def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
+def draw_rays(axes: Axes, building: Section, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
     """All paths of one link from above, coloured by power."""
     link, ends = paths.between(tx, rx), (paths.tx_position[tx], paths.rx_position[rx])
     power = tx_power_dbm + link.power_db
@@ -279,19 +294,19 @@ def conditions(
     return f"{frequency_hz / 1e9:g} GHz; transmitter {tx_position[2]:g} m, {of_them} {receivers} high"
 
 
-def _extent(building: Building) -> tuple[float, float]:
+def _extent(building: Section) -> tuple[float, float]:
     west, south, east, north = building.free.bounds
     return east - west, north - south
 
 
-def _size(building: Building, across: int) -> tuple[float, float]:
+def _size(building: Section, across: int) -> tuple[float, float]:
     """Width and height [inches] of a figure with some plans per row and column, each with bar and legend."""
     width, height = _extent(building)
     scale = (7.0 if across == 1 else 5.0) / max(width, height)
     return across * (max(width * scale, 3.2) + 1.5), across * (max(height * scale, 2.4) + 1.2)
 
 
-def _shade_free(axes: Axes, building: Building) -> None:
+def _shade_free(axes: Axes, building: Section) -> None:
     """Hatch the free floor, which remains visible where no path arrives."""
     outlines = [
         PathOutline.make_compound_path(
@@ -315,14 +330,14 @@ def _bar(axes: Axes, values: ScalarMappable, label: str, **style: Any) -> Colorb
     return axes.figure.colorbar(values, cax=bar, label=label, **style)
 
 
-def _frame(axes: Axes, building: Building, title: str, about: str = "") -> None:
+def _frame(axes: Axes, building: Section, title: str, about: str = "") -> None:
     """Walls, axes in metres, and a title of one line or two."""
     west, south, east, north = building.free.bounds
     margin = 0.03 * max(east - west, north - south)
     axes.set_aspect("equal")
     axes.set(xlim=(west - margin, east + margin), ylim=(south - margin, north + margin))
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    axes.set_title(f"{building.plan.name}: {title}\n{about}".strip(), fontsize=10, parse_math=False)
+    axes.set_title(f"{building.name}: {title}\n{about}".strip(), fontsize=10, parse_math=False)
     building.draw_walls(axes, colour=WALL, zorder=3)
 
 
@@ -352,7 +367,7 @@ def _nothing_handle(label: str) -> Patch:
     return Patch(label=label, **_NO_PATH)
 
 
-def _legend(axes: Axes, building: Building, handles: Sequence[Artist]) -> None:
+def _legend(axes: Axes, building: Section, handles: Sequence[Artist]) -> None:
     """Legend below the axes, with furniture if the building has some."""
     placed = [Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if building.furnishings else []
     axes.legend(

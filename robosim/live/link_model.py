@@ -15,6 +15,7 @@ from copy import copy
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from threading import Lock
+from typing import Any
 
 import numpy as np
 import shapely
@@ -119,8 +120,10 @@ class LinkModel(RadioScene):
             assert link.paths is not None  # set by the measurement
             return interpreter.interpret(estimates, pose), link.paths
 
-    def grid(self, step_m: float) -> ReceiverGrid:
-        """Receivers on a grid over the lowest storey, cached by step [m]."""
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
+        """Receivers on a grid over the lowest storey, cached by step [m]; options as of a scene are not."""
+        if options:
+            return super().grid(step_m, **options)
         if step_m not in self._grids:
             self._grids[step_m] = super().grid(step_m)
         return self._grids[step_m]

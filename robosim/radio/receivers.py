@@ -7,16 +7,17 @@ cell lower than that cell's centre: such a plan with such a step gets exactly th
 link by link. A few of them are on a wall or beyond it.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
 from robosim.building.building import Building
-from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.floorplan import UNKNOWN, FloorPlan, MapError
 from robosim.plans.outside import lie_outside
 from robosim.support.checks import Range, check_number
+from wireless.coverage import CellState
+from wireless.coverage import ReceiverGrid as ReceiverGrid
+from wireless.tracing.coverage import check_count
 
 #: Cells across a block of the published grids.
 BLOCK = 3
@@ -26,22 +27,6 @@ CLEARANCE_M = 1e-3
 TX_CLEARANCE_M = 0.1
 #: Steps between receivers.
 STEP_M = Range(0.01, 100, "m between receivers", "Try 0.15.")
-#: Finer grids are errors.
-MAX_RECEIVERS = 1_000_000
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ReceiverGrid:
-    """Receivers of a building."""
-
-    position: Float[np.ndarray, "n 3"]
-    """Positions [m] in `map`."""
-    cell: Int[np.ndarray, "n 2"]
-    """Row from the bottom and column of each, from 0."""
-    shape: tuple[int, int]
-    """Rows and columns of the whole grid."""
-    edges: Float[np.ndarray, "ny1 nx1 2"]
-    """Corners (x, y) [m] of the grid's cells, whose centres receivers are."""
 
 
 def receiver_grid(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
@@ -49,11 +34,7 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
     plan = building.plan
     width, height = plan.shape[1] * plan.resolution_m, plan.shape[0] * plan.resolution_m
     check_step(step_m)
-    if width * height / step_m**2 > MAX_RECEIVERS:
-        raise ValueError(
-            f"grid is {step_m:g} m, which makes more than {MAX_RECEIVERS} places on a plan of {width:g} x "
-            f"{height:g} m; take a wider one, such as 0.15."
-        )
+    check_count(width * height / step_m**2, step_m, width, height)
     check_height(building, height_m, "height")
     if plan.wall_line == "cell_centre" and abs(step_m - BLOCK * plan.resolution_m) < 1e-9:
         grid = _published(plan, height_m)
@@ -108,6 +89,12 @@ def _grid(
     height_m: float,
 ) -> ReceiverGrid:
     """Receivers at some places of a grid whose lower-left corner and step are given in cells of the plan."""
+    everywhere = np.argwhere(np.ones(shape, bool))
+    middle = step * (everywhere[:, ::-1] + 0.5) + start
+    column, row = np.clip(np.floor(middle).astype(int), 0, np.array(plan.shape[::-1]) - 1).T
+    is_outside = (plan.occupancy[row, column] == UNKNOWN) | lie_outside(plan, plan.to_map(middle))
+    unreached = np.where(is_outside, np.uint8(CellState.OUTSIDE), np.uint8(CellState.IN_BODY)).reshape(shape)
+    unreached[tuple(cell.T)] = CellState.NO_PATH
     at = plan.to_map(step * (cell[:, ::-1] + 0.5) + start)
     corner = np.stack(np.meshgrid(np.arange(shape[1] + 1), np.arange(shape[0] + 1)), axis=-1)
     return ReceiverGrid(
@@ -116,6 +103,7 @@ def _grid(
         cell=cell,
         shape=shape,
         edges=plan.to_map(step * corner + start),
+        unreached=unreached,
     )
 
 

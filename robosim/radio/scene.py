@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import shapely
@@ -21,12 +21,15 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
+from wireless.coverage import CoverageMap
 from wireless.em.materials import Material
 from wireless.paths import Paths
-from wireless.tracing.mitsuba_scene import read_mitsuba
+from wireless.tracing.coverage import level_grid
+from wireless.tracing.mitsuba_scene import MitsubaScene, read_mitsuba
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from mpl_toolkits.mplot3d import Axes3D
 
 #: A place this far from free space still counts as on its edge [m].
@@ -34,6 +37,7 @@ ON_EDGE_M = 1e-6
 #: Faces that meet at a smaller angle are one surface in pictures.
 FLAT_RAD = 1e-3
 Place = FloorPlan | OneStorey
+AnyPlace = Place | MitsubaScene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,17 +71,33 @@ class RadioSite(ABC):
     """Its name in reports and files."""
     config: RadioConfig
     """Radio to trace."""
+    whole: Building | Storeys | MitsubaScene
+    """All surfaces, and their materials."""
     mesh: trimesh.Trimesh
-    """All surfaces."""
+    """Triangles of all surfaces."""
     storeys: tuple[Storey, ...] = ()
     """Storeys of a building, from the lowest up; a scene has none."""
     floor_m: float = 0.0
     """Height of the floor below terminals without a height of their own [m]."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def tracer(self) -> Tracer:
         """The tracer, made at the first use; ValueError if a material is unknown at the carrier frequency."""
+        return Tracer(self.whole, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
+
+    @property
+    def engine(self) -> str:
+        """Engine of the tracer: `plan` or `storeys`, which are fast, or `space`."""
+        return self.tracer.scene.engine
+
+    @property
+    def digest(self) -> str:
+        """A text that changes with any vertex, face or material."""
+        return self.whole.digest
+
+    @abstractmethod
+    def section(self, grid: ReceiverGrid) -> "Building | SceneSection":
+        """What pictures of a grid from above show."""
 
     @property
     def height_m(self) -> float:
@@ -100,9 +120,23 @@ class RadioSite(ABC):
                 raise ValueError(problem)
         return positions
 
-    def grid(self, step_m: float) -> ReceiverGrid:
-        """Receivers on a grid at `height_m`; ValueError if there is none."""
-        raise ValueError(f"{self.name} has no floor plan to lay a grid over. Give places of receivers.")
+    @abstractmethod
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
+        """Receivers in cells of a side [m] at `height_m`; ValueError if there is none.
+
+        Scenes need `tx`, the transmitters [m], which are in air, and take `bounds_m`, a box x, y, x, y.
+        """
+
+    def coverage(
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        cell_m: float,
+        bounds_m: tuple[float, ...] | None = None,
+        **options: Any,
+    ) -> CoverageMap:
+        """Coverage of the cells of a grid by transmitters [m]; `options` are those of `Tracer.coverage`."""
+        about = {"tx_power_dbm": self.config.tx_power_dbm, "threshold_db": self.config.threshold_db}
+        return self.tracer.coverage(tx, grid=self.grid(cell_m, tx=tx, bounds_m=bounds_m), **about | options)
 
     def nearest_free(self, place: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """The free point nearest to a place (x, y) or (x, y, z) [m]."""
@@ -136,7 +170,7 @@ class RadioSite(ABC):
 
 
 def radio_site(
-    place: Place | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
+    place: AnyPlace | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
 ) -> RadioSite:
     """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file.
 
@@ -144,28 +178,45 @@ def radio_site(
     """
     match place:
         case Path():
-            return MeshScene(place, config, materials)
+            return MeshScene(read_mitsuba(place, materials), config)
+        case MitsubaScene():
+            return MeshScene(place, config)
     return RadioScene(place, config)
 
 
 class MeshScene(RadioSite):
-    """A Mitsuba scene: places are anywhere.
+    """A Mitsuba scene: places are anywhere, its floor is at its lowest point."""
 
-    Raises:
-        FileError: If a file is damaged, or a shape or material is not understood.
-    """
+    def __init__(self, scene: MitsubaScene, config: RadioConfig):
+        self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
+        self.floor_m = float(scene.mesh.bounds[0, 2])
 
-    def __init__(
-        self, path: Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
-    ):
-        self.name, self.config = path.stem, config
-        self._scene = read_mitsuba(path, materials)
-        self.mesh = self._scene.mesh
+    def section(self, grid: ReceiverGrid) -> "SceneSection":
+        """The surfaces of the scene at the height of a grid."""
+        return SceneSection(self.name, self.mesh, grid)
 
-    @cached_property
-    def tracer(self) -> Tracer:
-        """The tracer of the scene."""
-        return Tracer(self._scene, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
+        """Cells over all of the scene, or over a box."""
+        return level_grid(self.mesh, step_m, self.height_m, **options)
+
+
+class SceneSection:
+    """A level section of a scene, with the members of a `Building` that pictures from above need."""
+
+    furnishings = ()
+
+    def __init__(self, name: str, mesh: trimesh.Trimesh, grid: ReceiverGrid):
+        self.name = name
+        corners = grid.edges.reshape(-1, 2)
+        self.free = shapely.MultiPolygon([shapely.box(*corners.min(axis=0), *corners.max(axis=0))])
+        lines = trimesh.intersections.mesh_plane(mesh, [0, 0, 1], [0, 0, grid.position[0, 2]])
+        self._lines = np.asarray(lines).reshape(-1, 2, 3)[..., :2]
+
+    def draw_walls(self, axes: "Axes", *, colour: str, zorder: float) -> None:
+        """Draw the surfaces that the section meets."""
+        from matplotlib.collections import LineCollection
+
+        axes.add_collection(LineCollection(list(self._lines), colors=colour, linewidths=0.9, zorder=zorder))
 
 
 class RadioScene(RadioSite):
@@ -191,23 +242,14 @@ class RadioScene(RadioSite):
         self.name, self.mesh, self.storeys = plan.name, self.whole.mesh, self.whole.storeys
         self.building, self.floor_m = self.storeys[number].building, self.storeys[number].floor_m
 
-    @cached_property
-    def tracer(self) -> Tracer:
-        """The tracer of the whole building."""
-        return Tracer(self.whole, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
+    def section(self, grid: ReceiverGrid) -> Building:
+        """The building of the storey."""
+        return self.building
 
-    @property
-    def engine(self) -> str:
-        """Engine of the tracer: `plan` or `storeys`, which are fast, or `space`."""
-        return self.tracer.scene.engine
-
-    @property
-    def digest(self) -> str:
-        """A text that changes with any vertex, face or material of the building."""
-        return self.whole.digest
-
-    def grid(self, step_m: float) -> ReceiverGrid:
+    def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
         """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
+        if options.get("bounds_m") is not None:
+            raise ValueError(f"bounds are given for {self.name}, but they are for scenes. Leave them out.")
         grid = receiver_grid(self.building, step_m, self.config.height_m)
         return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
 

@@ -5,11 +5,12 @@ import json
 import re
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from robosim.cli import main
 from robosim.plans.files import write_ros
-from robosim.radio.scene import RadioConfig, RadioScene
+from robosim.radio.scene import RadioConfig, RadioScene, radio_site
 from robosim.support.tum import write_tum
 from tests.plans import two_rooms
 from wireless import LinkState, Paths
@@ -267,8 +268,7 @@ def test_a_channel_along_a_trajectory_in_a_scene(scene_file, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--grid 0.5", "--grid is 0.5, which is for floor plans, and this is a Mitsuba scene"),
-        ("--storey 0", "--storey is 0"),
+        ("--storey 0", "--storey is 0, which is for floor plans, and this is a Mitsuba scene"),
         ("--material brick", "--material is brick"),
         ("--resolution 0.1", "--resolution is 0.1"),
         ("--floor-ceiling", "--floor-ceiling is True"),
@@ -291,6 +291,108 @@ def test_links_to_several_receivers_of_a_plan(plan_file, tmp_path, capsys, fails
     main([*command, "--json", "--out", str(tmp_path / "out")])
     assert json.loads(capsys.readouterr().out)["states"] == [["los", "first_order"]]
     assert "rx is given 2 times with grid" in fails(*command, "--grid", "1")
+
+
+HOUSE = """<scene version="2.1.0">
+<bsdf type="itu-radio-material" id="m"><string name="type" value="concrete"/></bsdf>
+<bsdf type="itu-radio-material" id="wall"><string name="type" value="metal"/></bsdf>
+<shape type="rectangle" id="ground"><transform name="to_world"><scale value="5"/></transform><ref id="m"/></shape>
+<shape type="cube" id="house"><transform name="to_world"><translate x="2" z="1"/></transform><ref id="wall"/></shape>
+</scene>"""
+
+
+def test_grid_over_a_scene(tmp_path, capsys):
+    """The coverage of the scene in all formats; the same command again traces nothing, another material is rejected."""
+    (tmp_path / "house.xml").write_text(HOUSE)
+    out = tmp_path / "out"
+    command = f"trace {tmp_path}/house.xml --tx -3,0,1 --tx 4,3,2 --grid 1 --height 1 --workers 1 --out {out}"
+    main([*command.split(), "--json"])
+    result = json.loads(capsys.readouterr().out)
+    assert result["plan"] == "house" and result["links"] == 200
+    assert result["cells"]["in_body"] == 2 * 4 and sum(result["cells"].values()) == 200
+    paths = Paths.read_parquet(out / "paths.parquet")
+    site = radio_site(tmp_path / "house.xml", RadioConfig(height_m=1.0))
+    coverage = site.coverage(np.array([[-3.0, 0, 1], [4, 3, 2]]), 1.0)
+    with np.load(out / "coverage.npz") as file:
+        for name, values in coverage.to_arrays().items():
+            np.testing.assert_array_equal(file[name], values, err_msg=name)
+    table = pq.read_table(out / "coverage.parquet")
+    assert table.num_rows == 200
+    np.testing.assert_array_equal(table["power_dbm"].to_numpy(), coverage.power_dbm.ravel())
+    assert paths.link_state()[0].tolist() == (coverage.category[0].ravel() % 4).tolist()
+    assert {"coverage.png", "power_tx1.png", "state_tx2.png", "house_Tx_2.csv"} <= {
+        file.name for file in out.iterdir()
+    }
+    with np.load(out / "deepmimo_scenarios/house/power_t000_tx001_r001.npz") as file:
+        assert np.isfinite(file["power"]).sum(axis=1).tolist() == paths.count()[1].tolist()
+    main([*command.split(), "--no-plots", "--bandwidth-mhz", "20"])
+    assert "0 traced" in capsys.readouterr().out
+    with np.load(out / "coverage.npz") as file:
+        assert file["noise_dbm"] == pytest.approx(-174 + 10 * np.log10(20e6) + 6)
+
+
+def test_grids_over_other_scenes_are_not_mixed(tmp_path, fails):
+    """Another material is another scene, and another box another grid."""
+    (tmp_path / "house.xml").write_text(HOUSE)
+    command = (
+        f"trace {tmp_path}/house.xml --tx -3,0,1 --grid 2 --no-plots --workers 1 --out {tmp_path}/out".split()
+    )
+    main(command)
+    assert "building_sha256" in fails(*command, "--scene-material", "wall=glass")
+    assert "receivers" in fails(*command, "--bounds", "-5,-5,0,5")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--grid 0.001", "10 x 10 m, more than 1000000 places. Take wider cells, such as 0.02 m"),
+        ("--grid nan", "grid is nan"),
+        ("--grid -1", "grid is -1.0"),
+        ("--grid 1 --bounds 20,20,30,30", "scene, which reaches from [-5.0, -5.0] to [5.0, 5.0] m"),
+        ("--grid 1 --tx-array 8y4", "tx_array is '8y4', expected rows x columns"),
+        ("--grid 1 --rx-array 0x4", "rx_array is '0x4', expected rows x columns"),
+        ("--grid 1 --tx-array 2x2:dish", "Known: patch, 3gpp"),
+        (
+            "--grid 1 --tx-array 2x2:3gpp --tx-antenna patch",
+            "expected elements in one of them. Give --tx-array 2x2.",
+        ),
+        ("--rx 1,1,1 --bounds 0,0,1,1", "bounds is given without a grid"),
+        ("--rx 1,1,1 --tx-array 2x2", "which count with --csi or --grid only"),
+    ],
+)
+def test_maps_and_arrays_that_cannot_be_are_rejected(words, message, tmp_path, fails):
+    (tmp_path / "house.xml").write_text(HOUSE)
+    assert message in fails(
+        "trace", tmp_path / "house.xml", "--tx", "-3,0,1", *words.split(), "--out", tmp_path / "o"
+    )
+
+
+def test_frequency_responses_of_arrays(scene_file, tmp_path, fails):
+    """In line of sight alone: the response of single antennas times the outer product of steering vectors.
+
+    The receiver is at (3, 4, 3), the transmitter faces +y: its elements lie along -x and z, the receiver's along y, z.
+    """
+    ends = f"trace {scene_file} --tx 0,0,2 --rx 3,4,3 --max-reflections 0 --no-diffraction --csi 4x1MHz"
+    responses = {}
+    for name, words in {
+        "single": "--tx-antenna 3gpp,90",
+        "arrays": "--tx-array 3x4@0.6:3gpp,90 --rx-array 1x2",
+        "both": "--tx-array 3x4@0.6:3gpp,90 --rx-array 1x2 --polarisation both",
+    }.items():
+        main([*ends.split(), *words.split(), "--out", str(tmp_path / name)])
+        with np.load(tmp_path / name / "csi_tx1.npz") as file:
+            responses[name] = file["response"][0]
+            ports = file["tx_port_wl"], file["rx_port_wl"]
+        assert (tmp_path / name / "csi_tx1.png").exists()
+    direction = np.array([3.0, 4, 1]) / np.linalg.norm([3, 4, 1])
+    across, up = np.meshgrid(0.6 * (np.arange(4) - 1.5), 0.6 * (np.arange(3) - 1), indexing="ij")
+    sent = np.exp(2j * np.pi * (across.ravel() * -direction[0] + up.ravel() * direction[2]))
+    received = np.exp(2j * np.pi * np.array([-0.25, 0.25]) * -direction[1])
+    expected = received[:, None, None] * sent[:, None] * responses["single"]
+    assert responses["single"].shape == (1, 1, 4) and responses["arrays"].shape == (2, 12, 4)
+    np.testing.assert_allclose(responses["arrays"], expected, atol=1e-5 * np.abs(expected).max())
+    np.testing.assert_allclose(responses["both"][:2, :12], expected, atol=1e-5 * np.abs(expected).max())
+    assert (ports[0].shape, ports[1].shape) == ((24, 3), (4, 3))
 
 
 PAINTED = """<scene version="3.0.0"><bsdf type="diffuse" id="paint"/><bsdf type="radio-material" id="own">

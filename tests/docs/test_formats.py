@@ -61,6 +61,7 @@ def documented(name: str) -> dict[str, list[str]]:
         ("timing.parquet", "evaluation/timing.parquet"),
         ("links.parquet", "dataset/links/flat_Tx_1.parquet"),
         ("paths.parquet", "trace/paths.parquet"),
+        ("coverage.parquet", "trace/coverage.parquet"),
     ],
 )
 def test_parquet(written: Path, table: str, file: str) -> None:
@@ -91,6 +92,7 @@ def test_units_of_links() -> None:
         ("episode.npz", "episode/episode.npz"),
         ("episode.npz", "evaluation/episodes/flat/000-los-0.npz"),
         ("frames.npz", "collect/home-00000.npz"),
+        ("coverage.npz", "trace/coverage.npz"),
     ],
 )
 def test_archives(written: Path, table: str, file: str) -> None:

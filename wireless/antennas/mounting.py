@@ -7,7 +7,8 @@ equations 7.3-4 and 7.3-5). The turned field is read along theta and phi of the 
 Reference: 3GPP TR 38.901 V17, sections 7.1 and 7.3.2.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
@@ -16,6 +17,9 @@ from scipy.spatial.transform import Rotation
 from wireless.antennas.arrays import Array, uniform_array
 from wireless.antennas.elements import mean_power
 from wireless.antennas.sphere import unit_vector
+
+#: Angles of the ports from the vertical, by the polarisation of a tracer.
+_SLANT_RAD = {"vertical": (0.0,), "horizontal": (np.pi / 2,), "both": (0.0, np.pi / 2)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,6 +40,13 @@ class MountedArray:
     """`directivity`: elements have the directivity of their pattern, less the losses of `3gpp`; `given`: amplitudes are
     gains, such as those of a pattern file; `coupled`: ports are scaled by their coupling (`wireless.antennas.arrays`),
     as in soundings."""
+
+    @classmethod
+    def polarised(cls, polarisation: str, array: Array | None = None, **mounting: Any) -> "MountedArray":
+        """An array, or an isotropic element, with the polarisation of a tracer; for both, all vertical ports first."""
+        array, slant_rad = array or cls().array, _SLANT_RAD[polarisation]
+        array = replace(array, position_wl=np.tile(array.position_wl, (len(slant_rad), 1)))
+        return cls(array=array, slant_rad=np.repeat(slant_rad, len(array) // len(slant_rad)), **mounting)
 
     def __post_init__(self) -> None:
         if self.scaling not in ("directivity", "given", "coupled"):

@@ -61,6 +61,10 @@ class Sides:
         every, ones = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
         return _sums(self._tree, self._surface, ones, np.ascontiguousarray(points), every, self._step)[0]
 
+    def enclosed(self, points: Points) -> Bool[np.ndarray, " n"]:
+        """Whether each point is inside any closed surface."""
+        return self._sums(points, np.full(len(points), -1))[0] != 0
+
     def inside(
         self, points: Points, surface: Int[np.ndarray, " n"]
     ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
@@ -81,7 +85,7 @@ def find_two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
     The others are sheets: of no closed surface, or with another face of one on their back. Walls that are open at the
     top and the bottom of the mesh count as closed there.
     """
-    whole = _capped(mesh)
+    whole = capped(mesh)
     sides = Sides(whole)
     corner = whole.triangles[: len(mesh.faces)]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -93,7 +97,7 @@ def find_two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
     return is_two_faced
 
 
-def _capped(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def capped(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """A mesh around its own middle, with a cone over all that is open at its top, and one under its bottom."""
     merged = trimesh.Trimesh(np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0), mesh.faces)
     edges, count = np.unique(merged.edges_sorted, axis=0, return_counts=True)

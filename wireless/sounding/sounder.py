@@ -31,13 +31,12 @@ from scipy.special import gammainccinv
 
 from robosim.support.checks import Range, checked
 from wireless.antennas.codebook import Terminal
+from wireless.channel import noise_power_dbm
 from wireless.estimates import PathEstimates
 from wireless.paths import Paths
 from wireless.sounding.draw import draw_windows, find_candidates
 from wireless.tracing.blocks import in_threads
 
-#: Thermal noise at 290 K.
-NOISE_DBM_PER_HZ = -174.0
 #: Size of a room [m], which paths of a link differ by.
 _ROOM_M = 5.0
 #: Links that share one stream of random numbers: results depend on it, but on no number of workers.
@@ -73,10 +72,14 @@ class SoundingConfig:
         return 1e-6 / self.bandwidth_mhz
 
     @property
+    def noise_dbm(self) -> float:
+        """Noise of the receiver, with its losses [dBm]."""
+        return noise_power_dbm(self.bandwidth_mhz, self.loss_db)
+
+    @property
     def snr_per_gain_db(self) -> float:
         """SNR after correlation of a path of unit power gain, between isotropic antennas."""
-        noise_dbm = NOISE_DBM_PER_HZ + 10 * np.log10(self.bandwidth_mhz * 1e6) + self.loss_db
-        return self.tx_power_dbm - float(noise_dbm) + 10 * float(np.log10(self.n_samples))
+        return self.tx_power_dbm - self.noise_dbm + 10 * float(np.log10(self.n_samples))
 
     @property
     def resolves_delays(self) -> bool:

@@ -1,7 +1,10 @@
 """Requirements of a mesh for tracing."""
 
+import hashlib
+
 import numpy as np
 import trimesh
+from jaxtyping import Integer
 
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.tolerance import check_rounding
@@ -37,3 +40,15 @@ def check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
             f"None of the {len(face)} triangles of the mesh is wider than {snap_m:g} m: it has no walls. "
             "Is it in metres?"
         )
+
+
+def surfaces_digest(
+    mesh: trimesh.Trimesh, face_material: Integer[np.ndarray, " n_faces"], materials: tuple[object, ...]
+) -> str:
+    """A text that changes with any vertex, face or material; materials are names or layers of their own."""
+    seen = hashlib.sha256()
+    for array in (mesh.vertices, mesh.faces, face_material):
+        seen.update(np.ascontiguousarray(array, float).tobytes())
+    named = (material if isinstance(material, str) else repr(material) for material in materials)
+    seen.update("|".join(named).encode())
+    return seen.hexdigest()[:16]

@@ -25,7 +25,7 @@ from trimesh.util import append_faces
 
 from robosim.support.reading import FileError, reading
 from wireless.em.materials import MATERIALS, Layer, Material
-from wireless.tracing.mesh_check import check_mesh
+from wireless.tracing.mesh_check import check_mesh, surfaces_digest
 
 logger = logging.getLogger(__name__)
 
@@ -52,6 +52,13 @@ class MitsubaScene(NamedTuple):
     """What was assumed."""
     floor_ceiling: bool = True
     """All surfaces reflect, level ones too."""
+    name: str = "scene"
+    """Name in reports and files."""
+
+    @property
+    def digest(self) -> str:
+        """A text that changes with any vertex, face or material."""
+        return surfaces_digest(self.mesh, self.face_material, self.materials)
 
 
 def is_mitsuba(path: Path) -> bool:
@@ -121,6 +128,7 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
             face_material=np.repeat(of_mesh, [len(each.faces) for each in meshes]),
             shapes=tuple(shapes),
             notes=tuple(notes),
+            name=path.stem,
         )
     for note in notes:
         logger.log(logging.INFO if "thickness" in note else logging.WARNING, "%s: %s", path, note)

@@ -35,8 +35,9 @@ from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
-from wireless.support.arrays import to_array
+from wireless.support.arrays import to_positions
 from wireless.tracing.blocks import Rows
+from wireless.tracing.coverage import trace_coverage
 from wireless.tracing.curved import CurvedWalls
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh
@@ -231,6 +232,7 @@ class Tracer:
             slabs_reflect = getattr(scene, "floor_ceiling", None)
         materials = ("drywall",) if materials is None else materials
         check_mesh(mesh, self.config.snap_m)
+        self.mesh = mesh
         of_face = _checked_faces(face_material, len(mesh.faces), len(materials))
         self._of_face = of_face
         self._face_wall = self._walls(materials)[of_face]
@@ -354,12 +356,8 @@ class Tracer:
             ValueError: If there are no points, or one is not finite, kilometres away, or with scene='plan' not
                 between floor and ceiling, or there is no worker.
         """
-        tx, rx, scene = to_array(tx, "tx"), to_array(rx, "rx"), self.scene
+        tx, rx, scene = to_positions(tx, "tx"), to_positions(rx, "rx"), self.scene
         for name, points in (("tx", tx), ("rx", rx)):
-            if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
-                raise ValueError(
-                    f"{name} has shape {points.shape}, expected (n, 3), one or more finite positions [m]."
-                )
             far = np.abs(points - scene.origin).max()
             if far >= REACH_M:
                 raise ValueError(
@@ -384,6 +382,8 @@ class Tracer:
             scattering = self._scattering if scene is self.scene else self._scattering_in_space()
             tables = scattering.added(tables, tx - scene.origin, rx - scene.origin, self.config.max_paths)
         return self._paths(tx, rx, tables, scene.origin)
+
+    coverage = trace_coverage
 
     def reweigh(self, paths: Paths, materials: tuple[str | Material, ...]) -> Float[np.ndarray, " n"]:
         """Power gain of paths that this tracer found, with other materials in the place of its own, in their order.

@@ -39,7 +39,7 @@ def rx(scene):
 
 @pytest.fixture
 def links(rx):
-    return partial(trace_grid, two_rooms(0.8), CONFIG, GRID_M, TX, rx)
+    return partial(trace_grid, two_rooms(0.8), CONFIG, TX, rx)
 
 
 def same(a: Paths, b: Paths) -> bool:

@@ -5,10 +5,12 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.building.multi_storey import make_storeys
+from robosim.plans.floorplan import UNKNOWN, FloorPlan
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioConfig, radio_site
 from tests.plans import room, two_rooms
+from wireless import CellState, Channel
 from wireless.tracing.mitsuba_scene import read_mitsuba
 from wireless.tracing.tracer import Tracer
 
@@ -68,8 +70,40 @@ def test_radio_site_is_what_its_place_is(place, name, height_m, has_grid, neares
         ):
             site.places(((-1.0, 1.0),), "tx")
     else:
-        with pytest.raises(ValueError, match="no floor plan"):
-            site.grid(0.5)
+        grid = site.grid(10, tx=tx)
+        assert grid.shape == (10, 10) and grid.position[[0, -1]].tolist() == [[-45, -45, 1.5], [45, 45, 1.5]]
+
+
+@pytest.mark.parametrize("place", ["plan", "storey", "scene"], indirect=True)
+def test_coverage_of_a_site_is_that_of_its_links(place):
+    """Gains and states are those of the same tracer to the same receivers, and the sum of the powers of the paths."""
+    site = radio_site(place[0], CONFIG)
+    tx, step_m = site.places(((1.0, 1.0), (2.0, 2.0)), "tx"), 10.0 if site.name == "ground" else 0.5
+    grid, coverage = site.grid(step_m, tx=tx), site.coverage(tx, step_m)
+    paths = site.trace(tx, grid.position)
+    at = (slice(None), *grid.cell.T)
+    assert np.array_equal(coverage.gain[at], Channel.from_paths(paths).power(coherent=False)[..., 0, 0])
+    power = np.zeros(coverage.gain[at].shape)
+    np.add.at(power, (paths.tx, paths.rx), paths.power)
+    assert coverage.gain[at] == pytest.approx(power, rel=1e-12)
+    assert np.array_equal(coverage.category[at], paths.link_category())
+    assert np.array_equal(coverage.position[tuple(grid.cell.T)], grid.position)
+    assert np.array_equal(coverage.state[at] == CellState.REACHED, paths.count() > 0)
+
+
+def test_coverage_of_a_plan_separates_walls_and_the_outside():
+    """Wall cells are bodies, unknown ones outside; bounds are for scenes."""
+    plan = two_rooms(0.8)
+    occupancy = plan.occupancy.copy()
+    occupancy[:10] = UNKNOWN  # the lowest 0.5 m
+    site = radio_site(FloorPlan(occupancy=occupancy, resolution_m=0.05, name="p"), CONFIG)
+    tx = site.places(((1.0, 1.5),), "tx")
+    state, x = site.coverage(tx, 0.25).state[0], (np.arange(0.125, 6.2, 0.25))
+    assert (state[:2] == CellState.OUTSIDE).all() and state[2:].min() == CellState.IN_BODY
+    wall = np.argmin(abs(x - 3.05))
+    assert (state[3, wall - 2], state[3, wall]) == (CellState.REACHED, CellState.IN_BODY)
+    with pytest.raises(ValueError, match="bounds are given for p, but they are for scenes"):
+        site.grid(0.25, bounds_m=(0.5, 1.0, 2.0, 2.0))
 
 
 def test_radio_site_knows_heights_and_names_of_storeys():

@@ -8,7 +8,8 @@ Nothing of the closed form is used.
 import numpy as np
 from jaxtyping import Complex
 
-from wireless.sounding.sounder import NOISE_DBM_PER_HZ, Clocks, Rays, Sounder
+from wireless.channel import NOISE_DBM_PER_HZ
+from wireless.sounding.sounder import Clocks, Rays, Sounder
 
 
 def random_waveform(n_samples: int, rng: np.random.Generator) -> Complex[np.ndarray, " n"]:
