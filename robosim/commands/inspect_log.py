@@ -34,6 +34,7 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
     """Print what is read of logs, as far as they can be read; then raise the FileError of the first that cannot."""
     from robosim.logs.bag import is_bag, read_bag
     from robosim.logs.log_files import read_log
+    from robosim.logs.log_mapping import LogConfig, check_reach
 
     reports, errors = list[dict[str, Any]](), list[FileError]()
     for path in logs:
@@ -45,6 +46,7 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
                 if is_read_by_us
                 else read_log(path, scans, None, None, topics, reader)
             )
+            check_reach(log, LogConfig().range_m)
             report |= {
                 "scans": len(log.times),
                 "beams": log.range_m.shape[1],

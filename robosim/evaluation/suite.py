@@ -16,6 +16,7 @@ rejected outside of `robosim.support.parts.code_allowed` (the option `--allow-co
 """
 
 import json
+import math
 import os
 import re
 import zlib
@@ -39,7 +40,7 @@ from robosim.support.installation import shipped_plans
 from robosim.support.parts import check_code_allowed
 from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, parse_json, parse_yaml
-from robosim.task.tasks import make_task
+from robosim.task.tasks import ARRIVAL_M, make_task
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -170,8 +171,17 @@ class _File:
         for name in self.plans:
             if not is_plan_name(name):
                 raise ValueError(f"plan {shown(name)} names files too; use letters, digits, - and _.")
+        known: dict[_Task, int] = {}
         for number, task in enumerate(self.tasks):
             check_choice(f"plan of tasks[{number}]", task.plan, self.plans)
+            if (first := known.setdefault(task, number)) != number:
+                raise ValueError(
+                    f"tasks[{number}] is tasks[{first}] again, expected another; --seeds repeats tasks"
+                )
+            if math.dist(task.start[:2], task.target) < ARRIVAL_M:
+                raise ValueError(
+                    f"target of tasks[{number}] is where it starts, expected {ARRIVAL_M:g} m or more between"
+                )
             for value in (*task.start, *task.target):
                 check_number(f"a number of tasks[{number}]", value, -FARTHEST_M, FARTHEST_M)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim.logs.log_mapping import LogConfig, scan_points
+from robosim.logs.log_mapping import LogConfig, check_reach, scan_points
 from robosim.logs.robot_log import RobotLog
 from slam.mapping.known_map import KnownMap
 from slam.mapping.localization import LocalizationConfig, Localizer
@@ -48,7 +48,11 @@ def locate_log(
         known: The map.
         config: Errors of odometry, and range of scans.
         watched: Progress display: iterates over numbers, given them and their name.
+
+    Raises:
+        FileError: If no beam hits anything, or odometry jumps farther than scans overlap.
     """
+    check_reach(log, config.range_m)
     match = replace(LocalizationConfig().match, max_range_m=config.range_m)
     localizer = Localizer(known, LocalizationConfig(match=match))
     mount = log.mount

@@ -148,8 +148,12 @@ def radio_site(
     return RadioScene(place, config)
 
 
+#: Terminals are no farther below a scene [m].
+_BELOW_M = 10.0
+
+
 class MeshScene(RadioSite):
-    """A Mitsuba scene: places are anywhere.
+    """A Mitsuba scene: places are anywhere but far below it.
 
     Raises:
         FileError: If a file is damaged, or a shape or material is not understood.
@@ -161,6 +165,16 @@ class MeshScene(RadioSite):
         self.name, self.config = path.stem, config
         self._scene = read_mitsuba(path, materials)
         self.mesh = self._scene.mesh
+
+    def problem_at(self, position: Float[np.ndarray, "3"], name: str) -> str | None:
+        """Why a terminal of a name cannot be at a position [m]; None but far below the scene."""
+        lowest_m = float(self.mesh.bounds[0, 2])
+        if position[2] >= lowest_m - _BELOW_M:
+            return None
+        return (
+            f"{name} is at z = {position[2]:g} m, more than {_BELOW_M:g} m below {self.name}, whose lowest point is at "
+            f"{lowest_m:g} m. Give places in metres in its frame."
+        )
 
     @cached_property
     def tracer(self) -> Tracer:

@@ -68,6 +68,12 @@ def load_description(path: Path) -> Description:
     with _warnings_as(notes):
         if root.tag == "robot":
             sensors = [tag for element in root.iter("gazebo") for tag in _sensor_tags(element)]
+            links = {link.get("name") for link in root.findall("link")}
+            notes += [
+                f"sensor {tag.name} is on link {tag.link!r}, which there is not: it is left out"
+                for tag in sensors
+                if tag.link not in links
+            ]
             spec = mujoco.MjSpec.from_string(_urdf(root, path, notes))
             for mesh in spec.meshes:
                 mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # flat ones have no volume
@@ -201,6 +207,10 @@ def _urdf(root: ET.Element, path: Path, notes: list[str]) -> str:
             limit = joint.find("limit")
             low, high = ((*_numbers(limit, key), 0.0)[0] for key in ("lower", "upper"))
             is_limited = joint.get("type") == "revolute" and low < high
+            if low > high:
+                notes.append(
+                    f"limits of joint {joint.get('name')} are {low:g} to {high:g}: they do not count"
+                )
             reduced.set("type", "revolute" if is_limited else "continuous")
             if is_limited and limit is not None:
                 ET.SubElement(reduced, "limit", lower=str(max(low, -1e3)), upper=str(min(high, 1e3)))
@@ -228,7 +238,9 @@ def _inertial(link: ET.Element, notes: list[str]) -> ET.Element | None:
         raise ValueError(f"the inertia of link {name!r} is {tensor.tolist()}, expected finite numbers")
     value, axes = np.linalg.eigh(tensor)
     if value.min() <= 1e-12:
-        notes.append(f"the inertia of {name} is zero about an axis: {_GYRATION_M:g} m of gyration assumed")
+        notes.append(
+            f"the inertia of {name} is zero or negative about an axis: {_GYRATION_M:g} m of gyration assumed"
+        )
         tensor = (axes * np.where(value <= 1e-12, mass_kg * _GYRATION_M**2, value)) @ axes.T
     for i, j, key in (
         (0, 0, "ixx"),
@@ -277,6 +289,7 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
         is_camera = bool(_CAMERAS.search(kind)) and "logical" not in kind
         if not gazebo.get("reference") or not (is_camera or _LIDARS.search(kind)):
             continue
+        _check_sensor(sensor)
         for optics in (sensor.findall("camera") or [sensor]) if is_camera else [sensor]:
             poses = [_numbers(each.find("pose"), "") for each in (optics, sensor)]
             pose = next((tuple(each) for each in poses if len(each) == 6), (0.0,) * 6)
@@ -289,3 +302,24 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
                 pose=pose,
                 hfov_deg=None if math.isnan(hfov_rad) else math.degrees(hfov_rad),
             )
+
+
+def _check_sensor(sensor: ET.Element) -> None:
+    """Raise ValueError for a sensor that sees nothing: no pixels or samples, no field of view, or no range."""
+    name = sensor.get("name")
+    for tag in ("width", "height", "samples", "horizontal_fov"):
+        for element in sensor.iter(tag):
+            if any(value <= 0 for value in _numbers(element, "")):
+                raise ValueError(f"{tag} of sensor {name} is {element.text}, expected more than 0")
+    for parent, low, high, most in (
+        ("horizontal", "min_angle", "max_angle", 2.01 * math.pi),
+        ("range", "min", "max", math.inf),
+        ("clip", "near", "far", math.inf),
+    ):
+        for element in sensor.iter(parent):
+            ends = [*_numbers(element.find(low), ""), *_numbers(element.find(high), "")]
+            if len(ends) == 2 and not 0 < ends[1] - ends[0] <= most:
+                raise ValueError(
+                    f"<{parent}> of sensor {name} is from {ends[0]:g} to {ends[1]:g}, expected {low} below {high}"
+                    f"{'' if most == math.inf else ', one turn at most, in radians'}"
+                )
