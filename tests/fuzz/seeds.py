@@ -40,7 +40,8 @@ from slam.grid import GridFrame, MapEstimate
 from tests import stored_episodes
 from tests.fuzz.bag_seeds import bags
 from tests.fuzz.checkpoint_seeds import checkpoints
-from tests.fuzz.robot_seeds import antennas, logs, movers, robots, scenes
+from tests.fuzz.robot_seeds import logs, robots, scenes
+from tests.fuzz.small_files import write_files as write_small_files
 from tests.fuzz.trees import CANARY
 from tests.plans import two_rooms
 from tests.robosim.plans.formats import test_polygons
@@ -60,7 +61,7 @@ def make_seeds(folder: Path) -> list[str]:
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
-        antennas, bags, scenes, movers, drawings,
+        bags, scenes, drawings, small,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -175,6 +176,11 @@ def dialects(folder: Path) -> None:
     (home / "quantised.glb").write_bytes(
         test_polygons.glb(test_polygons.gltf(5123, True, {"scale": [12.0] * 3}))
     )
+
+
+def small(folder: Path) -> None:
+    """A small file of each kind that commands read."""
+    write_small_files(folder / "small")
 
 
 def coloured(folder: Path) -> None:

@@ -13,9 +13,7 @@ from rich.console import Console
 
 from robosim.building.building import make_building
 from robosim.building.multi_storey import make_storeys
-from robosim.building.wall_materials import read_material
 from robosim.calibration.measured_paths import read_measured_paths
-from robosim.calibration.measured_powers import read_measured_powers
 from robosim.cli import main
 from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
@@ -28,7 +26,6 @@ from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.link_model import MOST_BYTES, plan_of
 from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
-from robosim.movers.mover import Surroundings
 from robosim.movers.mover_file import mover_of_file
 from robosim.navigation import known_map_of
 from robosim.plans.files import find_plans, read_plan
@@ -36,7 +33,6 @@ from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
-from robosim.positioning.power_route import read_power_route
 from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
@@ -53,6 +49,7 @@ from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
 from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from tests.fuzz.seeds import COLLECTED, SEARCHES, small_plan
+from tests.fuzz.small_files import COMMANDS, STOPS
 from tests.plans import two_rooms
 from wireless.antennas.pattern_files import read_pattern
 from wireless.antennas.sphere import sphere
@@ -332,21 +329,14 @@ def _antenna(folder: Path, file: Path) -> None:
     assert np.isfinite(read_pattern(file).amplitude(sphere(8)[0])).all()
 
 
-def _command(words: str, *stops: str) -> Callable[[Path, Path], None]:
-    """A command that is given the damaged file as {file} and its folder as {folder}, and ends where the work begins."""
+def _command(words: str) -> Callable[[Path, Path], None]:
+    """A command that is given the damaged file as {1} and its folder as {0}, and ends where the work begins."""
 
     def call(folder: Path, file: Path) -> None:
-        with _only_reading(*stops):
-            main([word.format(file=file, folder=folder) for word in words.split()])
+        with _only_reading(*STOPS):
+            main(words.format(folder, file).split())
 
     return call
-
-
-def _movers(folder: Path, file: Path) -> None:
-    building = make_building(two_rooms(0.8))
-    mover = mover_of_file(folder / "movers.yaml")
-    mover.reset(Surroundings(building, np.array([0.5, 0.5, 0.0]), 0.1), np.random.default_rng(0))
-    mover.poses(0.5, np.zeros(3))
 
 
 def _known_map(folder: Path, file: Path) -> None:
@@ -355,12 +345,6 @@ def _known_map(folder: Path, file: Path) -> None:
 
 def _bag_folder(folder: Path, file: Path) -> None:
     read_log(file.parent if file.parent.is_dir() else folder)
-
-
-def _trace_with_material(folder: Path, file: Path) -> None:
-    with _only_reading("wireless.tracing.tracer.Tracer.trace"):
-        ends = "--tx 6.5,8.5 --rx 5.6,9.9"
-        main(f"trace cottage {ends} --material {folder}/wall.yaml --out {folder}/out".split())
 
 
 TARGETS: dict[str, Target] = {
@@ -416,85 +400,19 @@ TARGETS: dict[str, Target] = {
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
     "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
-    "layers of a wall": Target("robots", "wall.yaml", lambda folder, file: read_material(file), 0.5),
-    "antenna": Target("antennas", "*", _antenna, 2),
+    "antenna": Target("small", "[sg]*.[mc]s*", _antenna, 2),
     "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
-    "measured powers": Target("robots", "powers.csv", lambda folder, file: read_measured_powers(file, 1.5), 0.5),
-    "power route": Target(
-        "robots", "route.csv", lambda folder, file: read_power_route(file, needs_time=True), 0.5
-    ),
     "bag": Target("bags", "*", lambda folder, file: read_log(file)),
     "bag folder": Target("bag-folder", "*/*", _bag_folder, names="case"),
-    "mitsuba scene": Target("scenes", "*.xml", lambda folder, file: read_mitsuba(file), 0.5),
-    "movers": Target("movers", "*", _movers, names="movers.yaml"),
-    "known map": Target("localization", "map.*", _known_map, 0.5, names="map.yaml"),
-    "robosim slam --inspect": Target("bags", "*", _command("slam --inspect {file} --json"), 0.7, True),
-    "robosim slam --inspect, with scans": Target(
-        "logs", "*.t*", _command("slam --inspect {folder}/odometry.tum --scans {folder}/scans.txt"), 0.5, True,
-        "odometry.tum",
-    ),
-    "robosim slam --map": Target(
-        "localization", "[dm]*",
-        _command(
-            "slam {folder}/drive.clf --map {folder}/map.yaml --out {folder}/out",
-            "robosim.commands.locate_logs.locate_log",
-        ),
-        0.7, True, "map.yaml",
-    ),
-    "robosim robot": Target("robots", "robot.*", _command("robot {file} --json"), 2, True),
-    "robosim trace --inspect": Target(
-        "scenes", "[!s]*.[xpo]*", _command("trace {folder}/whole.xml --inspect --json"), 2, True, "whole.xml"
-    ),
-    "robosim trace --scene-material": Target(
-        "scenes", "paint.yaml",
-        _command("trace {folder}/whole.xml --inspect --scene-material m={folder}/paint.yaml"), 0.5, True,
-    ),
-    "robosim trace --along": Target(
-        "localization", "along.tum",
-        _command(
-            "trace {folder}/map.yaml --tx 4,1 --along {file} --out {folder}/out", "wireless.tracing.tracer.Tracer.trace"
-        ),
-        0.3, True,
-    ),
-    "robosim trace --tx-antenna": Target(
-        "antennas", "*",
-        _command(
-            "trace cottage --tx 6.5,8.5 --rx 5.6,9.9 --csi 8x1MHz --tx-antenna {file} --out {folder}/out",
-            "robosim.commands.links.read_storey",
-        ),
-        0.5, True,
-    ),
-    "robosim locate": Target(
-        "localization", "[rm]*",
-        _command(
-            "locate {folder}/route.csv --plan {folder}/map.yaml --not-received 100 --out {folder}/out",
-            "robosim.positioning.beacon_figure.draw_beacons",
-        ),
-        1, True, "map.yaml",
-    ),
-    "robosim locate --map-from": Target(
-        "localization", "[rd]*",
-        _command(
-            "locate {folder}/route.csv --map-from {folder}/drive.clf --out {folder}/out",
-            "robosim.positioning.power_route.map_log",
-        ),
-        1, True, "drive.clf",
-    ),
-    "robosim calibrate-materials": Target(
-        "robots", "p*.csv",
-        _command(
-            "calibrate-materials cottage {file} --out {folder}/out",
-            "robosim.building.building.make_building", "wireless.tracing.tracer.Tracer.trace",
-        ),
-        0.7, True,
-    ),
-    "robosim export": Target("exported", "*", _command("export {folder} --out {folder}/out"), 0.5, True),
+    "mitsuba scene": Target("scenes", "scene.xml", lambda folder, file: read_mitsuba(file), 0.5),
+    "known map": Target("small", "map.*", _known_map, 0.5, names="map.yaml"),
+    "robosim slam --inspect": Target("bags", "*", _command("slam --inspect {1} --json"), 0.7, True),
+    "robosim export": Target("exported", "*", _command("export {0} --out {0}/out"), 0.5, True),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --config": Target("config", "result.json", _episode_with_config, 0.5, True),
-    "robosim trace --material": Target("robots", "wall.yaml", _trace_with_material, 0.5, True),
     "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),
     "robosim replay": Target("episode", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
@@ -508,3 +426,9 @@ TARGETS: dict[str, Target] = {
         "weights-link-state", "*", _episode_with_classifier, 0.4, True, "a.safetensors"
     ),
 }  # fmt: skip
+TARGETS |= {
+    f"robosim {words.split()[0]}, {name}": Target(
+        "small", name, _command(words), 0.5, True, words.split("{0}/")[-1].split()[0]
+    )
+    for name, words in COMMANDS.items()
+}
