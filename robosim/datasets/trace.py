@@ -269,9 +269,7 @@ def trace_along(
     samples = 0
     with run_folder(out, "trace --along"):
         transmitters = _transmitters(site, tx, console)
-        rx = site.places(
-            tuple((x, y) for x, y, _ in poses.tolist()), f"{shown(trajectory)}: a pose of the trajectory"
-        )
+        rx = site.places(tuple((x, y) for x, y, _ in poses.tolist()), f"{shown(trajectory)}: a pose")
         for i, position in enumerate(transmitters):
             channel = sample_channel(site.tracer, position, rx, time_s, rate_hz=rate_hz)
             write_whole(out / f"channel_tx{i + 1}.npz", npz_bytes(vars(channel)))

@@ -16,7 +16,6 @@ rejected outside of `robosim.support.parts.code_allowed` (the option `--allow-co
 """
 
 import json
-import math
 import os
 import re
 import zlib
@@ -175,13 +174,9 @@ class _File:
         for number, task in enumerate(self.tasks):
             check_choice(f"plan of tasks[{number}]", task.plan, self.plans)
             if (first := known.setdefault(task, number)) != number:
-                raise ValueError(
-                    f"tasks[{number}] is tasks[{first}] again, expected another; --seeds repeats tasks"
-                )
-            if math.dist(task.start[:2], task.target) < ARRIVAL_M:
-                raise ValueError(
-                    f"target of tasks[{number}] is where it starts, expected {ARRIVAL_M:g} m or more between"
-                )
+                raise ValueError(f"tasks[{number}] is tasks[{first}] again; --seeds repeats tasks")
+            if np.hypot(*np.subtract(task.start[:2], task.target)) < ARRIVAL_M:
+                raise ValueError(f"tasks[{number}] starts at its target, expected {ARRIVAL_M:g} m between")
             for value in (*task.start, *task.target):
                 check_number(f"a number of tasks[{number}]", value, -FARTHEST_M, FARTHEST_M)
 

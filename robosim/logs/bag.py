@@ -212,9 +212,9 @@ class _Reading:
         rising = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
         late = sum(b.time_s < a.time_s for a, b in pairwise(scans))
         if late or len(rising) < len(scans):
+            same = len(scans) - len(rising)
             self._note(
-                f"{late} scans come before an earlier one and are sorted, {len(scans) - len(rising)} have the time of "
-                "another and are left out"
+                f"{late} scans come before an earlier one and are sorted, {same} have a time again and are left out"
             )
         if len(rising) < 2:
             raise ValueError(f"{len(rising)} scans at different times in it, expected two at least")
@@ -226,8 +226,7 @@ class _Reading:
         recorded_s, stamped_s = last_s - first_s, scans[-1].time_s - scans[0].time_s
         if min(recorded_s, stamped_s) > 0 and not 1 / _RATE < stamped_s / recorded_s < _RATE:
             self._note(
-                f"{topic} was recorded in {recorded_s:.4g} s, and lasts {stamped_s:.4g} s by its headers: are they in "
-                "milliseconds?"
+                f"{topic} lasts {stamped_s:.4g} s by its headers, but {recorded_s:.4g} s by the recording"
             )
 
     def _mount(
@@ -237,9 +236,7 @@ class _Reading:
         places = self._places(base, sensor, times, _AT_BASE)
         poses = planar(places)
         if (away_m := float(np.linalg.norm(places[:, :3, 3], axis=1).max())) > _FAR_M:
-            self._note(
-                f"{sensor} is {away_m:.4g} m from {base}, farther than on a robot: check the transforms"
-            )
+            self._note(f"{sensor} is {away_m:.4g} m from {base}: check the transforms")
         if is_laser and (tilt := np.arccos(np.clip(np.abs(places[:, 2, 2]), 0, 1)).max()) > MOST_TIPPED:
             raise FileError(
                 f"the laser is tipped by {math.degrees(tilt):.0f} degrees, expected a plane parallel to the floor "

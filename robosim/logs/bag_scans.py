@@ -58,10 +58,7 @@ def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any])
     intrinsics = np.array(info.k if hasattr(info, "k") else info.K).reshape(3, 3)  # of ROS 2 and 1
     if not (np.isfinite(intrinsics).all() and intrinsics[0, 0] > 0 < intrinsics[1, 1]):
         fx, fy = intrinsics[0, 0], intrinsics[1, 1]
-        raise FileError(
-            f"CameraInfo of {info.header.frame_id} has the focal lengths {fx:g} and {fy:g} px, expected positive ones. "
-            "Record a calibrated camera."
-        )
+        raise FileError(f"CameraInfo has the focal lengths {fx:g} and {fy:g} px. Record a calibrated camera.")
     return lambda message: _slice(message, _depth_points(message, intrinsics), place, slice_m)
 
 

@@ -136,17 +136,11 @@ def _flaser(words: list[str], line: int) -> _Scan:
     return _Scan(line, bearings, ranges, poses[:3], poses[3:], time)
 
 
-#: Beams of a scan span no larger angle [rad].
-_MOST_TURN = 2.1 * math.pi
-
-
 def _robotlaser(words: list[str], line: int) -> _Scan:
     start, _, step, longest = _numbers(words[2:6], 4, line)
     count = _count(words[8:9], line)
-    if not (abs(start) < 7 and 0 < step * (count - 1) < _MOST_TURN):
-        raise ValueError(
-            f"line {line} has {step:g} rad between beams, {count} of them from {start:g} rad, expected one turn at most"
-        )
+    if not (abs(start) < 7 and 0 < step * (count - 1) < 6.6):
+        raise ValueError(f"line {line} has {step:g} rad between beams, {count} from {start:g} rad on")
     ranges = _numbers(words[9 : 9 + count], count, line)
     remissions = _count(words[9 + count : 10 + count], line, least=0)
     rest = words[10 + count + remissions :]

@@ -39,7 +39,7 @@ def locate_log(
     config: LogConfig = LogConfig(),
     watched: Callable[[range, str], Iterable[int]] = lambda numbers, _: numbers,
 ) -> Localized:
-    """Locate each scan of a log on a known map, from an unknown pose.
+    """Locate each scan of a log on a known map, from an unknown pose; FileError as of `check_reach`.
 
     Poses before the robot was located follow from the pose that then explained all scans.
 
@@ -48,9 +48,6 @@ def locate_log(
         known: The map.
         config: Errors of odometry, and range of scans.
         watched: Progress display: iterates over numbers, given them and their name.
-
-    Raises:
-        FileError: If no beam hits anything, or odometry jumps farther than scans overlap.
     """
     check_reach(log, config.range_m)
     match = replace(LocalizationConfig().match, max_range_m=config.range_m)

@@ -58,7 +58,7 @@ class DoorConfig:
         for begin, end in self.open_s:
             if not begin < end > 0:
                 raise ValueError(
-                    f"open_s is {begin:g} to {end:g} s, expected a begin before the end, and that after 0."
+                    f"open_s is {begin:g} to {end:g} s, expected a begin before the end, after 0."
                 )
 
 

@@ -43,10 +43,8 @@ class Recorded:
             speed_mps = np.hypot(*np.diff(poses[:, :2], axis=0).T) / np.diff(times)
             if (speed_mps > _FASTEST_MPS).any():
                 k = int(speed_mps.argmax())
-                raise FileError(
-                    f"{name}: a body moves at {speed_mps[k]:.4g} m/s at {times[k]:g} s, expected "
-                    f"{_FASTEST_MPS:g} m/s at most: times are in seconds, places in metres."
-                )
+                fastest = f"{speed_mps[k]:.4g} m/s at {times[k]:g} s, expected {_FASTEST_MPS:g} m/s at most"
+                raise FileError(f"{name}: a body moves at {fastest}. Give seconds and metres.")
         self.bodies: Sequence[Body] = (body,) * len(tracks)
         self._tracks, self._name = tracks, name
 

@@ -82,12 +82,11 @@ class StoreysPlan:
                 "the lowest first."
             )
         middles = [each.plan.to_map(np.array(each.plan.shape[::-1]) / 2) for each in self.storeys]
-        for number, middle in enumerate(middles):
-            if (away_m := float(np.hypot(*(middle - middles[0])))) > _APART_M:
-                raise MapError(
-                    f"{self.label}: storey {number} is {away_m:.6g} m away from storey 0, expected plans over each "
-                    "other. Correct its offset."
-                )
+        away_m = np.hypot(*(np.array(middles) - middles[0]).T)
+        if (k := int(away_m.argmax())) and away_m[k] > _APART_M:
+            raise MapError(
+                f"{self.label}: storey {k} is {away_m[k]:.6g} m from storey 0. Correct its offset."
+            )
 
     @property
     def label(self) -> str:

@@ -171,10 +171,7 @@ class MeshScene(RadioSite):
         lowest_m = float(self.mesh.bounds[0, 2])
         if position[2] >= lowest_m - _BELOW_M:
             return None
-        return (
-            f"{name} is at z = {position[2]:g} m, more than {_BELOW_M:g} m below {self.name}, whose lowest point is at "
-            f"{lowest_m:g} m. Give places in metres in its frame."
-        )
+        return f"{name} is at z = {position[2]:g} m, but {self.name} begins at {lowest_m:g} m. Give metres."
 
     @cached_property
     def tracer(self) -> Tracer:

@@ -65,14 +65,12 @@ def load_description(path: Path) -> Description:
     root = _parse(path)
     notes: list[str] = []
     sensors: list[SensorTag] = []
-    with _warnings_as(notes):
+    with warnings_as(notes):
         if root.tag == "robot":
             sensors = [tag for element in root.iter("gazebo") for tag in _sensor_tags(element)]
-            links = {link.get("name") for link in root.findall("link")}
+            strange = {tag.link for tag in sensors} - {link.get("name") for link in root.findall("link")}
             notes += [
-                f"sensor {tag.name} is on link {tag.link!r}, which there is not: it is left out"
-                for tag in sensors
-                if tag.link not in links
+                f"sensors are on {name!r}, which is no link: they are left out" for name in sorted(strange)
             ]
             spec = mujoco.MjSpec.from_string(_urdf(root, path, notes))
             for mesh in spec.meshes:
@@ -105,7 +103,7 @@ def balance_inertias(spec: mujoco.MjSpec) -> None:
 
 
 @contextmanager
-def _warnings_as(notes: list[str]) -> Iterator[None]:
+def warnings_as(notes: list[str]) -> Iterator[None]:
     """Append MuJoCo's warnings, which it would print, to a list."""
     mujoco.set_mju_user_warning(notes.append)
     try:
@@ -208,9 +206,7 @@ def _urdf(root: ET.Element, path: Path, notes: list[str]) -> str:
             low, high = ((*_numbers(limit, key), 0.0)[0] for key in ("lower", "upper"))
             is_limited = joint.get("type") == "revolute" and low < high
             if low > high:
-                notes.append(
-                    f"limits of joint {joint.get('name')} are {low:g} to {high:g}: they do not count"
-                )
+                notes.append(f"limits of joint {joint.get('name')}, {low:g} to {high:g}, do not count")
             reduced.set("type", "revolute" if is_limited else "continuous")
             if is_limited and limit is not None:
                 ET.SubElement(reduced, "limit", lower=str(max(low, -1e3)), upper=str(min(high, 1e3)))
@@ -238,9 +234,7 @@ def _inertial(link: ET.Element, notes: list[str]) -> ET.Element | None:
         raise ValueError(f"the inertia of link {name!r} is {tensor.tolist()}, expected finite numbers")
     value, axes = np.linalg.eigh(tensor)
     if value.min() <= 1e-12:
-        notes.append(
-            f"the inertia of {name} is zero or negative about an axis: {_GYRATION_M:g} m of gyration assumed"
-        )
+        notes.append(f"the inertia of {name} is zero or negative: {_GYRATION_M:g} m of gyration assumed")
         tensor = (axes * np.where(value <= 1e-12, mass_kg * _GYRATION_M**2, value)) @ axes.T
     for i, j, key in (
         (0, 0, "ixx"),
@@ -306,20 +300,16 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
 
 def _check_sensor(sensor: ET.Element) -> None:
     """Raise ValueError for a sensor that sees nothing: no pixels or samples, no field of view, or no range."""
-    name = sensor.get("name")
-    for tag in ("width", "height", "samples", "horizontal_fov"):
-        for element in sensor.iter(tag):
-            if any(value <= 0 for value in _numbers(element, "")):
-                raise ValueError(f"{tag} of sensor {name} is {element.text}, expected more than 0")
-    for parent, low, high, most in (
-        ("horizontal", "min_angle", "max_angle", 2.01 * math.pi),
-        ("range", "min", "max", math.inf),
-        ("clip", "near", "far", math.inf),
-    ):
-        for element in sensor.iter(parent):
+    for element in sensor.iter():
+        tag, is_size = element.tag, element.tag in ("width", "height", "samples", "horizontal_fov")
+        if is_size and min(_numbers(element, ""), default=1) <= 0:
+            raise ValueError(f"{tag} of sensor {sensor.get('name')} is {element.text}, expected more than 0")
+        for low, high, most in (
+            ("min_angle", "max_angle", 6.3),
+            ("min", "max", math.inf),
+            ("near", "far", math.inf),
+        ):
             ends = [*_numbers(element.find(low), ""), *_numbers(element.find(high), "")]
-            if len(ends) == 2 and not 0 < ends[1] - ends[0] <= most:
-                raise ValueError(
-                    f"<{parent}> of sensor {name} is from {ends[0]:g} to {ends[1]:g}, expected {low} below {high}"
-                    f"{'' if most == math.inf else ', one turn at most, in radians'}"
-                )
+            is_single = ends[1:] == ends[:1] and _numbers(element.find("samples"), "") == [1.0]
+            if len(ends) == 2 and not (is_single or 0 < ends[1] - ends[0] <= most):
+                raise ValueError(f"<{tag}> of sensor {sensor.get('name')} is from {ends[0]:g} to {ends[1]:g}")

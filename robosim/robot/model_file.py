@@ -27,7 +27,14 @@ from jaxtyping import Float
 from robosim.camera.model import CameraConfig
 from robosim.lidar import LidarConfig
 from robosim.robot.described_sensors import Extent, Sensor, find_camera, find_lidar
-from robosim.robot.description import COLLIDING, NO_MASS_KG, Description, balance_inertias, load_description
+from robosim.robot.description import (
+    COLLIDING,
+    NO_MASS_KG,
+    Description,
+    balance_inertias,
+    load_description,
+    warnings_as,
+)
 from robosim.robot.driven_wheels import Sides, Wheel, find_wheels
 from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import RobotConfig
@@ -102,40 +109,36 @@ def read_model(path: Path) -> RobotConfig:
 
 def robot_of(path: Path, model: Model) -> RobotConfig:
     """A robot from what its file states; a warning lists what was assumed. FileError if a value is impossible."""
-    with naming(path, "a robot", _REMEDY):
-        robot = _robot_of(path, model)
-    logger.warning("%s does not state %s. Give what differs.", path, " and ".join(unstated(model)))
-    for note in model.notes:
-        logger.warning("%s: %s", path, note)
-    return robot
-
-
-def _robot_of(path: Path, model: Model) -> RobotConfig:
     left, right = (np.mean([wheel.place[1] for wheel in side]) for side in model.wheels)
     wheel_radius_m = model.wheels[0][0].radius_m
     hull = Hull(max(abs(y) for _, y in model.outline_m), model.outline_m)
     is_round = hull.inner_m > (1 - _ROUND) * hull.turning_m
     sensors: dict[str, Any] = {}
-    if model.camera is not None or model.lidar is not None:
-        heights_m = [_mount(each)["height_m"] for each in (model.camera, model.lidar) if each is not None]
-        sensors = {"camera": None, "mast_m": max(model.height_m, *heights_m, 0.01)}
-        if model.camera is not None:
-            hfov_deg = model.camera.hfov_deg
-            camera = CameraConfig(hfov_deg=_SOME_HFOV_DEG if hfov_deg is None else hfov_deg)
-            sensors["camera"] = replace(camera, **_mount(model.camera))
-        if model.lidar is not None:
-            sensors |= {"lidar": _SOME_LIDAR, "laser": LidarConfig(**_mount(model.lidar))}
-    return RobotConfig(
-        radius_m=hull.turning_m if is_round else None,
-        outline_m=() if is_round else model.outline_m,
-        mass_kg=model.mass_kg,
-        wheel_radius_m=wheel_radius_m,
-        track_m=float(left - right),
-        # Of what rolls, as of the other robots.
-        rotor_inertia_kgm2=0.2 * model.mass_kg * wheel_radius_m**2,
-        **sensors,
-        model=path.absolute() if len(model.wheels[0]) == 1 else None,
-    )
+    with naming(path, "a robot", _REMEDY):
+        if model.camera is not None or model.lidar is not None:
+            heights_m = [_mount(each)["height_m"] for each in (model.camera, model.lidar) if each is not None]
+            sensors = {"camera": None, "mast_m": max(model.height_m, *heights_m, 0.01)}
+            if model.camera is not None:
+                hfov_deg = model.camera.hfov_deg
+                camera = CameraConfig(hfov_deg=_SOME_HFOV_DEG if hfov_deg is None else hfov_deg)
+                sensors["camera"] = replace(camera, **_mount(model.camera))
+            if model.lidar is not None:
+                sensors |= {"lidar": _SOME_LIDAR, "laser": LidarConfig(**_mount(model.lidar))}
+        robot = RobotConfig(
+            radius_m=hull.turning_m if is_round else None,
+            outline_m=() if is_round else model.outline_m,
+            mass_kg=model.mass_kg,
+            wheel_radius_m=wheel_radius_m,
+            track_m=float(left - right),
+            # Of what rolls, as of the other robots.
+            rotor_inertia_kgm2=0.2 * model.mass_kg * wheel_radius_m**2,
+            **sensors,
+            model=path.absolute() if len(model.wheels[0]) == 1 else None,
+        )
+    logger.warning("%s does not state %s. Give what differs.", path, " and ".join(unstated(model)))
+    for note in model.notes:
+        logger.warning("%s: %s", path, note)
+    return robot
 
 
 def unstated(model: Model) -> list[str]:
@@ -197,9 +200,10 @@ def model_of(path: Path) -> Model:
                 raise ValueError(
                     f"{each.name or 'a part'} is at {each.pos} m, expected places up to {_MOST_M:g} m"
                 )
-        compiled = spec.compile()
-        data = mujoco.MjData(compiled)
-        mujoco.mj_fwdPosition(compiled, data)
+        with warnings_as(description.notes):
+            compiled = spec.compile()
+            data = mujoco.MjData(compiled)
+            mujoco.mj_fwdPosition(compiled, data)
         return _facts(compiled, data, description)
 
 
@@ -235,13 +239,11 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
     axle = places.mean(axis=(0, 1)) - [0.0, 0.0, wheels[0][0].radius_m]
     outline = shapely.MultiPoint(every[:, :2] - axle[:2]).convex_hull.simplify(_SIMPLER_M)
     size_m = float(np.linalg.norm(np.ptp(every, axis=0)))
-    for k in sorted(k for k in bodies if mass[k]):
+    for k in np.flatnonzero(mass):
         gyration_m = math.sqrt(model.body_inertia[k].max() / mass[k])
         if max(gyration_m, float(np.linalg.norm(data.xipos[k] - every.mean(axis=0)))) > size_m:
-            notes.append(
-                f"inertia of {model.body(k).name} is that of mass outside of the robot, which is {size_m:.3g} m large: "
-                f"radius of gyration {gyration_m:.3g} m, centre at {data.xipos[k].round(3)} m. Check its units"
-            )
+            about = f"radius of gyration {gyration_m:.3g} m, centre at {data.xipos[k].round(3)} m"
+            notes.append(f"inertia of {model.body(k).name} is that of mass outside of the robot: {about}")
     extent = Extent(bodies, every[:, :2].min(axis=0), every[:, :2].max(axis=0))
     camera, lidar = (
         find(model, data, extent, description.sensors, notes) for find in (find_camera, find_lidar)

@@ -70,10 +70,8 @@ class RobotConfig(Robot):
                     f"{name}.height_m (--{option}.height-m) lower, or mast_m (--robot.mast-m) higher."
                 )
             if mount is not None and abs(mount.ahead_m) > self.hull.turning_m + _OUTSIDE_M:
-                raise ValueError(
-                    f"{name}.ahead_m is {mount.ahead_m:g}, but the hull reaches {self.hull.turning_m:g} m, expected a "
-                    f"sensor within {_OUTSIDE_M:g} m of it."
-                )
+                reach = f"the hull reaches {self.hull.turning_m:g} m"
+                raise ValueError(f"{name}.ahead_m is {mount.ahead_m:g}, but {reach}. Set it lower.")
         if self.lidar == "none" and self.laser != LidarConfig():
             raise ValueError("laser is set, but lidar is 'none'. Name the lidar, such as --lidar rplidar-a1.")
 

@@ -112,9 +112,7 @@ def _check_power(pattern: PatternElement, path: Path) -> None:
     excess_db = 10 * np.log10(float(weight @ pattern.amplitude(node) ** 2))
     if excess_db < -_LOSS_DB:
         logger.warning(
-            "%s: it radiates %.2g times the power that it is given. If its gains are relative, add the antenna's.",
-            path,
-            10 ** (excess_db / 10),
+            "%s: it radiates %.1f dB less than it is given. Are its gains relative?", path, -excess_db
         )
     if excess_db > _EXCESS_DB:
         most_dbi = pattern.gain_dbi.max()
@@ -183,9 +181,7 @@ def _msi(
         if key in cuts or (key == "GAIN" and gain_dbi is not None):
             raise ValueError(f"line {number} begins with {key} again, expected it once")
         if cuts and re.fullmatch(r"[-+.\d]+", key):
-            raise ValueError(
-                f"line {number} is one more than the number of lines of its cut: correct that number"
-            )
+            raise ValueError(f"line {number} is more than its cut announces: correct the number of lines")
         if key == "GAIN":
             unit = words[2].lower() if len(words) > 2 else "dbd"
             if unit not in ("dbd", "dbi"):

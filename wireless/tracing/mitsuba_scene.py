@@ -90,15 +90,12 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         for bsdf in root.iter("bsdf"):
             if bsdfs.setdefault(bsdf.get("id", ""), bsdf) is not bsdf and bsdf.get("id"):
                 raise ValueError(f"there are two materials {bsdf.get('id')!r}, expected one")
-        names, ids = list[str](), set[str]()
+        names: list[str] = []
         shapes: list[tuple[str, int, str]] = []
         meshes: list[trimesh.Trimesh] = []
         of_mesh: list[int] = []
         for number, shape in enumerate(root.iter("shape"), 1):
             name = shape.get("id") or f"number {number}"
-            if name in ids:
-                raise ValueError(f"there are two shapes {name!r}, expected one")
-            ids.add(name)
             meshes.append(_mesh(shape, path.parent, name))
             material = _material_name(shape, name, bsdfs)
             if material not in names:
@@ -115,9 +112,7 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         check_mesh(mesh, 0.0)
         notes: list[str] = []
         if (span_m := float(mesh.extents.max())) < _SMALL_M:
-            notes.append(
-                f"the scene is {span_m:.3g} m large, expected metres: give its meshes and places in metres"
-            )
+            notes.append(f"the scene is {span_m:.3g} m large: are its meshes and places in metres?")
         made = [
             replacements[name] if name in replacements else _material(name, bsdfs.get(name), notes)
             for name in names
@@ -180,9 +175,7 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
         for step in transform:
             mesh.apply_transform(_matrix(step, name))
     if not mesh.area > 0:
-        raise FileError(
-            f"shape {name} has an area of {mesh.area:g} m2, expected triangles. Check its transforms."
-        )
+        raise FileError(f"shape {name} has an area of {mesh.area:g} m2. Check its mesh and its transforms.")
     return mesh
 
 
@@ -209,9 +202,7 @@ def _matrix(step: ET.Element, name: str) -> Float[np.ndarray, "4 4"]:
     if step.tag == "matrix":
         matrix = np.array(step.get("value", "").replace(",", " ").split(), float).reshape(4, 4)
         if not (np.isfinite(matrix).all() and (matrix[3] == (0, 0, 0, 1)).all()):
-            raise FileError(
-                f"shape {name} has a matrix with the last row {matrix[3]}, expected finite ones, and 0 0 0 1."
-            )
+            raise FileError(f"shape {name} has a matrix of last row {matrix[3]}, expected 0 0 0 1.")
         return matrix
     default = 1.0 if step.tag == "scale" else 0.0
     whole = [float(value) for value in step.get("value", "").replace(",", " ").split()]

@@ -183,9 +183,7 @@ def _origin(keys: _Keys) -> tuple[float, float, float]:
         )
     x, y, yaw = [*finite, 0.0][:3]
     if max(abs(x), abs(y)) > FARTHEST_M or abs(yaw) > MOST_YAW:
-        raise keys.fail(
-            "origin", f"x and y of at most {FARTHEST_M:g} m and a yaw of at most {MOST_YAW:g} rad"
-        )
+        raise keys.fail("origin", f"x and y within {FARTHEST_M:g} m and a yaw within {MOST_YAW:g} rad")
     if abs(yaw) > 2 * math.pi:
         logger.warning(
             "%s: the yaw in origin is %g, more than a full turn. It is in radians; was it meant in degrees?",

@@ -40,8 +40,6 @@ _NUMBERS = {"x", "y", "r", "cx", "cy", "rx", "ry", "x1", "y1", "x2", "y2", "d", 
 _NUMBERS |= {"transform", "viewBox", "stroke-width", "style"}
 _LENGTHS = {"r", "rx", "ry", "width", "height", "stroke-width"}
 _NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
-#: Units of width and height agree up to this factor.
-_SAME = 1.02
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
 
@@ -89,19 +87,14 @@ def _view(root: ET.Element, needs_unit: bool) -> tuple[tuple[float, float, float
     size_m = sizes_m[0]
     if not box:
         if size_m is not None:
-            numbers = [
-                number * (unit or size_m) / PIXEL_M for number, unit in zip(numbers, sizes_m, strict=True)
-            ]
+            numbers = [n * (unit or size_m) / PIXEL_M for n, unit in zip(numbers, sizes_m, strict=True)]
         box, size_m = [0.0, 0.0, *numbers], None if size_m is None else PIXEL_M
     if len(box) != 4 or not (np.isfinite(box).all() and box[2] > 0 and box[3] > 0):
         raise ValueError("it has neither a viewBox of four numbers, of positive size, nor width and height")
     if root.get("viewBox") and size_m is not None:
         units_m = [n * s / side for n, s, side in zip(numbers, sizes_m, box[2:], strict=True) if s]
-        if needs_unit and max(units_m) > _SAME * min(units_m):
-            raise ValueError(
-                f"width and height make a unit of its viewBox {units_m[0]:g} m wide and {units_m[1]:g} m high, "
-                "expected one unit; give it by --unit"
-            )
+        if needs_unit and max(units_m) > 1.02 * min(units_m):
+            raise ValueError(f"by width a unit is {units_m[0]:g} m, by height {units_m[1]:g} m; give --unit")
         size_m = units_m[0]
     return (box[0], box[1], box[2], box[3]), size_m
 
