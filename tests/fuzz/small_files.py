@@ -26,9 +26,9 @@ _POSES = "\n".join(f"{k} {0.1 * k:.1f} 0 0 0 0 0 1" for k in range(10))
 FILES = {
     "map.yaml": "image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
     "occupied_thresh: 0.65\nfree_thresh: 0.2",
-    "cart.urdf": URDF.replace("WHEELS", TWO).replace("</robot>", '<gazebo reference="base_scan"><sensor type="ray" '
-    'name="l">' "<topic>scan</topic><vertical><samples>1</samples><min_angle>0</min_angle><max_angle>0</max_angle></vertical><range>"
-    "<min>0.1</min><max>inf</max></range></sensor></gazebo></robot>"),
+    "cart.urdf": URDF.replace("WHEELS", TWO).replace("</robot>", '<gazebo reference="base_scan"><sensor type="ray">'
+    "<topic>scan</topic><vertical><samples>1</samples><min_angle>0</min_angle><max_angle>0</max_angle></vertical>"
+    "<range><min>0.1</min><max>inf</max></range></sensor></gazebo></robot>"),
     "disk.xml": MJCF,
     "robot.yaml": "radius_m: 0.25\nmass_kg: 4\n",
     "sector.msi": f"NAME a\nGAIN 8.15 dBi\nHORIZONTAL 36\n{_ANGLES}\nVERTICAL 36\n{_ANGLES}\n",

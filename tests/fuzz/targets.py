@@ -258,12 +258,6 @@ def _train_link_state(folder: Path, file: Path) -> None:
         main(words.split())
 
 
-def _command_plan(folder: Path, file: Path) -> None:
-    words = ["--resolution", "0.05"] if file.suffix in SCALELESS else []
-    with _only_reading("robosim.building.building.make_building"):
-        main(["plan", str(file), *words, "--out", str(folder / "out")])
-
-
 def _episode_with_mapper(folder: Path, file: Path) -> None:
     """The weights are looked at before anything else is."""
     _command_episode(folder, "--mapper")
@@ -278,12 +272,6 @@ def _command_episode(folder: Path, option: str) -> None:
         main(f"episode flat {option} {folder}/a.safetensors --no-video --out {folder}/out".split())
 
 
-def _scans(folder: Path, file: Path) -> None:
-    """Odometry, scans, and a trajectory to compare with."""
-    odometry, scans = folder / "odometry.tum", folder / "scans.txt"
-    read_log(odometry, scans, reference=odometry)
-
-
 def _slam(folder: Path, file: Path) -> None:
     """All of it: what is read goes on to be mapped."""
     with (
@@ -296,11 +284,6 @@ def _slam(folder: Path, file: Path) -> None:
 def _calibrate(folder: Path, file: Path) -> None:
     with patch("robosim.drawing.plots.draw_errors", lambda *a: None):
         main(["calibrate", str(file), "--out", str(folder / "out")])
-
-
-def _episode_with_robot(folder: Path, file: Path) -> None:
-    with _only_reading("robosim.run.make_building"):
-        main(["episode", "flat", "--robot", str(file), "--no-video", "--out", str(folder / "out")])
 
 
 def _furnished_building(folder: Path, file: Path) -> None:
@@ -398,7 +381,6 @@ TARGETS: dict[str, Target] = {
     "homes": Target("arrays", "home-*", _homes, 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
-    "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
     "antenna": Target("small", "[sg]*.[mc]s*", _antenna, 2),
     "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
@@ -413,14 +395,12 @@ TARGETS: dict[str, Target] = {
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --config": Target("config", "result.json", _episode_with_config, 0.5, True),
-    "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),
     "robosim replay": Target("episode", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),
     "robosim train link-state": Target("dataset", "**/*.*", _train_link_state, 0.5, True),
     "robosim train link-state, published": Target("measurements", "pair/*", _train_link_state, 0.5, True),
-    "robosim plan": Target("plans", "*", _command_plan, 0.5, True),
     "robosim episode --mapper": Target("weights-mapper", "*", _episode_with_mapper, 0.4, True, "a.safetensors"),
     "robosim episode --link-states": Target(
         "weights-link-state", "*", _episode_with_classifier, 0.4, True, "a.safetensors"
