@@ -69,9 +69,10 @@ def locate(
     beyond = beyond or (3.0 if plan is None else 0.3)
     with results_folder(out, "locate") as folder:
         with naming(route, "powers along a route"):
-            parts = {name: [powers.readings(name, share) for share in SHARES] for name in powers.names}
+            readings = {name: [powers.readings(name, share) for share in SHARES] for name in powers.names}
             located = {
-                name: [locate_beacon(each, floor_plan, beyond, how) for each in parts[name]] for name in parts
+                name: [locate_beacon(each, floor_plan, beyond, how) for each in readings[name]]
+                for name in readings
             }
         table = Table("beacon", "readings", "x [m]", "y [m]", "std [m]", "error [m]")
         result = {}

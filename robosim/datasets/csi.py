@@ -65,7 +65,7 @@ def _parse_antenna(text: str, option: str, slant_rad: Float[np.ndarray, " ports"
         angles = np.radians([float(word) for word in words])
     except ValueError:
         angles = np.array([np.nan])
-    if len(angles) > 3 or not np.isfinite(angles).all():
+    if len(angles) > 3 or not (np.abs(angles) <= 2 * np.pi).all():
         raise ValueError(
             f"{option} is {shown(text)}, expected an element, or an element and its yaw, pitch (down) and roll "
             "[degrees] with commas and no spaces, such as 3gpp,90,6."

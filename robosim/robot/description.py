@@ -311,5 +311,5 @@ def _check_sensor(sensor: ET.Element) -> None:
         ):
             ends = [*_numbers(element.find(low), ""), *_numbers(element.find(high), "")]
             is_single = ends[1:] == ends[:1] and _numbers(element.find("samples"), "") == [1.0]
-            if len(ends) == 2 and not (is_single or 0 < ends[1] - ends[0] <= most):
+            if len(ends) == 2 and not (is_single or 0 < ends[1] - ends[0] <= widest):
                 raise ValueError(f"<{tag}> of sensor {sensor.get('name')} is from {ends[0]:g} to {ends[1]:g}")

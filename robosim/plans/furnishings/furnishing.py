@@ -120,9 +120,10 @@ class Furnishing:
             )
         size_m = float(np.abs(vertices).max())
         if not _LEAST_M < size_m <= _SIZE_M:
+            bound = f"at most {_SIZE_M:g}" if size_m > _SIZE_M else f"more than {_LEAST_M:g}"
             raise ValueError(
-                f"mesh of {self.name} reaches {size_m:.4g} m from its origin, expected {_LEAST_M:g} to {_SIZE_M:g} m. "
-                "Is it in millimetres? Give unit_m: 0.001."
+                f"mesh of {self.name} reaches {size_m:.4g} m from its origin, expected {bound} m. Is it "
+                "in millimetres? Give unit_m: 0.001."
             )
 
     def __repr__(self) -> str:
