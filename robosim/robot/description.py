@@ -304,7 +304,7 @@ def _check_sensor(sensor: ET.Element) -> None:
         tag, is_size = element.tag, element.tag in ("width", "height", "samples", "horizontal_fov")
         if is_size and min(_numbers(element, ""), default=1) <= 0:
             raise ValueError(f"{tag} of sensor {sensor.get('name')} is {element.text}, expected more than 0")
-        for low, high, most in (
+        for low, high, widest in (
             ("min_angle", "max_angle", 6.3),
             ("min", "max", math.inf),
             ("near", "far", math.inf),
