@@ -16,6 +16,7 @@ rejected outside of `robosim.support.parts.code_allowed` (the option `--allow-co
 """
 
 import json
+import logging
 import os
 import re
 import zlib
@@ -40,6 +41,8 @@ from robosim.support.parts import check_code_allowed
 from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, parse_json, parse_yaml
 from robosim.task.tasks import ARRIVAL_M, make_task
+
+logger = logging.getLogger(__name__)
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -170,15 +173,12 @@ class _File:
         for name in self.plans:
             if not is_plan_name(name):
                 raise ValueError(f"plan {shown(name)} names files too; use letters, digits, - and _.")
-        known: dict[_Task, int] = {}
         for number, task in enumerate(self.tasks):
             check_choice(f"plan of tasks[{number}]", task.plan, self.plans)
-            if (first := known.setdefault(task, number)) != number:
-                raise ValueError(f"tasks[{number}] is tasks[{first}] again; --seeds repeats tasks")
-            if np.hypot(*np.subtract(task.start[:2], task.target)) < ARRIVAL_M:
-                raise ValueError(f"tasks[{number}] starts at its target, expected {ARRIVAL_M:g} m between")
             for value in (*task.start, *task.target):
                 check_number(f"a number of tasks[{number}]", value, -FARTHEST_M, FARTHEST_M)
+            if np.hypot(*np.subtract(task.start[:2], task.target)) < ARRIVAL_M:
+                raise ValueError(f"tasks[{number}] starts at its target, expected {ARRIVAL_M:g} m between")
 
 
 def _suite(content: Any, path: Path) -> Suite:
@@ -188,8 +188,12 @@ def _suite(content: Any, path: Path) -> Suite:
         if not file.is_file():
             raise FileError(f"plan {shown(name)} is {shown(file)}, where there is no file.")
     counts: Counter[str] = Counter()
-    tasks = []
-    for task in said.tasks:
+    tasks, known = [], dict[_Task, int]()
+    for number, task in enumerate(said.tasks):
+        if (first := known.setdefault(task, number)) < number:
+            logger.warning(
+                "%s: tasks[%d] is tasks[%d] again; --seeds repeats tasks", shown(path), number, first
+            )
         tasks.append(SuiteTask(number=counts[task.plan], **vars(task)))
         counts[task.plan] += 1
     order = {name: place for place, name in enumerate(plans)}

@@ -300,7 +300,9 @@ def evaluation(folder: Path) -> None:
     """All that `robosim evaluate` leaves to go on from, and the suite."""
     home = _into(folder, "evaluation")
     write_ros(two_rooms(0.8), home / "plans" / "pair.yaml")
-    tasks = tuple(SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 0.0), target=TARGET) for i in range(2))
+    tasks = tuple(
+        SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 9.0 * i), target=TARGET) for i in range(2)
+    )
     suite = Suite(plans={"pair": home / "plans" / "pair.yaml"}, tasks=tasks, seed=3)
     write_suite(suite, home / "suite.yaml")
     write_suite(suite, home / "suite.json")
