@@ -214,7 +214,7 @@ class _Reading:
         if late or len(rising) < len(scans):
             same = len(scans) - len(rising)
             self._note(
-                f"{late} scans come before an earlier one and are sorted, {same} have a time again and are left out"
+                f"{late} scans come before an earlier one and are sorted, {same} have the time of another and are left out"
             )
         if len(rising) < 2:
             raise ValueError(f"{len(rising)} scans at different times in it, expected two at least")

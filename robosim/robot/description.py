@@ -304,11 +304,8 @@ def _check_sensor(sensor: ET.Element) -> None:
         tag, is_size = element.tag, element.tag in ("width", "height", "samples", "horizontal_fov")
         if is_size and min(_numbers(element, ""), default=1) <= 0:
             raise ValueError(f"{tag} of sensor {sensor.get('name')} is {element.text}, expected more than 0")
-        for low, high, widest in (
-            ("min_angle", "max_angle", 6.3),
-            ("min", "max", math.inf),
-            ("near", "far", math.inf),
-        ):
+        widest = 6.3 if tag in ("horizontal", "vertical") else math.inf
+        for low, high in (("min_angle", "max_angle"), ("min", "max"), ("near", "far")):
             ends = [*_numbers(element.find(low), ""), *_numbers(element.find(high), "")]
             is_single = ends[1:] == ends[:1] and _numbers(element.find("samples"), "") == [1.0]
             if len(ends) == 2 and not (is_single or 0 < ends[1] - ends[0] <= widest):

@@ -115,8 +115,8 @@ def robot_of(path: Path, model: Model) -> RobotConfig:
     is_round = hull.inner_m > (1 - _ROUND) * hull.turning_m
     sensors: dict[str, Any] = {}
     with naming(path, "a robot", _REMEDY):
-        if model.camera is not None or model.lidar is not None:
-            heights_m = [_mount(each)["height_m"] for each in (model.camera, model.lidar) if each is not None]
+        if mounts := [_mount(each) for each in (model.camera, model.lidar) if each is not None]:
+            heights_m = [mount["height_m"] for mount in mounts]
             sensors = {"camera": None, "mast_m": max(model.height_m, *heights_m, 0.01)}
             if model.camera is not None:
                 hfov_deg = model.camera.hfov_deg

@@ -27,7 +27,6 @@ from robosim.live.link_model import MOST_BYTES, plan_of
 from robosim.live.recordings import read_evaluation, read_recording
 from robosim.logs.log_files import read_log
 from robosim.movers.mover_file import mover_of_file
-from robosim.navigation import known_map_of
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings
@@ -322,10 +321,6 @@ def _command(words: str) -> Callable[[Path, Path], None]:
     return call
 
 
-def _known_map(folder: Path, file: Path) -> None:
-    known_map_of(read_plan(folder / "map.yaml"))
-
-
 def _bag_folder(folder: Path, file: Path) -> None:
     read_log(file.parent if file.parent.is_dir() else folder)
 
@@ -389,7 +384,6 @@ TARGETS: dict[str, Target] = {
     "bag": Target("bags", "*", lambda folder, file: read_log(file)),
     "bag folder": Target("bag-folder", "*/*", _bag_folder, names="case"),
     "mitsuba scene": Target("scenes", "scene.xml", lambda folder, file: read_mitsuba(file), 0.5),
-    "known map": Target("small", "map.*", _known_map, 0.5, names="map.yaml"),
     "robosim slam --inspect": Target("bags", "*", _command("slam --inspect {1} --json"), 0.7, True),
     "robosim export": Target("exported", "*", _command("export {0} --out {0}/out"), 0.5, True),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
@@ -408,7 +402,7 @@ TARGETS: dict[str, Target] = {
 }  # fmt: skip
 TARGETS |= {
     f"robosim {words.split()[0]}, {name}": Target(
-        "small", name, _command(words), 0.5, True, words.split("{0}/")[-1].split()[0]
+        "small", name, _command(words), 0.5, True, words.split("{0}/")[1].split()[0]
     )
     for name, words in COMMANDS.items()
 }
