@@ -46,7 +46,6 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
                 if is_read_by_us
                 else read_log(path, scans, None, None, topics, reader)
             )
-            check_reach(log, LogConfig().range_m)
             report |= {
                 "scans": len(log.times),
                 "beams": log.range_m.shape[1],
@@ -55,6 +54,10 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
                 "share_with_odometry": float(log.known[1:].mean()),
                 "mount": log.mount,
             }
+            try:
+                check_reach(log, LogConfig().range_m)
+            except FileError as error:
+                report.setdefault("assumed", []).append(f"it cannot be mapped, {error}")
         except FileError as error:
             errors.append(error)
             report["error"] = str(error)

@@ -212,10 +212,8 @@ class _Reading:
         rising = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
         late = sum(b.time_s < a.time_s for a, b in pairwise(scans))
         if late or len(rising) < len(scans):
-            same = len(scans) - len(rising)
-            self._note(
-                f"{late} scans come before an earlier one and are sorted, {same} have the time of another and are left out"
-            )
+            left = f"{len(scans) - len(rising)} have the time of another and are left out"
+            self._note(f"{late} scans come before an earlier one and are sorted, {left}")
         if len(rising) < 2:
             raise ValueError(f"{len(rising)} scans at different times in it, expected two at least")
         return rising
