@@ -13,6 +13,7 @@ from rich.console import Console
 
 from robosim.building.building import make_building
 from robosim.building.multi_storey import make_storeys
+from robosim.building.wall_materials import read_material
 from robosim.calibration.measured_paths import read_measured_paths
 from robosim.cli import main
 from robosim.commands.episode_config import read_config
@@ -377,6 +378,7 @@ TARGETS: dict[str, Target] = {
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
+    "layers of a wall": Target("small", "wall.yaml", lambda folder, file: read_material(file), 0.5),
     "antenna": Target("small", "[sg]*.[mc]s*", _antenna, 2),
     "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),

@@ -53,7 +53,7 @@ def test_damaged_files_are_read_or_rejected_in_one_line(seeds, tmp_path):
         ("configuration", "result.json"),
         ("robot", "robot.yaml"),
         ("robot", "robot.json"),
-        ("robosim trace, wall.yaml", "wall.yaml"),
+        ("layers of a wall", "wall.yaml"),
         ("suite", "suite.yaml"),
         ("suite", "suite.json"),
         ("settings", "settings.json"),
