@@ -23,7 +23,7 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import Part
-from robosim.support.reading import FileError
+from robosim.support.reading import FileError, naming
 from slam.control.controller import LocalPolicy
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
@@ -70,11 +70,18 @@ def make_navigator(
     return Navigator(
         MAPPER.make(mapper, robot, mapping, field="mapper")
         if known_map is None
-        else KnownMapMapper(known_map_of(read_plan(known_map)), robot, mapping),
+        else KnownMapMapper(read_known_map(known_map)[1], robot, mapping),
         Planner(robot),
         CONTROLLER.make(controller, robot, field="controller"),
         EXPLORER.make(explorer, robot, field="explorer"),
     )
+
+
+def read_known_map(name: str) -> tuple[FloorPlan, KnownMap]:
+    """Read a floor plan, and the map of it on which robots are located; FileError as of `known_map_of`."""
+    plan = read_plan(name)
+    with naming(name, "a known map"):
+        return plan, known_map_of(plan)
 
 
 def known_map_of(plan: FloorPlan) -> KnownMap:

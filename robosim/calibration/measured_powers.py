@@ -100,7 +100,14 @@ def read_measured_powers(path: Path, height_m: float, not_received: float | None
                         f"beacon {name!r} has {count} readings in the {half} squares of {BLOCK_M:g} m, "
                         f"expected {_LEAST_READINGS} or more"
                     )
+            check_varying(name, power[received])
         return measured
+
+
+def check_varying(name: str, power_dbm: Float[np.ndarray, " n"]) -> None:
+    """Raise ValueError for powers of a beacon [dBm] that are all the same, as no receiver measures them."""
+    if np.ptp(power_dbm) == 0:
+        raise ValueError(f"all {len(power_dbm)} powers of beacon {name!r} are {power_dbm[0]:g} dBm")
 
 
 def beacon_name(row: dict[str, str], line: int) -> str:

@@ -34,6 +34,7 @@ from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.calibration.measured_powers import MeasuredPowers
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import FREQUENCY_HZ, Range, checked
+from robosim.support.reading import FileError
 from wireless.em.materials import Layer, Material
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
@@ -325,13 +326,13 @@ def _on_floor(
     for i in np.flatnonzero(~shapely.contains_xy(free, *points[:, :2].T)).tolist():
         near = shapely.get_coordinates(shapely.shortest_line(free, shapely.Point(points[i, :2])))[0]
         if np.hypot(*(near - points[i, :2])) > _MOVED_M:
-            raise ValueError(
+            raise FileError(
                 f"{what} {names[i]} at ({points[i, 0]:g}, {points[i, 1]:g}) m is more than {_MOVED_M:g} m away from "
                 "the free floor, expected on it. Give plan and table in one frame."
             )
         points[i, :2] = near
     for i in np.flatnonzero((points[:, 2] <= 0) | (points[:, 2] >= building.height_m)).tolist():
-        raise ValueError(
+        raise FileError(
             f"{what} {names[i]} has z_m = {points[i, 2]:g}, expected between the floor at 0 and the ceiling at "
             f"{building.height_m:g} m. Check z_m and --ceiling."
         )

@@ -37,7 +37,7 @@ def parse_antenna(end: str, text: str, layout: str | None, polarisation: str) ->
         angles = np.radians([float(word) for word in words])
     except ValueError:
         angles = np.array([np.nan])
-    if len(angles) > 3 or not np.isfinite(angles).all():
+    if len(angles) > 3 or not (np.abs(angles) <= 2 * np.pi).all():
         raise ValueError(
             f"{end}_{'array' if element else 'antenna'} is {shown(element or text)}, expected an element, or an "
             "element and its yaw, pitch (down) and roll [degrees] with commas and no spaces, such as 3gpp,90,6."

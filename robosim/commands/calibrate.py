@@ -18,6 +18,7 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robot_files import write_robot
 from robosim.support.checks import FREQUENCY_HZ, SEED, Range
+from robosim.support.reading import naming
 
 #: Minima of the fit to powers are reported up to this difference of logarithms of the posterior.
 _LIKELY = 2.0
@@ -97,7 +98,9 @@ def calibrate_materials(
                 thickness_m=wall_thickness,
                 sensitivity_dbm=sensitivity_dbm,
             )
-            _fit_powers(floor_plan, read_measured_powers(measured, height, not_received), config, folder)
+            powers = read_measured_powers(measured, height, not_received)
+            with naming(measured, "a table of received powers"):
+                _fit_powers(floor_plan, powers, config, folder)
             console.print(
                 f"Next: robosim trace {plan} --material {quote(str(folder / 'wall.yaml'))} "
                 f"--frequency-ghz {frequency_ghz:g}"

@@ -34,6 +34,7 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
     """Print what is read of logs, as far as they can be read; then raise the FileError of the first that cannot."""
     from robosim.logs.bag import is_bag, read_bag
     from robosim.logs.log_files import read_log
+    from robosim.logs.log_mapping import LogConfig, check_reach
 
     reports, errors = list[dict[str, Any]](), list[FileError]()
     for path in logs:
@@ -53,6 +54,10 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
                 "share_with_odometry": float(log.known[1:].mean()),
                 "mount": log.mount,
             }
+            try:
+                check_reach(log, LogConfig().range_m)
+            except FileError as error:
+                report.setdefault("assumed", []).append(f"it cannot be mapped, {error}")
         except FileError as error:
             errors.append(error)
             report["error"] = str(error)

@@ -11,6 +11,7 @@ from robosim.commands.output import console, emit_result_file
 from robosim.commands.shared_options import NO_OPTIONS, Reading, read, results_folder
 from robosim.positioning.beacon_places import BeaconConfig
 from robosim.support.checks import ADVANCED, Range
+from robosim.support.reading import naming
 
 _DEFAULTS = BeaconConfig()
 
@@ -63,14 +64,16 @@ def locate(
     floor_plan = None if plan is None else read(plan, reading)
     powers = read_power_route(route, needs_time=map_from is not None, not_received=not_received)
     if map_from is not None:
-        log = read_log(map_from, scans)
+        log = read_log(map_from, scans, needs_times=True)
         floor_plan, powers = map_route(log, powers, stages_tracked(log.name, console))
     beyond = beyond or (3.0 if plan is None else 0.3)
     with results_folder(out, "locate") as folder:
-        located = {
-            name: [locate_beacon(powers.readings(name, share), floor_plan, beyond, how) for share in SHARES]
-            for name in powers.names
-        }
+        with naming(route, "powers along a route"):
+            readings = {name: [powers.readings(name, share) for share in SHARES] for name in powers.names}
+            located = {
+                name: [locate_beacon(each, floor_plan, beyond, how) for each in readings[name]]
+                for name in readings
+            }
         table = Table("beacon", "readings", "x [m]", "y [m]", "std [m]", "error [m]")
         result = {}
         for name, places in located.items():

@@ -13,8 +13,7 @@ from robosim.commands.shared_options import results_folder
 from robosim.logs.log_localization import Localized, locate_log
 from robosim.logs.log_mapping import LogConfig
 from robosim.logs.robot_log import RobotLog
-from robosim.navigation import known_map_of
-from robosim.plans.files import read_plan
+from robosim.navigation import read_known_map
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import stages_tracked
 from robosim.support.tum import write_tum
@@ -29,8 +28,7 @@ def locate_logs(logs: Sequence[RobotLog], map_name: str, how: LogConfig, out: Pa
     """Locate each log on a map, and write a folder for each."""
     from robosim.drawing.plots import draw_maps
 
-    plan = read_plan(map_name)
-    known, results = known_map_of(plan), list[dict[str, Any]]()
+    (plan, known), results = read_known_map(map_name), list[dict[str, Any]]()
     with results_folder(out, "slam") as folder:
         for log in logs:
             place = folder if len(logs) == 1 else folder / log.name

@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import NO_OPTIONS, PlanOptions, read, results_folder
 from robosim.support.checks import RADIUS_M, SEED, Range
+from robosim.support.reading import naming
 from wireless.support.counting import counted
 
 #: Where walls in Mitsuba scenes reflect most like ours [Hz].
@@ -59,7 +60,8 @@ def plan(
         floor_plan = read(plan, reading)
         building = make_building(floor_plan, config=config)
         places = reach(building, *robot.hull_m)
-        places.check_room()
+        with naming(plan, "a floor plan"):
+            places.check_room()
         write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
         write_png(floor_plan, folder / f"{floor_plan.name}.png")
         plot_plan(folder / "reach.png", building, places)

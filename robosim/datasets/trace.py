@@ -40,6 +40,7 @@ from robosim.support.checks import check_some
 from robosim.support.files import npz_bytes, whole_file, whole_folder, write_files, write_json, write_whole
 from robosim.support.installation import package_version
 from robosim.support.parts import to_dict
+from robosim.support.reading import shown
 from robosim.support.run_folder import run_folder
 from robosim.support.tum import read_tum
 from robosim.support.workers import Workers
@@ -284,7 +285,7 @@ def trace_along(
     samples = 0
     with run_folder(out, "trace --along"):
         transmitters = _transmitters(site, tx, console)
-        rx = site.places(tuple((x, y) for x, y, _ in poses.tolist()), "a pose of the trajectory")
+        rx = site.places(tuple((x, y) for x, y, _ in poses.tolist()), f"{shown(trajectory)}: a pose")
         for i, position in enumerate(transmitters):
             channel = sample_channel(site.tracer, position, rx, time_s, rate_hz=rate_hz)
             write_whole(out / f"channel_tx{i + 1}.npz", npz_bytes(vars(channel)))

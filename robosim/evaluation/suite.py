@@ -16,6 +16,7 @@ rejected outside of `robosim.support.parts.code_allowed` (the option `--allow-co
 """
 
 import json
+import logging
 import os
 import re
 import zlib
@@ -39,7 +40,9 @@ from robosim.support.installation import shipped_plans
 from robosim.support.parts import check_code_allowed
 from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, parse_json, parse_yaml
-from robosim.task.tasks import make_task
+from robosim.task.tasks import ARRIVAL_M, make_task
+
+logger = logging.getLogger(__name__)
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -174,6 +177,8 @@ class _File:
             check_choice(f"plan of tasks[{number}]", task.plan, self.plans)
             for value in (*task.start, *task.target):
                 check_number(f"a number of tasks[{number}]", value, -FARTHEST_M, FARTHEST_M)
+            if np.hypot(*np.subtract(task.start[:2], task.target)) < ARRIVAL_M:
+                raise ValueError(f"tasks[{number}] starts at its target, expected {ARRIVAL_M:g} m between")
 
 
 def _suite(content: Any, path: Path) -> Suite:
@@ -183,8 +188,10 @@ def _suite(content: Any, path: Path) -> Suite:
         if not file.is_file():
             raise FileError(f"plan {shown(name)} is {shown(file)}, where there is no file.")
     counts: Counter[str] = Counter()
-    tasks = []
-    for task in said.tasks:
+    tasks, known = [], dict[_Task, int]()
+    for number, task in enumerate(said.tasks):
+        if (first := known.setdefault(task, number)) < number:
+            logger.warning("%s: tasks[%d] is tasks[%d] again. Use --seeds.", shown(path), number, first)
         tasks.append(SuiteTask(number=counts[task.plan], **vars(task)))
         counts[task.plan] += 1
     order = {name: place for place, name in enumerate(plans)}

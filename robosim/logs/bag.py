@@ -37,6 +37,8 @@ _FIXED_M, _FIXED_RAD = 0.02, math.radians(1)
 _AT_BASE = "the sensor counts as at the base"
 #: Clocks of two topics differ if their delays do by more, and vary by less [s].
 _CLOCK_S, _STEADY_S = 1.0, 0.3
+#: A sensor farther from the base is reported [m], and headers that pass so many times faster than the recording.
+_FAR_M, _RATE = 5.0, 50.0
 #: A larger part of the scans outside of odometry's time is reported.
 _OUTSIDE = 0.05
 
@@ -55,10 +57,7 @@ class BagReader(LogReader):
 
     def read(self, path: Path, scans: Path | None, topics: BagTopics) -> RobotLog:
         """Read a bag; see `read_bag`."""
-        log = read_bag(path, topics)
-        if log.track is not None:
-            report_track(path, log.track)
-        return log
+        return read_bag(path, topics)
 
 
 def read_bag(path: Path, topics: BagTopics | None = None, report: dict[str, Any] | None = None) -> RobotLog:
@@ -75,8 +74,14 @@ def read_bag(path: Path, topics: BagTopics | None = None, report: dict[str, Any]
     """
     if not is_installed("rosbags"):
         raise missing_extra("rosbags", f"{path}: a ROS bag")
+    report = {} if report is None else report
     with naming(path, "a ROS bag", _REMEDY):
-        return _Reading(path, topics or BagTopics(), {} if report is None else report).log()
+        log = _Reading(path, topics or BagTopics(), report).log()
+    for text in report["assumed"]:
+        logger.warning("%s: %s.", path, text)
+    if log.track is not None:
+        report_track(path, log.track)
+    return log
 
 
 class _Reading:
@@ -134,7 +139,8 @@ class _Reading:
         cameras = [info for info in firsts if frame_name(info.header.frame_id) == sensor]
         make = scan_maker(kind, place, self._given.slice_m, cameras)
         scans = [make(self._timed(*record)) for record in bag.messages(scan_topic)]
-        scans = self._with_returns(_in_order(self._path, scans), scan_topic)
+        scans = self._with_returns(self._in_order(scans), scan_topic)
+        self._check_times(scan_topic, scans)
         times = np.array([scan.time_s for scan in scans])
         mount = self._mount(base, frame, sensor, times, kind in LASERS)
         track = self._track(odometry_topic, child, base, frame, times, scan_topic)
@@ -145,7 +151,6 @@ class _Reading:
         """Report what is assumed or missing."""
         if text not in self._report["assumed"]:
             self._report["assumed"].append(text)
-            logger.warning("%s: %s.", self._path, text)
 
     def _timed(self, topic: str, time_s: float, message: Any) -> Any:
         """A message; its delay from the header's time to the recording is stored."""
@@ -201,12 +206,35 @@ class _Reading:
         }
         return scans
 
+    def _in_order(self, scans: list[Scan]) -> list[Scan]:
+        """Scans by rising times, without those of a time that is there already."""
+        ordered = sorted(scans, key=lambda scan: scan.time_s)
+        rising = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
+        late = sum(b.time_s < a.time_s for a, b in pairwise(scans))
+        if late or len(rising) < len(scans):
+            left = f"{len(scans) - len(rising)} have the time of another and are left out"
+            self._note(f"{late} scans come before an earlier one and are sorted, {left}")
+        if len(rising) < 2:
+            raise ValueError(f"{len(rising)} scans at different times in it, expected two at least")
+        return rising
+
+    def _check_times(self, topic: str, scans: list[Scan]) -> None:
+        """Note times of headers that pass at another rate than those of the recording."""
+        first_s, last_s = self._bag.topics[topic].span_s
+        recorded_s, stamped_s = last_s - first_s, scans[-1].time_s - scans[0].time_s
+        if min(recorded_s, stamped_s) > 0 and not 1 / _RATE < stamped_s / recorded_s < _RATE:
+            self._note(
+                f"{topic} lasts {stamped_s:.4g} s by its headers, but {recorded_s:.4g} s by the recording"
+            )
+
     def _mount(
         self, base: str, frame: str, sensor: str, times: Float[np.ndarray, " n"], is_laser: bool
     ) -> Float[np.ndarray, "3"]:
         """Pose of the beams in a frame; that of a slice has the axes of the base. FileError if it is none."""
         places = self._places(base, sensor, times, _AT_BASE)
         poses = planar(places)
+        if (away_m := float(np.linalg.norm(places[:, :3, 3], axis=1).max())) > _FAR_M:
+            self._note(f"{sensor} is {away_m:.4g} m from {base}: check the transforms")
         if is_laser and (tilt := np.arccos(np.clip(np.abs(places[:, 2, 2]), 0, 1)).max()) > MOST_TIPPED:
             raise FileError(
                 f"the laser is tipped by {math.degrees(tilt):.0f} degrees, expected a plane parallel to the floor "
@@ -375,23 +403,6 @@ def _padded(bearing: Float[np.ndarray, " w"], width: int) -> Float[np.ndarray, "
     return np.append(bearing, np.full(width - len(bearing), bearing[-1] if len(bearing) else 0.0))
 
 
-def _in_order(path: Path, scans: list[Scan]) -> list[Scan]:
-    """Scans by rising times, without those of a time that is there already."""
-    ordered = sorted(scans, key=lambda scan: scan.time_s)
-    rising = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
-    late = sum(b.time_s < a.time_s for a, b in pairwise(scans))
-    if late or len(rising) < len(scans):
-        logger.warning(
-            "%s: %d scans come before an earlier one and are sorted, %d have the time of another and are left out",
-            path,
-            late,
-            len(scans) - len(rising),
-        )
-    if len(rising) < 2:
-        raise ValueError(f"{len(rising)} scans in it, expected two at least")
-    return rising
-
-
 def _scan_topic(bag: Bag, types: dict[str, str], colour: set[str], requested: str | None) -> str:
     """The topic that scans come from; not one with colour images."""
     usable = {topic: kind for topic, kind in types.items() if topic not in colour}
@@ -400,9 +411,10 @@ def _scan_topic(bag: Bag, types: dict[str, str], colour: set[str], requested: st
         if (name := _choice(usable, requested, group, "scans", "--scan-topic")) is not None:
             return name
     shown = ", ".join(f"{name} ({topic.type_name})" for name, topic in sorted(bag.topics.items()))
+    lost = f", and {bag.lost}" if bag.lost else ""
     raise FileError(
-        f"has no topic of {', '.join(kinds)}; its topics are {shown}. Record scans, or convert them to a TUM file and "
-        "--scans."
+        f"has no topic of {', '.join(kinds)}; its topics are {shown}{lost}. Record scans, or convert them to a "
+        "TUM file and --scans."
     )
 
 

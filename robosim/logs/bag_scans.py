@@ -25,8 +25,8 @@ DEPTHS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 _FIELDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 #: Half the height of a slice [m], and directions of the scan made of it.
 _HALF_SLICE_M, _DIRECTIONS = 0.1, 720
-#: Beams span no larger angle [rad].
-_MOST_TURN = 2.1 * math.pi
+#: Beams span no larger angle, and are no nearer to each other [rad].
+_MOST_TURN, _LEAST_STEP = 2.1 * math.pi, 1e-5
 #: Ranges that are the same, those around them that are compared, and where they are; relative to `range_max`.
 _SAME, _AROUND, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
 #: A limit is shared by this part of the beams, in so many directions, and by so many times those around.
@@ -56,6 +56,9 @@ def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any])
         raise ValueError("it has depth images, and no CameraInfo of their frame")
     info = cameras[0]
     intrinsics = np.array(info.k if hasattr(info, "k") else info.K).reshape(3, 3)  # of ROS 2 and 1
+    if not (np.isfinite(intrinsics).all() and intrinsics[0, 0] > 0 < intrinsics[1, 1]):
+        fx, fy = intrinsics[0, 0], intrinsics[1, 1]
+        raise FileError(f"CameraInfo has the focal lengths {fx:g} and {fy:g} px. Record a calibrated camera.")
     return lambda message: _slice(message, _depth_points(message, intrinsics), place, slice_m)
 
 
@@ -71,24 +74,25 @@ def _laser_scan(message: Any, is_inverted: bool) -> Scan:
         ranges = np.array([echo.echoes[0] if len(echo.echoes) else np.nan for echo in message.ranges], float)
     n, time_s = len(ranges), stamp_s(message.header)
     first, step, limit_m = float(message.angle_min), float(message.angle_increment), float(message.range_max)
+    least_m = float(message.range_min)
     for value, name, good, expected in (
         (first, "angle_min", abs(first) <= 4 * math.pi, "an angle in radians"),
         (
             step,
             "angle_increment",
-            0 < abs(step) * max(n - 1, 1) <= _MOST_TURN,
-            "a turn of beams at most, in radians",
+            _LEAST_STEP <= abs(step) <= abs(step) * max(n - 1, 1) <= _MOST_TURN,
+            f"a turn of beams at most, in radians, and {_LEAST_STEP:g} or more",
         ),
         (limit_m, "range_max", limit_m > 0, "a positive range in metres"),
+        (least_m, "range_min", abs(least_m) < limit_m, f"metres below range_max, which is {limit_m:g}"),
     ):
         if not good:
             raise FileError(
                 f"the scan at {time_s:.3f} s has {name} {value:g} and {n} beams, expected {expected}. Mend the "
                 "driver's settings, and record again."
             )
-    least_m = float(message.range_min) if message.range_min > 1e-3 else 1e-3
     with np.errstate(invalid="ignore"):
-        ranges = np.where(ranges < least_m, np.nan, ranges)
+        ranges = np.where(ranges < max(least_m, 1e-3), np.nan, ranges)
     bearing = first + step * np.arange(n)
     step_s = float(getattr(message, "time_increment", 0.0))
     ends_s = (0.0, step_s * (n - 1))

@@ -138,9 +138,9 @@ def _flaser(words: list[str], line: int) -> _Scan:
 
 def _robotlaser(words: list[str], line: int) -> _Scan:
     start, _, step, longest = _numbers(words[2:6], 4, line)
-    if not 0 < step < math.pi:
-        raise ValueError(f"line {line} has {step:g} rad between beams, expected a positive angle")
     count = _count(words[8:9], line)
+    if not (abs(start) < 7 and 0 < step * (count - 1) < 6.6):
+        raise ValueError(f"line {line} has {step:g} rad between beams, {count} from {start:g} rad on")
     ranges = _numbers(words[9 : 9 + count], count, line)
     remissions = _count(words[9 + count : 10 + count], line, least=0)
     rest = words[10 + count + remissions :]
@@ -253,9 +253,6 @@ def _rising(path: Path, times: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarra
     for k in late_scans:
         rising[k] = rising[k - 1] + 1e-6
     if late.mean() > _OUT_OF_ORDER or not (np.diff(rising) > 0).all():
-        logger.warning(
-            "%s: times of scans are missing or do not rise, so that scans are counted instead.", path
-        )
         return np.arange(len(times), dtype=float), True
     if len(late_scans):
         logger.warning(

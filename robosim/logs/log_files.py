@@ -1,5 +1,6 @@
 """Logs of robots of any format, odometry as a TUM file with scans in another file, and reference trajectories."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from robosim.support.parts import Part
 from robosim.support.reading import FileError, reading
 from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
+
+logger = logging.getLogger(__name__)
 
 #: Content that shows what a file is [bytes].
 _HEAD_BYTES = 4096
@@ -111,13 +114,15 @@ def read_log(
     beam_seconds: tuple[float, float] | None = None,
     topics: BagTopics | None = None,
     reader: Part = "auto",
+    *,
+    needs_times: bool = False,
 ) -> RobotLog:
     """Read a log of any format, such as a CARMEN log, odometry as a TUM file with scans, or a ROS bag.
 
     Each line of `scans` has time [s], first and last bearing [rad], and ranges [m]. A TUM file of reference poses
     replaces those of the log. `beam_seconds` are the times of the first and the last beam after that of the scan [s];
     None if all are measured at once. `reader` is one of `robosim.parts.LOG_READER`; "auto" takes the first that
-    matches.
+    matches. `needs_times` rejects logs without.
 
     Raises:
         FileError: If a file is damaged, or none of these.
@@ -135,6 +140,12 @@ def read_log(
     if scans is not None and not chosen.takes_scans:
         raise FileError(f"{path}: is a log with scans, such as a bag. Leave --scans away.")
     log = chosen.read(path, scans, topics or BagTopics())
+    if log.is_counted:
+        problem = f"{path}: times of scans are missing or do not rise"
+        if needs_times:
+            raise FileError(f"{problem}, expected times of each scan. Give a log with times.")
+        if beam_seconds is None:
+            logger.warning("%s, so that scans are counted instead.", problem)
     if beam_seconds is not None:
         log = with_beam_times(log, *beam_seconds)
     return log if reference is None else with_reference(log, reference)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim.logs.log_mapping import LogConfig, scan_points
+from robosim.logs.log_mapping import LogConfig, check_reach, scan_points
 from robosim.logs.robot_log import RobotLog
 from slam.mapping.known_map import KnownMap
 from slam.mapping.localization import LocalizationConfig, Localizer
@@ -39,7 +39,7 @@ def locate_log(
     config: LogConfig = LogConfig(),
     watched: Callable[[range, str], Iterable[int]] = lambda numbers, _: numbers,
 ) -> Localized:
-    """Locate each scan of a log on a known map, from an unknown pose.
+    """Locate each scan of a log on a known map, from an unknown pose; FileError as of `check_reach`.
 
     Poses before the robot was located follow from the pose that then explained all scans.
 
@@ -49,6 +49,7 @@ def locate_log(
         config: Errors of odometry, and range of scans.
         watched: Progress display: iterates over numbers, given them and their name.
     """
+    check_reach(log, config.range_m)
     match = replace(LocalizationConfig().match, max_range_m=config.range_m)
     localizer = Localizer(known, LocalizationConfig(match=match))
     mount = log.mount

@@ -16,6 +16,7 @@ from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import Range, checked
+from robosim.support.reading import FileError
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
@@ -146,6 +147,21 @@ class Mapped:
     """Processor time [s]."""
 
 
+def check_reach(log: RobotLog, range_m: float) -> None:
+    """Raise FileError if no beam hits anything within a range [m], or odometry jumps farther than scans overlap."""
+    if not (log.range_m < range_m).any():
+        raise FileError(
+            f"{log.file or log.name}: none of its beams hits anything within --range-m, {range_m:g} m. Are "
+            "its ranges in metres?"
+        )
+    step_m = np.hypot(log.displacement[:, 0], log.displacement[:, 1])
+    if step_m.max() > 2 * range_m:
+        raise FileError(
+            f"{log.file or log.name}: odometry goes {step_m.max():.0f} m up to scan {step_m.argmax() + 1}, where scans "
+            f"of {range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
+        )
+
+
 def map_log(
     log: RobotLog,
     config: LogConfig = LogConfig(),
@@ -158,20 +174,11 @@ def map_log(
     `watched` is a progress display: it iterates over numbers, given them and their name.
 
     Raises:
-        ValueError: If no beam hits anything, or poses of odometry lie too far apart or make a map of too many cells.
+        FileError: If no beam hits anything, or odometry jumps farther than scans overlap.
+        ValueError: If poses make a map of too many cells.
     """
     begin, robot, log = process_time(), log, log.seen_from(log.mount)
-    if not (log.range_m < config.range_m).any():
-        raise ValueError(
-            f"{log.file or log.name}: none of its beams hits anything within --range-m, {config.range_m:g} m. Are "
-            "its ranges in metres?"
-        )
-    step_m = np.hypot(log.displacement[:, 0], log.displacement[:, 1])
-    if step_m.max() > 2 * config.range_m:
-        raise ValueError(
-            f"{log.file or log.name}: odometry goes {step_m.max():.0f} m up to scan {step_m.argmax() + 1}, where scans "
-            f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
-        )
+    check_reach(log, config.range_m)
     log = _corrected(log, config, watched)
     _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
     is_sparse, step_deg = log.step_rad() > _SPARSE_RAD, math.degrees(log.step_rad())

@@ -27,7 +27,7 @@ from robosim.movers.mover import Body, Group, Mover, Surroundings
 from robosim.movers.recorded import Recorded, read_crowd, read_trajectory
 from robosim.support.checks import FARTHEST, Range, checked
 from robosim.support.from_dict import from_dict
-from robosim.support.reading import reading
+from robosim.support.reading import reading, shown
 from robosim.support.text_in import check_object, parse_yaml
 
 #: Most movers of a file; radius of the posts of a leaf [m], and time of a swing [s].
@@ -56,15 +56,17 @@ class DoorConfig:
 
     def __post_init__(self) -> None:
         for begin, end in self.open_s:
-            if not begin < end:
-                raise ValueError(f"open_s is {begin:g} to {end:g} s, expected a begin before the end.")
+            if not begin < end > 0:
+                raise ValueError(
+                    f"open_s is {begin:g} to {end:g} s, expected a begin before the end, after 0."
+                )
 
 
 class Door:
     """A leaf that swings about its hinge."""
 
-    def __init__(self, config: DoorConfig) -> None:
-        self.config = config
+    def __init__(self, config: DoorConfig, name: str = "") -> None:
+        self.config, self._name = config, name
         count = max(2, math.ceil(config.width_m / (2 * _POST_M)))
         self._along_m = (np.arange(count) + 0.5) * config.width_m / count
         self.bodies: Sequence[Body] = (
@@ -77,7 +79,7 @@ class Door:
         west, south, east, north = surroundings.building.free.bounds
         if not (west - width_m <= x <= east + width_m and south - width_m <= y <= north + width_m):
             raise ValueError(
-                f"door is at ({x:g}, {y:g}) m, outside of the building from ({west:g}, {south:g}) to "
+                f"{self._name}door is at ({x:g}, {y:g}) m, outside of the building from ({west:g}, {south:g}) to "
                 f"({east:g}, {north:g}) m."
             )
         self._time_s, self._share = 0.0, float(self._is_open(0.0))
@@ -129,15 +131,15 @@ def mover_of_file(path: Path) -> Mover:
         movers = []
         for number, entry in enumerate(entries, 1):
             try:
-                movers.append(_mover(check_object(entry), path.parent))
+                movers.append(_mover(check_object(entry), path.parent, f"{shown(path)}: entry {number}: "))
             except ValueError as error:
                 raise ValueError(f"entry {number}: {error}") from error
         return Group(movers)
 
 
-def _mover(entry: dict[str, Any], folder: Path) -> Mover:
+def _mover(entry: dict[str, Any], folder: Path, name: str) -> Mover:
     if "door" in entry:
-        return Door(from_dict(DoorConfig, entry))
+        return Door(from_dict(DoorConfig, entry), name)
     for kind, read in (("crowd", read_crowd), ("trajectory", read_trajectory)):
         if isinstance(entry.get(kind), str):
             size = {key: value for key, value in entry.items() if key != kind}

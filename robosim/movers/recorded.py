@@ -14,12 +14,14 @@ from pyarrow import csv
 
 from robosim.movers.mover import Body, Surroundings
 from robosim.support.checks import FARTHEST
-from robosim.support.reading import reading, shown
+from robosim.support.reading import FileError, reading, shown
 from robosim.support.tum import read_tum
 from wireless.support.columns import numbers, parquet_table, values
 
 #: Most bodies of a recording.
 _MOST = 1000
+#: No body in a building is faster [m/s].
+_FASTEST_MPS = 30.0
 #: Another robot [m].
 _ROBOT = Body(radius_m=0.2, height_m=0.5, look="cylinder")
 
@@ -37,6 +39,12 @@ class Recorded:
     """Bodies that follow recorded tracks."""
 
     def __init__(self, tracks: Sequence[Track], body: Body, name: str = "recording") -> None:
+        for times, poses in tracks:
+            speed_mps = np.hypot(*np.diff(poses[:, :2], axis=0).T) / np.diff(times)
+            if (speed_mps > _FASTEST_MPS).any():
+                k = int(speed_mps.argmax())
+                fastest = f"{speed_mps[k]:.4g} m/s at {times[k]:g} s, expected {_FASTEST_MPS:g} m/s at most"
+                raise FileError(f"{name}: a body moves at {fastest}. Give seconds and metres.")
         self.bodies: Sequence[Body] = (body,) * len(tracks)
         self._tracks, self._name = tracks, name
 

@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from robosim.plans.floorplan import FARTHEST_M, FloorPlan, MapError
 from robosim.support.reading import FileError, reading
 from robosim.support.text_in import MOST_YAML
@@ -17,6 +19,8 @@ from robosim.support.text_in import MOST_YAML
 HEIGHTS_M, SLABS_M = (0.1, 100.0), (0.01, 10.0)
 #: Storeys of a building.
 MOST_STOREYS = 200
+#: Middles of the plans of storeys are no farther from each other [m].
+_APART_M = 1000.0
 
 #: Name of such files in messages, and what to do about a damaged one.
 STOREYS_FILE = "the YAML file of a building of several storeys"
@@ -76,6 +80,12 @@ class StoreysPlan:
             raise MapError(
                 f"{self.label}: storeys has {len(self.storeys)} entries, expected 1 to {MOST_STOREYS}, "
                 "the lowest first."
+            )
+        middles = [each.plan.to_map(np.array(each.plan.shape[::-1]) / 2) for each in self.storeys]
+        away_m = np.hypot(*(np.array(middles) - middles[0]).T)
+        if (k := int(away_m.argmax())) and away_m[k] > _APART_M:
+            raise MapError(
+                f"{self.label}: storey {k} is {away_m[k]:.6g} m from storey 0. Correct its offset."
             )
 
     @property

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from robosim.plans.floorplan import OCCUPIED, FloorPlan
 from robosim.policies.sightlines import count_walls
 from robosim.support.checks import Range, checked
+from robosim.support.reading import FileError
 from wireless.positioning.received_power import PowerLawConfig, PowerReadings, log_evidence
 
 #: Shares of the route after which places are reported.
@@ -75,13 +76,13 @@ def locate_beacon(
         config: What is known before.
 
     Raises:
-        ValueError: If positions do not lie on the floor of the plan.
+        FileError: If positions do not lie on the floor of the plan.
     """
     c = config or BeaconConfig()
     tree = cKDTree(readings.xy) if plan is None else _floor_of(plan)
     floor, readings = tree.data, readings.thinned(_STEP_M, _TURN_RAD, _MOST)
     if (off := np.median(tree.query(readings.xy)[0])) > _OFF_M:
-        raise ValueError(
+        raise FileError(
             f"half of the positions are more than {off:.1f} m away from the free floor, expected on it. Give plan and "
             "table in one frame."
         )

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.calibration.measured_powers import beacon_name, number_of
+from robosim.calibration.measured_powers import beacon_name, check_varying, number_of
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
@@ -100,6 +100,8 @@ def read_power_route(path: Path, *, needs_time: bool, not_received: float | None
         if not beacons:
             raise ValueError("there is no reading in it")
         table = np.array(values)
+        for name in dict.fromkeys(beacons):
+            check_varying(name, table[np.array(beacons) == name, 4])
         lowest, is_lowest = table[:, 4].min(), table[:, 4] == table[:, 4].min()
         if 0.05 < is_lowest.mean() < 1 and table[~is_lowest, 4].min() > lowest + _GAP_DB:
             logger.warning(
@@ -133,12 +135,8 @@ def map_route(
     headings its headings. Readings outside of the log's times do not count.
 
     Raises:
-        ValueError: If the log has no times, or none of the readings is made within it.
+        ValueError: If none of the readings is made within the log's times.
     """
-    if log.is_counted:
-        raise ValueError(
-            f"{log.file or log.name}: its times do not rise, expected times like those of the readings."
-        )
     within = np.flatnonzero((powers.time_s >= log.times[0]) & (powers.time_s <= log.times[-1]))
     if not len(within):
         raise ValueError(

@@ -184,12 +184,24 @@ def radio_site(
     return RadioScene(place, config)
 
 
+#: Terminals are no farther below a scene [m].
+_BELOW_M = 10.0
+
+
 class MeshScene(RadioSite):
-    """A Mitsuba scene: places are anywhere, its floor is at its lowest point."""
+    """A Mitsuba scene: places are anywhere but far below it, its floor is at its lowest point."""
 
     def __init__(self, scene: MitsubaScene, config: RadioConfig):
         self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
         self.floor_m = float(scene.mesh.bounds[0, 2])
+
+    def problem_at(self, position: Float[np.ndarray, "3"], name: str) -> str | None:
+        """Why a terminal of a name cannot be at a position [m]; None but far below the scene."""
+        if position[2] >= self.floor_m - _BELOW_M:
+            return None
+        return (
+            f"{name} is at z = {position[2]:g} m, but {self.name} begins at {self.floor_m:g} m. Give metres."
+        )
 
     def section(self, grid: ReceiverGrid) -> "SceneSection":
         """The surfaces of the scene at the height of a grid."""

@@ -65,9 +65,13 @@ def load_description(path: Path) -> Description:
     root = _parse(path)
     notes: list[str] = []
     sensors: list[SensorTag] = []
-    with _warnings_as(notes):
+    with warnings_as(notes):
         if root.tag == "robot":
             sensors = [tag for element in root.iter("gazebo") for tag in _sensor_tags(element)]
+            strange = {tag.link for tag in sensors} - {link.get("name") for link in root.findall("link")}
+            notes += [
+                f"sensors are on {name!r}, which is no link: they are left out" for name in sorted(strange)
+            ]
             spec = mujoco.MjSpec.from_string(_urdf(root, path, notes))
             for mesh in spec.meshes:
                 mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # flat ones have no volume
@@ -99,7 +103,7 @@ def balance_inertias(spec: mujoco.MjSpec) -> None:
 
 
 @contextmanager
-def _warnings_as(notes: list[str]) -> Iterator[None]:
+def warnings_as(notes: list[str]) -> Iterator[None]:
     """Append MuJoCo's warnings, which it would print, to a list."""
     mujoco.set_mju_user_warning(notes.append)
     try:
@@ -201,6 +205,8 @@ def _urdf(root: ET.Element, path: Path, notes: list[str]) -> str:
             limit = joint.find("limit")
             low, high = ((*_numbers(limit, key), 0.0)[0] for key in ("lower", "upper"))
             is_limited = joint.get("type") == "revolute" and low < high
+            if low > high:
+                notes.append(f"limits of joint {joint.get('name')}, {low:g} to {high:g}, do not count")
             reduced.set("type", "revolute" if is_limited else "continuous")
             if is_limited and limit is not None:
                 ET.SubElement(reduced, "limit", lower=str(max(low, -1e3)), upper=str(min(high, 1e3)))
@@ -228,7 +234,7 @@ def _inertial(link: ET.Element, notes: list[str]) -> ET.Element | None:
         raise ValueError(f"the inertia of link {name!r} is {tensor.tolist()}, expected finite numbers")
     value, axes = np.linalg.eigh(tensor)
     if value.min() <= 1e-12:
-        notes.append(f"the inertia of {name} is zero about an axis: {_GYRATION_M:g} m of gyration assumed")
+        notes.append(f"the inertia of {name} is zero or negative: {_GYRATION_M:g} m of gyration assumed")
         tensor = (axes * np.where(value <= 1e-12, mass_kg * _GYRATION_M**2, value)) @ axes.T
     for i, j, key in (
         (0, 0, "ixx"),
@@ -277,6 +283,7 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
         is_camera = bool(_CAMERAS.search(kind)) and "logical" not in kind
         if not gazebo.get("reference") or not (is_camera or _LIDARS.search(kind)):
             continue
+        _check_sensor(sensor)
         for optics in (sensor.findall("camera") or [sensor]) if is_camera else [sensor]:
             poses = [_numbers(each.find("pose"), "") for each in (optics, sensor)]
             pose = next((tuple(each) for each in poses if len(each) == 6), (0.0,) * 6)
@@ -289,3 +296,17 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
                 pose=pose,
                 hfov_deg=None if math.isnan(hfov_rad) else math.degrees(hfov_rad),
             )
+
+
+def _check_sensor(sensor: ET.Element) -> None:
+    """Raise ValueError for a sensor that sees nothing: no pixels or samples, no field of view, or no range."""
+    for element in sensor.iter():
+        tag, is_size = element.tag, element.tag in ("width", "height", "samples", "horizontal_fov")
+        if is_size and min(_numbers(element, ""), default=1) <= 0:
+            raise ValueError(f"{tag} of sensor {sensor.get('name')} is {element.text}, expected more than 0")
+        widest = 6.3 if tag in ("horizontal", "vertical") else math.inf
+        for low, high in (("min_angle", "max_angle"), ("min", "max"), ("near", "far")):
+            ends = [*_numbers(element.find(low), ""), *_numbers(element.find(high), "")]
+            is_single = ends[1:] == ends[:1] and _numbers(element.find("samples"), "") == [1.0]
+            if len(ends) == 2 and not (is_single or 0 < ends[1] - ends[0] <= widest):
+                raise ValueError(f"<{tag}> of sensor {sensor.get('name')} is from {ends[0]:g} to {ends[1]:g}")

@@ -27,11 +27,18 @@ from jaxtyping import Float
 from robosim.camera.model import CameraConfig
 from robosim.lidar import LidarConfig
 from robosim.robot.described_sensors import Extent, Sensor, find_camera, find_lidar
-from robosim.robot.description import COLLIDING, NO_MASS_KG, Description, balance_inertias, load_description
+from robosim.robot.description import (
+    COLLIDING,
+    NO_MASS_KG,
+    Description,
+    balance_inertias,
+    load_description,
+    warnings_as,
+)
 from robosim.robot.driven_wheels import Sides, Wheel, find_wheels
 from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import RobotConfig
-from robosim.support.reading import FileError, reading
+from robosim.support.reading import FileError, naming, reading
 from slam.hull import Hull, Outline
 from slam.robot import convex_outline
 
@@ -41,6 +48,7 @@ logger = logging.getLogger(__name__)
 _SIMPLER_M, _ROUND = 0.002, 0.02
 #: Farthest place of a part [m], and greatest mass of one [kg].
 _MOST_M, _MOST_KG = 100.0, 10_000.0
+_REMEDY = "Give a URDF or MJCF file of a differential drive, xacro expanded, meshes where it says they are"
 #: Corners of circles.
 _CORNERS = 64
 #: What is taken where a description does not state it: a lidar, and the field of view of a camera [deg].
@@ -96,34 +104,37 @@ def read_model(path: Path) -> RobotConfig:
 
 
 def robot_of(path: Path, model: Model) -> RobotConfig:
-    """A robot from what its file states; a warning lists what was assumed."""
+    """A robot from what its file states; a warning lists what was assumed. FileError if a value is impossible."""
     left, right = (np.mean([wheel.place[1] for wheel in side]) for side in model.wheels)
     wheel_radius_m = model.wheels[0][0].radius_m
     hull = Hull(max(abs(y) for _, y in model.outline_m), model.outline_m)
     is_round = hull.inner_m > (1 - _ROUND) * hull.turning_m
     sensors: dict[str, Any] = {}
-    if model.camera is not None or model.lidar is not None:
-        heights_m = [_mount(each)["height_m"] for each in (model.camera, model.lidar) if each is not None]
-        sensors = {"camera": None, "mast_m": max(model.height_m, *heights_m, 0.01)}
-        if model.camera is not None:
-            camera = CameraConfig(hfov_deg=model.camera.hfov_deg or _SOME_HFOV_DEG)
-            sensors["camera"] = replace(camera, **_mount(model.camera))
-        if model.lidar is not None:
-            sensors |= {"lidar": _SOME_LIDAR, "laser": LidarConfig(**_mount(model.lidar))}
+    with naming(path, "a robot", _REMEDY):
+        if mounts := [_mount(each) for each in (model.camera, model.lidar) if each is not None]:
+            heights_m = [mount["height_m"] for mount in mounts]
+            sensors = {"camera": None, "mast_m": max(model.height_m, *heights_m, 0.01)}
+            if model.camera is not None:
+                hfov_deg = model.camera.hfov_deg
+                camera = CameraConfig(hfov_deg=_SOME_HFOV_DEG if hfov_deg is None else hfov_deg)
+                sensors["camera"] = replace(camera, **_mount(model.camera))
+            if model.lidar is not None:
+                sensors |= {"lidar": _SOME_LIDAR, "laser": LidarConfig(**_mount(model.lidar))}
+        robot = RobotConfig(
+            radius_m=hull.turning_m if is_round else None,
+            outline_m=() if is_round else model.outline_m,
+            mass_kg=model.mass_kg,
+            wheel_radius_m=wheel_radius_m,
+            track_m=float(left - right),
+            # Of what rolls, as of the other robots.
+            rotor_inertia_kgm2=0.2 * model.mass_kg * wheel_radius_m**2,
+            **sensors,
+            model=path.absolute() if len(model.wheels[0]) == 1 else None,
+        )
     logger.warning("%s does not state %s. Give what differs.", path, " and ".join(unstated(model)))
     for note in model.notes:
         logger.warning("%s: %s", path, note)
-    return RobotConfig(
-        radius_m=hull.turning_m if is_round else None,
-        outline_m=() if is_round else model.outline_m,
-        mass_kg=model.mass_kg,
-        wheel_radius_m=wheel_radius_m,
-        track_m=float(left - right),
-        # Of what rolls, as of the other robots.
-        rotor_inertia_kgm2=0.2 * model.mass_kg * wheel_radius_m**2,
-        **sensors,
-        model=path.absolute() if len(model.wheels[0]) == 1 else None,
-    )
+    return robot
 
 
 def unstated(model: Model) -> list[str]:
@@ -173,8 +184,7 @@ def attach_model(
 
 def model_of(path: Path) -> Model:
     """What a URDF or MJCF file states of a robot; FileError if it is no differential drive."""
-    remedy = "Give a URDF or MJCF file of a differential drive, xacro expanded, meshes where it says they are"
-    with reading(path, "a robot", remedy):
+    with reading(path, "a robot", _REMEDY):
         try:
             description = load_description(path)
         except FileError as error:
@@ -186,9 +196,10 @@ def model_of(path: Path) -> Model:
                 raise ValueError(
                     f"{each.name or 'a part'} is at {each.pos} m, expected places up to {_MOST_M:g} m"
                 )
-        compiled = spec.compile()
-        data = mujoco.MjData(compiled)
-        mujoco.mj_fwdPosition(compiled, data)
+        with warnings_as(description.notes):
+            compiled = spec.compile()
+            data = mujoco.MjData(compiled)
+            mujoco.mj_fwdPosition(compiled, data)
         return _facts(compiled, data, description)
 
 
@@ -223,6 +234,12 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
     places = np.array([[wheel.place for wheel in side] for side in wheels])
     axle = places.mean(axis=(0, 1)) - [0.0, 0.0, wheels[0][0].radius_m]
     outline = shapely.MultiPoint(every[:, :2] - axle[:2]).convex_hull.simplify(_SIMPLER_M)
+    size_m = float(np.linalg.norm(np.ptp(every, axis=0)))
+    for k in np.flatnonzero(mass):
+        gyration_m = math.sqrt(model.body_inertia[k].max() / mass[k])
+        if max(gyration_m, float(np.linalg.norm(data.xipos[k] - every.mean(axis=0)))) > size_m:
+            about = f"radius of gyration {gyration_m:.3g} m, centre at {data.xipos[k].round(3)} m"
+            notes.append(f"inertia of {model.body(k).name} is that of mass outside of the robot: {about}")
     extent = Extent(bodies, every[:, :2].min(axis=0), every[:, :2].max(axis=0))
     camera, lidar = (
         find(model, data, extent, description.sensors, notes) for find in (find_camera, find_lidar)

@@ -28,6 +28,8 @@ SERVO_LAG_S = 0.015
 CAMERA_R, DECK_R = 0.15, 1.3
 #: Push of the wheels at which the motors stall, as a part of the robot's weight.
 STALL_GRIP = 0.5
+#: Sensors are no farther outside of the hull [m].
+_OUTSIDE_M = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +69,9 @@ class RobotConfig(Robot):
                     f"{name}.height_m is {mount.height_m:g}, but mast_m, the robot's height, is {self.mast_m:g} m. Set "
                     f"{name}.height_m (--{option}.height-m) lower, or mast_m (--robot.mast-m) higher."
                 )
+            if mount is not None and abs(mount.ahead_m) > self.hull.turning_m + _OUTSIDE_M:
+                reach = f"the hull reaches {self.hull.turning_m:g} m"
+                raise ValueError(f"{name}.ahead_m is {mount.ahead_m:g}, but {reach}. Set it lower.")
         if self.lidar == "none" and self.laser != LidarConfig():
             raise ValueError("laser is set, but lidar is 'none'. Name the lidar, such as --lidar rplidar-a1.")
 

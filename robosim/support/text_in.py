@@ -34,7 +34,9 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
     if _TOO_LONG.search(content):
         raise ValueError(f"a whole number of more than {MOST_DIGITS} digits")
     constant, real = (None, None) if numbers == "any" else (_no_number, _real)
-    value = json.loads(content.decode("utf-8-sig"), parse_constant=constant, parse_float=real)
+    value = json.loads(
+        content.decode("utf-8-sig"), parse_constant=constant, parse_float=real, object_pairs_hook=_unique_keys
+    )
     _check_depth(value)
     return value
 
@@ -145,6 +147,16 @@ def _check_depth(value: Any) -> None:
     raise ValueError(f"nested more than {MOST_DEEP} deep")
 
 
+def _unique_keys(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    """A dictionary of keys and values; ValueError if a key is there twice."""
+    value = dict(pairs)
+    if len(value) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {twice[:80]!r} is there twice, expected once")
+    return value
+
+
 def _no_number(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number of JSON")
 
@@ -180,6 +192,8 @@ class _TextLoader(yaml.BaseLoader):
             raise _problem(f"nested more than {MOST_DEEP} deep", event)
         node = super().compose_node(parent, index)
         self._depth -= 1
+        if isinstance(node, yaml.MappingNode):
+            _unique_keys([(key.value, key) for key, _ in node.value if isinstance(key, yaml.ScalarNode)])
         return node
 
 

@@ -167,9 +167,10 @@ class MovingThings:
         views = [np.where(scan.hit[:, None], points, np.nan).astype(float)]
         if laser is not None:
             angle = laser.bearing_rad
-            points = laser.range_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+            reach_m = np.where(laser.hit, laser.range_m, np.nan)
+            points = reach_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
             points += [laser.ahead_m, 0.0]
-            views.append(np.where(laser.hit[:, None], points, np.nan))
+            views.append(points)
         masks = self.update(views, pose, probability, frame, time_s)
         return scan.without(masks[0]), laser if laser is None else laser.without(masks[1])
 

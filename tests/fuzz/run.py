@@ -76,7 +76,7 @@ def fuzz(cases: Sequence[Case], seeds: Path, out: Path, workers: int) -> Tally:
         queue.put(case)
 
     def work(folder: Path) -> None:
-        worker = _Worker(seeds, folder)
+        worker = _Worker(seeds, folder, sorted({case.target for case in cases}))
         try:
             while True:
                 try:
@@ -111,13 +111,13 @@ def fuzz(cases: Sequence[Case], seeds: Path, out: Path, workers: int) -> Tally:
 class _Worker:
     """A process that runs cases; another one after a death."""
 
-    def __init__(self, seeds: Path, work: Path) -> None:
-        self._seeds, self._work = seeds, work
+    def __init__(self, seeds: Path, work: Path, targets: list[str]) -> None:
+        self._words = [str(seeds), str(work), *targets]
         work.mkdir(parents=True, exist_ok=True)
         self._start()
 
     def _start(self) -> None:
-        command = [sys.executable, "-m", "tests.fuzz.worker", str(self._seeds), str(self._work)]
+        command = [sys.executable, "-m", "tests.fuzz.worker", *self._words]
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
         root = Path(__file__).resolve().parents[2]
         self._process = subprocess.Popen(

@@ -10,18 +10,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import trimesh
 from PIL import Image
-from pyarrow import csv
 from rich.console import Console
 from safetensors.numpy import save
 
 from robosim.building.building import make_building
-from robosim.building.mesh_export import export_mesh, export_mitsuba
-from robosim.calibration.measured_paths import COLUMNS as MEASURED
-from robosim.calibration.measured_powers import COLUMNS as POWERS
+from robosim.building.mesh_export import export_mesh
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_units import transmitters_file
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
@@ -37,24 +32,19 @@ from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
-from robosim.robot.calibration import COLUMNS, read_runs
-from robosim.robot.robot_files import write_robot
-from robosim.robot.robots import TURTLEBOT
 from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.installation import assets_dir, shipped_network
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
-from slam.actions import MOVES
 from slam.grid import GridFrame, MapEstimate
-from slam.odometry import calibrated
 from tests import stored_episodes
 from tests.fuzz.bag_seeds import bags
 from tests.fuzz.checkpoint_seeds import checkpoints
+from tests.fuzz.robot_seeds import logs, robots, scenes
+from tests.fuzz.small_files import write_files as write_small_files
 from tests.fuzz.trees import CANARY
-from tests.made_robots import MJCF, TWO, URDF
 from tests.plans import two_rooms
 from tests.robosim.plans.formats import test_polygons
-from tests.robot_logs import ROUTE, Drive
 from tests.steps import measurement, step
 from wireless.estimates import PathEstimates
 from wireless.formats.link_records import link_table, write_links
@@ -71,7 +61,7 @@ def make_seeds(folder: Path) -> list[str]:
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
-        antennas, bags, scenes, drawings,
+        bags, scenes, drawings, small,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -188,6 +178,11 @@ def dialects(folder: Path) -> None:
     )
 
 
+def small(folder: Path) -> None:
+    """A small file of each kind that commands read."""
+    write_small_files(folder / "small")
+
+
 def coloured(folder: Path) -> None:
     """A ROS map whose colours are materials, one of them a file of layers."""
     home, grey = _into(folder, "ros-materials"), GREY[small_plan().occupancy]
@@ -285,6 +280,8 @@ def episode(folder: Path) -> None:
     row = stored_episodes.row("pair", 0, "fused", TARGET, steps=5)
     content = writer.content(Head(row=row, seeks_target=True), np.ones(3), 0.5, _estimate(), np.arange(6.0))
     write_whole(_into(folder, "episode") / EPISODE, content)
+    write_whole(_into(folder, "exported") / EPISODE, content)
+    write_json(folder / "exported" / "result.json", {"config": to_dict(EpisodeConfig()), "plan": "pair"})
 
 
 def _episode(task: int, policy: str, steps: int) -> bytes:
@@ -303,7 +300,9 @@ def evaluation(folder: Path) -> None:
     """All that `robosim evaluate` leaves to go on from, and the suite."""
     home = _into(folder, "evaluation")
     write_ros(two_rooms(0.8), home / "plans" / "pair.yaml")
-    tasks = tuple(SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 0.0), target=TARGET) for i in range(2))
+    tasks = tuple(
+        SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 9.0 * i), target=TARGET) for i in range(2)
+    )
     suite = Suite(plans={"pair": home / "plans" / "pair.yaml"}, tasks=tasks, seed=3)
     write_suite(suite, home / "suite.yaml")
     write_suite(suite, home / "suite.json")
@@ -397,16 +396,6 @@ def arrays(folder: Path) -> None:
     write_json(home / "bench.json", {"settings": {"seed": 1}, "rows": [{"plan": "a", "ate_m": 0.1}]})
 
 
-def logs(folder: Path) -> None:
-    """Logs of a real robot in every format."""
-    Drive(ROUTE[:8], 31).write_all(_into(folder, "logs"))
-
-
-def scenes(folder: Path) -> None:
-    """A scene for Mitsuba."""
-    export_mitsuba(make_building(small_plan()), _into(folder, "scenes"))
-
-
 def drawings(folder: Path) -> None:
     """A house in DXF, as text and binary, and in SVG, with everything that is read of them."""
     import ezdxf
@@ -435,53 +424,6 @@ def drawings(folder: Path) -> None:
         '<polyline points="100,100 200,150 300,100" stroke="black" stroke-width="8" fill="none"/>\n'
         '<path d="M300 200a30 20 15 1 0 40 30" stroke="rgb(0,0,9)"/></g></svg>\n'
     )
-
-
-def robots(folder: Path) -> None:
-    """A robot whose odometry is known, its table of runs, and tables of measured paths and powers."""
-    home, rng = _into(folder, "robots"), np.random.default_rng(7)
-    rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in MOVES for _ in range(11)]
-    text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
-    (home / "runs.csv").write_text(text)
-    found = calibrated(*read_runs(home / "runs.csv"))
-    write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
-    (home / "robot.urdf").write_text(URDF.replace("WHEELS", TWO))
-    (home / "robot.xml").write_text(MJCF)
-    crowd = pa.table(
-        {"time": [0.0, 2, 1, 3], "id": ["a", "a", "b", "b"], "x": [0.0, 2, 5, 5], "y": [0.0, 0, 5, 6]}
-    )
-    csv.write_csv(crowd, home / "crowd.csv")
-    pq.write_table(crowd, home / "crowd.parquet")
-    columns = ",".join(MEASURED)
-    (home / "paths.csv").write_text(
-        "\n".join(
-            [columns, *(",".join(map(str, row)) for row in rng.normal(0, 3, (9, len(MEASURED))).round(4))]
-        )
-    )
-    readings = np.column_stack(
-        [np.tile([1.0, 0.5, 0.5, 2.0], (40, 1)), rng.uniform(0, 4, (40, 2)), -np.arange(40)]
-    )
-    (home / "powers.csv").write_text(
-        "\n".join([",".join(POWERS), *(",".join(map(str, row)) for row in readings.round(3))])
-    )
-    route = [f"a,{k},{0.1 * k},{0.05 * k},0.3,{-40 - k}" for k in range(20)]
-    (home / "route.csv").write_text("\n".join(["beacon,time_s,x_m,y_m,heading_rad,power_dbm", *route]))
-    (home / "robot.yaml").write_text("radius_m: 0.25\nmass_kg: 4\n")
-    (home / "wall.yaml").write_text(
-        "name: clad\nlayers:\n- {material: glass, thickness_m: 0.006}\n"
-        "- {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}\n"
-        "- {material: glass, thickness_m: 0.006}\n"
-    )
-
-
-def antennas(folder: Path) -> None:
-    """Patterns of antennas: two cuts, and a grid."""
-    home = _into(folder, "antennas")
-    cuts = [f"{angle} {min(abs(angle - 180), 25)}" for angle in range(0, 360, 10)]
-    text = ["NAME a", "GAIN 8.15 dBi", "HORIZONTAL 36", *cuts, "VERTICAL 36", *cuts]
-    (home / "a.msi").write_text("\n".join(text))
-    grid = [f"{a},{e},{a / 100 - e / 10}" for a in range(0, 360, 30) for e in range(-90, 91, 30)]
-    (home / "a.csv").write_text("\n".join(["azimuth_deg,elevation_deg,gain_dbi", *grid]))
 
 
 def furnishings(folder: Path) -> None:

@@ -15,7 +15,6 @@ from robosim.building.building import make_building
 from robosim.building.multi_storey import make_storeys
 from robosim.building.wall_materials import read_material
 from robosim.calibration.measured_paths import read_measured_paths
-from robosim.calibration.measured_powers import read_measured_powers
 from robosim.cli import main
 from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
@@ -34,7 +33,6 @@ from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
-from robosim.positioning.power_route import read_power_route
 from robosim.radio.link_state import classifier_of_file
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
@@ -51,6 +49,7 @@ from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
 from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from tests.fuzz.seeds import COLLECTED, SEARCHES, small_plan
+from tests.fuzz.small_files import COMMANDS, STOPS
 from tests.plans import two_rooms
 from wireless.antennas.pattern_files import read_pattern
 from wireless.antennas.sphere import sphere
@@ -259,12 +258,6 @@ def _train_link_state(folder: Path, file: Path) -> None:
         main(words.split())
 
 
-def _command_plan(folder: Path, file: Path) -> None:
-    words = ["--resolution", "0.05"] if file.suffix in SCALELESS else []
-    with _only_reading("robosim.building.building.make_building"):
-        main(["plan", str(file), *words, "--out", str(folder / "out")])
-
-
 def _episode_with_mapper(folder: Path, file: Path) -> None:
     """The weights are looked at before anything else is."""
     _command_episode(folder, "--mapper")
@@ -279,12 +272,6 @@ def _command_episode(folder: Path, option: str) -> None:
         main(f"episode flat {option} {folder}/a.safetensors --no-video --out {folder}/out".split())
 
 
-def _scans(folder: Path, file: Path) -> None:
-    """Odometry, scans, and a trajectory to compare with."""
-    odometry, scans = folder / "odometry.tum", folder / "scans.txt"
-    read_log(odometry, scans, reference=odometry)
-
-
 def _slam(folder: Path, file: Path) -> None:
     """All of it: what is read goes on to be mapped."""
     with (
@@ -297,11 +284,6 @@ def _slam(folder: Path, file: Path) -> None:
 def _calibrate(folder: Path, file: Path) -> None:
     with patch("robosim.drawing.plots.draw_errors", lambda *a: None):
         main(["calibrate", str(file), "--out", str(folder / "out")])
-
-
-def _episode_with_robot(folder: Path, file: Path) -> None:
-    with _only_reading("robosim.run.make_building"):
-        main(["episode", "flat", "--robot", str(file), "--no-video", "--out", str(folder / "out")])
 
 
 def _furnished_building(folder: Path, file: Path) -> None:
@@ -330,10 +312,18 @@ def _antenna(folder: Path, file: Path) -> None:
     assert np.isfinite(read_pattern(file).amplitude(sphere(8)[0])).all()
 
 
-def _trace_with_material(folder: Path, file: Path) -> None:
-    with _only_reading("wireless.tracing.tracer.Tracer.trace"):
-        ends = "--tx 6.5,8.5 --rx 5.6,9.9"
-        main(f"trace cottage {ends} --material {folder}/wall.yaml --out {folder}/out".split())
+def _command(words: str) -> Callable[[Path, Path], None]:
+    """A command that is given the damaged file as {1} and its folder as {0}, and ends where the work begins."""
+
+    def call(folder: Path, file: Path) -> None:
+        with _only_reading(*STOPS):
+            main(words.format(folder, file).split())
+
+    return call
+
+
+def _bag_folder(folder: Path, file: Path) -> None:
+    read_log(file.parent if file.parent.is_dir() else folder)
 
 
 TARGETS: dict[str, Target] = {
@@ -387,33 +377,34 @@ TARGETS: dict[str, Target] = {
     "homes": Target("arrays", "home-*", _homes, 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
-    "scans with a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
-    "layers of a wall": Target("robots", "wall.yaml", lambda folder, file: read_material(file), 0.5),
-    "antenna": Target("antennas", "*", _antenna, 2),
+    "layers of a wall": Target("small", "wall.yaml", lambda folder, file: read_material(file), 0.5),
+    "antenna": Target("small", "[sg]*.[mc]s*", _antenna, 2),
     "crowd": Target("robots", "crowd.*", lambda folder, file: mover_of_file(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
-    "measured powers": Target("robots", "powers.csv", lambda folder, file: read_measured_powers(file, 1.5), 0.5),
-    "power route": Target(
-        "robots", "route.csv", lambda folder, file: read_power_route(file, needs_time=True), 0.5
-    ),
     "bag": Target("bags", "*", lambda folder, file: read_log(file)),
+    "bag folder": Target("bag-folder", "*/*", _bag_folder, names="case"),
     "mitsuba scene": Target("scenes", "scene.xml", lambda folder, file: read_mitsuba(file), 0.5),
+    "robosim slam --inspect": Target("bags", "*", _command("slam --inspect {1} --json"), 0.7, True),
+    "robosim export": Target("exported", "*", _command("export {0} --out {0}/out"), 0.5, True),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --config": Target("config", "result.json", _episode_with_config, 0.5, True),
-    "robosim trace --material": Target("robots", "wall.yaml", _trace_with_material, 0.5, True),
-    "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),
     "robosim replay": Target("episode", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),
     "robosim train link-state": Target("dataset", "**/*.*", _train_link_state, 0.5, True),
     "robosim train link-state, published": Target("measurements", "pair/*", _train_link_state, 0.5, True),
-    "robosim plan": Target("plans", "*", _command_plan, 0.5, True),
     "robosim episode --mapper": Target("weights-mapper", "*", _episode_with_mapper, 0.4, True, "a.safetensors"),
     "robosim episode --link-states": Target(
         "weights-link-state", "*", _episode_with_classifier, 0.4, True, "a.safetensors"
     ),
 }  # fmt: skip
+TARGETS |= {
+    f"robosim {words.split()[0]}, {name}": Target(
+        "small", name, _command(words), 0.5, True, words.split("{0}/")[1].split()[0]
+    )
+    for name, words in COMMANDS.items()
+}

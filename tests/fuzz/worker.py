@@ -161,13 +161,13 @@ def _forget_peak() -> float:
     return _status("VmRSS")
 
 
-def serve(seeds: Path, work: Path) -> None:
-    """Run the cases that come in, a line each, until there are no more."""
+def serve(seeds: Path, work: Path, targets: list[str]) -> None:
+    """Run the cases of some targets that come in, a line each, until there are no more."""
     answers = os.fdopen(os.dup(1), "w")
     # Whatever the readers print is of no interest here.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
-    warm_up(seeds, work)
+    warm_up(seeds, work, targets)
     # A backstop: what needs more is out of memory rather than the machine.
     most = int(_status("VmSize") * 1e6) + 4_000_000_000
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
@@ -178,9 +178,9 @@ def serve(seeds: Path, work: Path) -> None:
         print(json.dumps(asdict(outcome)), file=answers, flush=True)
 
 
-def warm_up(seeds: Path, work: Path) -> None:
+def warm_up(seeds: Path, work: Path, targets: list[str]) -> None:
     """Read good files once, so that what is compiled and imported at first use is no part of a case."""
-    for target in TARGETS.values():
+    for target in map(TARGETS.__getitem__, targets):
         if not (seeds / target.seed).is_dir():
             continue
         folder = work / "warm"
@@ -191,4 +191,4 @@ def warm_up(seeds: Path, work: Path) -> None:
 
 
 if __name__ == "__main__":
-    serve(Path(sys.argv[1]), Path(sys.argv[2]))
+    serve(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:])

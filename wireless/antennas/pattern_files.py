@@ -20,6 +20,7 @@ Propagation Magazine 43(2), 2001 (sums of cuts, and their errors).
 """
 
 import logging
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -50,6 +51,8 @@ _GAP_DEG, _MOST = 45.0, 3600
 _GAP_STEPS, _SAME_DB = 5.0, 0.01
 #: Cuts agree ahead up to this [dB]; a pattern radiates at most so much more than it is given [dB].
 _AGREE_DB, _EXCESS_DB = 0.5, 0.5
+#: Larger losses are reported [dB].
+_LOSS_DB = 12.0
 #: Fineness of the mean over the sphere.
 _ORDER = 200
 _MOST_BYTES = 100_000_000
@@ -99,14 +102,18 @@ def read_pattern(path: str | Path) -> PatternElement:
     )
     with reading(path, "an antenna pattern", remedy, most_bytes=_MOST_BYTES) as file:
         pattern = _grid(file) if is_grid else _sum_of_cuts(file.read().decode("latin-1"), path)
-        _check_power(pattern)
+        _check_power(pattern, path)
         return pattern
 
 
-def _check_power(pattern: PatternElement) -> None:
-    """Raise ValueError for a pattern that radiates more power than it is given."""
+def _check_power(pattern: PatternElement, path: Path) -> None:
+    """Raise ValueError for a pattern that radiates more power than it is given; warn of one with a very low gain."""
     node, weight = sphere(_ORDER)
     excess_db = 10 * np.log10(float(weight @ pattern.amplitude(node) ** 2))
+    if excess_db < -_LOSS_DB:
+        logger.warning(
+            "%s: it radiates %.1f dB less than it is given. Are its gains relative?", path, -excess_db
+        )
     if excess_db > _EXCESS_DB:
         most_dbi = pattern.gain_dbi.max()
         raise ValueError(
@@ -171,6 +178,10 @@ def _msi(
         words = lines[number].split()
         number += 1
         key = words[0].upper() if words else ""
+        if key in cuts or (key == "GAIN" and gain_dbi is not None):
+            raise ValueError(f"line {number} begins with {key} again, expected it once")
+        if cuts and re.fullmatch(r"[-+.\d]+", key):
+            raise ValueError(f"line {number} is more than its cut announces: correct the number of lines")
         if key == "GAIN":
             unit = words[2].lower() if len(words) > 2 else "dbd"
             if unit not in ("dbd", "dbi"):

@@ -33,6 +33,8 @@ logger = logging.getLogger(__name__)
 THICK_M = 0.1
 _REMEDY = "Give a Mitsuba 3 scene with shapes and ITU radio materials."
 _AXES = ("x", "y", "z")
+#: Smaller scenes are said to be in other units [m].
+_SMALL_M = 1.0
 #: Types of radio materials, and their properties; those of the second line change nothing, or are said to be left out.
 _RADIO = ("radio-material", "itu-radio-material", "radio_material", "itu_radio_material")
 _PROPERTIES = ("type", "relative_permittivity", "conductivity", "thickness", "scattering_coefficient")
@@ -118,6 +120,8 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         )
         check_mesh(mesh, 0.0)
         notes: list[str] = []
+        if (span_m := float(mesh.extents.max())) < _SMALL_M:
+            notes.append(f"the scene is {span_m:.3g} m large: are its meshes and places in metres?")
         made = [
             replacements[name] if name in replacements else _material(name, bsdfs.get(name), notes)
             for name in names
@@ -180,6 +184,8 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
     for transform in shape.findall("transform"):
         for step in transform:
             mesh.apply_transform(_matrix(step, name))
+    if not mesh.area > 0:
+        raise FileError(f"shape {name} has an area of {mesh.area:g} m2. Check its mesh and its transforms.")
     return mesh
 
 
@@ -208,7 +214,10 @@ def _loaded(content: bytes, kind: str) -> trimesh.Trimesh:
 def _matrix(step: ET.Element, name: str) -> Float[np.ndarray, "4 4"]:
     """One step of a transform."""
     if step.tag == "matrix":
-        return np.array(step.get("value", "").replace(",", " ").split(), float).reshape(4, 4)
+        matrix = np.array(step.get("value", "").replace(",", " ").split(), float).reshape(4, 4)
+        if not (np.isfinite(matrix).all() and (matrix[3] == (0, 0, 0, 1)).all()):
+            raise FileError(f"shape {name} has a matrix of last row {matrix[3]}, expected 0 0 0 1.")
+        return matrix
     default = 1.0 if step.tag == "scale" else 0.0
     whole = [float(value) for value in step.get("value", "").replace(",", " ").split()]
     xyz = whole * 3 if len(whole) == 1 else whole or [float(step.get(axis, default)) for axis in _AXES]

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from robosim.parts import MATERIAL
-from robosim.plans.floorplan import RESOLUTIONS_M, MapError, WallLine
+from robosim.plans.floorplan import FARTHEST_M, MOST_YAW, RESOLUTIONS_M, MapError, WallLine
 from robosim.plans.formats.thresholds import Thresholds
 from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_yaml
@@ -182,6 +182,8 @@ def _origin(keys: _Keys) -> tuple[float, float, float]:
             "origin", "[x in metres, y in metres, yaw in radians], for example [-10.0, -5.0, 0.0]"
         )
     x, y, yaw = [*finite, 0.0][:3]
+    if max(abs(x), abs(y)) > FARTHEST_M or abs(yaw) > MOST_YAW:
+        raise keys.fail("origin", f"x and y within {FARTHEST_M:g} m and a yaw within {MOST_YAW:g} rad")
     if abs(yaw) > 2 * math.pi:
         logger.warning(
             "%s: the yaw in origin is %g, more than a full turn. It is in radians; was it meant in degrees?",

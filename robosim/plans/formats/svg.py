@@ -38,6 +38,7 @@ _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 #: Attributes of numbers, and words that are NaN or infinite.
 _NUMBERS = {"x", "y", "r", "cx", "cy", "rx", "ry", "x1", "y1", "x2", "y2", "d", "points", "width", "height"}
 _NUMBERS |= {"transform", "viewBox", "stroke-width", "style"}
+_LENGTHS = {"r", "rx", "ry", "width", "height", "stroke-width"}
 _NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
@@ -59,8 +60,10 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
                     raise MapError(
                         f"{key} of <{tag}> is {one_line(value)!r}, expected finite numbers. Export it again."
                     )
+                if key in _LENGTHS and value.lstrip().startswith("-"):
+                    raise MapError(f"{key} is {one_line(value)!r}, expected 0 or more. Export it again.")
         _check_copies(root)
-        (left, top, width, height), physical_m = _view(root)
+        (left, top, width, height), physical_m = _view(root, needs_unit=options.unit_m is None)
         unit_m = options.unit_m or physical_m
         if unit_m is None:
             raise MapError(
@@ -75,20 +78,24 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
         return plan_from_shapes(_shapes(picture, (), unit_m, height), path, options)
 
 
-def _view(root: ET.Element) -> tuple[tuple[float, float, float, float], float | None]:
-    """The view box in user units, and how large a unit is if the picture says so [m]."""
+def _view(root: ET.Element, needs_unit: bool) -> tuple[tuple[float, float, float, float], float | None]:
+    """The view box in user units, and how large a unit is if the picture says so [m]; ValueError if it says two."""
     sides = [_LENGTH.fullmatch(root.get(name, "")) for name in ("width", "height")]
     numbers = [float(side[1]) if side and side[2] != "%" else math.nan for side in sides]
     box = [float(word) for word in root.get("viewBox", "").replace(",", " ").split()]
-    size_m = UNITS_M.get(sides[0][2]) if sides[0] else None
+    sizes_m = [UNITS_M.get(side[2]) if side else None for side in sides]
+    size_m = sizes_m[0]
     if not box:
         if size_m is not None:
-            numbers = [number * size_m / PIXEL_M for number in numbers]
+            numbers = [n * (unit or size_m) / PIXEL_M for n, unit in zip(numbers, sizes_m, strict=True)]
         box, size_m = [0.0, 0.0, *numbers], None if size_m is None else PIXEL_M
-    elif size_m is not None:
-        size_m = numbers[0] * size_m / box[2]
     if len(box) != 4 or not (np.isfinite(box).all() and box[2] > 0 and box[3] > 0):
-        raise ValueError("it has neither a viewBox of four numbers nor width and height")
+        raise ValueError("it has neither a viewBox of four numbers, of positive size, nor width and height")
+    if root.get("viewBox") and size_m is not None:
+        units_m = [n * s / side for n, s, side in zip(numbers, sizes_m, box[2:], strict=True) if s]
+        if needs_unit and max(units_m) > 1.02 * min(units_m):
+            raise ValueError(f"by width a unit is {units_m[0]:g} m, by height {units_m[1]:g} m; give --unit")
+        size_m = units_m[0]
     return (box[0], box[1], box[2], box[3]), size_m
 
 

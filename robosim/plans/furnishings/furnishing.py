@@ -69,7 +69,7 @@ def find_bodies(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"
 
 
 #: Heights above the floor that anything stands at, and sizes of things [m].
-_HEIGHT_M, _SIZE_M = 1000.0, 1000.0
+_HEIGHT_M, _SIZE_M, _LEAST_M = 1000.0, 1000.0, 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,9 +119,10 @@ class Furnishing:
                 f"mesh of {self.name} has {len(faces)} triangles, expected some, with finite corners."
             )
         size_m = float(np.abs(vertices).max())
-        if size_m > _SIZE_M:
+        if not _LEAST_M < size_m <= _SIZE_M:
+            bound = f"at most {_SIZE_M:g}" if size_m > _SIZE_M else f"more than {_LEAST_M:g}"
             raise ValueError(
-                f"mesh of {self.name} reaches {size_m:.4g} m from its origin, expected at most {_SIZE_M:g} m. Is it "
+                f"mesh of {self.name} reaches {size_m:.4g} m from its origin, expected {bound} m. Is it "
                 "in millimetres? Give unit_m: 0.001."
             )
 

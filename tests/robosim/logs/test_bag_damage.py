@@ -182,6 +182,25 @@ def test_read_bag_rejects_impossible_transforms_of_its_chain_only(value, child, 
         read_bag(write_round(tmp_path / "run", rows))
 
 
+@pytest.mark.parametrize(
+    ("places", "rate", "expected"),
+    [
+        (100.0, 1, "laser is 100 m from base_link"),
+        (0.2, 1000, r"/scan lasts 1\.95e\+04 s by its headers, but 19\.5 s"),
+    ],
+)
+def test_read_bag_states_sensors_far_away_and_times_in_milliseconds(places, rate, expected, tmp_path, caplog):
+    rows = [
+        ("/tf_static", 100.0, transform(0.0, "base_link", "laser", placed([places, 0, 0]))),
+        *recording()[1:],
+    ]
+    for stamp in (one.header.stamp for topic, _, one in rows if topic != "/tf_static"):
+        time_ns = rate * (10**9 * stamp.sec + stamp.nanosec)
+        stamp.sec, stamp.nanosec = divmod(time_ns, 10**9)
+    read_bag(write_round(tmp_path / "run", rows))
+    assert re.search(expected, caplog.text)
+
+
 @pytest.mark.parametrize("offset_s", [3 * 86400.0, -5.0])
 @pytest.mark.parametrize("is_topic", [True, False])
 def test_read_bag_leaves_odometry_of_another_clock_away(offset_s, is_topic, tmp_path, caplog):

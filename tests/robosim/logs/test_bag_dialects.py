@@ -73,6 +73,23 @@ def test_read_bag_is_independent_of_the_order_and_of_duplicates(seed, tmp_path):
     assert_hall(read_bag(write_round(tmp_path / "run", rows)))
 
 
+@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("seed", range(2))
+def test_read_bag_is_independent_of_the_dialect(seed, kind, tmp_path):
+    """Slashes before names of frames, topics that are not read, order within a bag, and its compression."""
+    rng, is_ros1 = np.random.default_rng(seed), kind == "ros1"
+    rows = by_transforms(is_ros1) if seed else recording(is_ros1)
+    for _, _, one in rows:
+        for each in (one, *getattr(one, "transforms", ())):
+            for owner, name in ((getattr(each, "header", each), "frame_id"), (each, "child_frame_id")):
+                if hasattr(owner, name) and rng.random() < 0.5:
+                    setattr(owner, name, f"/{getattr(owner, name)}")
+    rows += [("/other", 0.0, message("std_msgs/msg/String", data="x", is_ros1=is_ros1))] * 9
+    rows = [(rows[k][0], 500 + 0.01 * i, rows[k][2]) for i, k in enumerate(rng.permutation(len(rows)))]
+    options = {"compression": list(Writer1.CompressionFormat)[seed - 2]} if is_ros1 else {}
+    assert_hall(read_bag(write_round(tmp_path / "run", rows, kind, **options)))
+
+
 def tilted(angle, axis=0):
     """A rotation about x or y."""
     turn = [0.0, 0.0, 0.0, np.cos(angle / 2)]

@@ -8,6 +8,7 @@ import trimesh
 
 from robosim.robot.calibration import open_floor
 from robosim.robot.dynamic import World
+from robosim.robot.model_file import model_of
 from robosim.robot.robot_files import read_robot, write_robot
 from robosim.support.reading import FileError
 from slam.poses import between
@@ -51,6 +52,16 @@ def test_mujoco_drives_the_model_itself(tmp_path: Path, name: str, text: str) ->
         world.reset(start)
         assert not world.move(np.array(wanted)).collided
         np.testing.assert_allclose(between(start, world.pose), wanted, atol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_model_of_sums_the_masses_that_a_file_states(tmp_path: Path, seed: int) -> None:
+    base_kg, wheel_kg = np.random.default_rng(seed).uniform(0.1, 50, 2)
+    text = URDF.replace("WHEELS", TWO).replace('mass value="3"', f'mass value="{base_kg}"')
+    (tmp_path / "cart.urdf").write_text(text.replace('mass value="0.2"', f'mass value="{wheel_kg}"'))
+    model = model_of(tmp_path / "cart.urdf")
+    assert model.report()["total_mass_kg"] == pytest.approx(base_kg + 2 * wheel_kg)
+    assert model.mass_kg == pytest.approx(base_kg)
 
 
 def test_a_disk_in_mjcf_stays_a_disk(tmp_path: Path) -> None:
