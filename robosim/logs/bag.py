@@ -39,6 +39,8 @@ _AT_BASE = "the sensor counts as at the base"
 _CLOCK_S, _STEADY_S = 1.0, 0.3
 #: A sensor farther from the base is reported [m], and headers that pass so many times faster than the recording.
 _FAR_M, _RATE = 5.0, 50.0
+#: An `angle_max` farther from the last beam is reported; many drivers are off by a beam [rad].
+_BEYOND_RAD = 0.1
 #: A larger part of the scans outside of odometry's time is reported.
 _OUTSIDE = 0.05
 
@@ -187,6 +189,11 @@ class _Reading:
         ranges = np.concatenate([scan.range_m for scan in scans])
         if max(len(scan.range_m) for scan in scans) < 2:
             raise FileError(f"scans of {topic} have one beam or none, expected two at least.")
+        beyond_rad = max(scan.beyond_rad for scan in scans)
+        if not beyond_rad < _BEYOND_RAD:
+            self._note(
+                f"angle_max of {topic} is {beyond_rad:.3g} rad from its last beam: angle_min and angle_increment count"
+            )
         n_without = np.count_nonzero(~np.isfinite(ranges))
         if n_without == len(ranges):
             raise FileError(

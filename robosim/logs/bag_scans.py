@@ -27,6 +27,8 @@ _FIELDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8
 _HALF_SLICE_M, _DIRECTIONS = 0.1, 720
 #: Beams span no larger angle, and are no nearer to each other [rad].
 _MOST_TURN, _LEAST_STEP = 2.1 * math.pi, 1e-5
+#: Beams of a scan follow each other within [s].
+_LONGEST_S = 10.0
 #: Ranges that are the same, those around them that are compared, and where they are; relative to `range_max`.
 _SAME, _AROUND, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
 #: A limit is shared by this part of the beams, in so many directions, and by so many times those around.
@@ -44,6 +46,8 @@ class Scan(NamedTuple):
     beam_s: tuple[float, float] | None = None
     limit_m: float = math.inf
     """Longest range that the sensor measures [m]."""
+    beyond_rad: float = 0.0
+    """How far `angle_max` is from the last beam."""
 
 
 def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any]) -> Callable[[Any], Scan]:
@@ -74,7 +78,7 @@ def _laser_scan(message: Any, is_inverted: bool) -> Scan:
         ranges = np.array([echo.echoes[0] if len(echo.echoes) else np.nan for echo in message.ranges], float)
     n, time_s = len(ranges), stamp_s(message.header)
     first, step, limit_m = float(message.angle_min), float(message.angle_increment), float(message.range_max)
-    least_m = float(message.range_min)
+    least_m, step_s = float(message.range_min), float(getattr(message, "time_increment", 0.0))
     for value, name, good, expected in (
         (first, "angle_min", abs(first) <= 4 * math.pi, "an angle in radians"),
         (
@@ -85,6 +89,7 @@ def _laser_scan(message: Any, is_inverted: bool) -> Scan:
         ),
         (limit_m, "range_max", limit_m > 0, "a positive range in metres"),
         (least_m, "range_min", abs(least_m) < limit_m, f"metres below range_max, which is {limit_m:g}"),
+        (step_s, "time_increment", 0 <= step_s * n <= _LONGEST_S, f"{_LONGEST_S:g} s for all beams at most"),
     ):
         if not good:
             raise FileError(
@@ -94,7 +99,7 @@ def _laser_scan(message: Any, is_inverted: bool) -> Scan:
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < max(least_m, 1e-3), np.nan, ranges)
     bearing = first + step * np.arange(n)
-    step_s = float(getattr(message, "time_increment", 0.0))
+    beyond_rad = abs(float(message.angle_max) - bearing[-1]) if n else 0.0
     ends_s = (0.0, step_s * (n - 1))
     if is_inverted:
         bearing = -bearing
@@ -102,7 +107,7 @@ def _laser_scan(message: Any, is_inverted: bool) -> Scan:
         bearing, ranges, ends_s = bearing[::-1], ranges[::-1], ends_s[::-1]
     if n and bearing[0] < -np.pi - 1e-6:
         bearing = bearing + 2 * np.pi
-    return Scan(time_s, bearing, ranges, ends_s if step_s > 0 else None, limit_m)
+    return Scan(time_s, bearing, ranges, ends_s if step_s > 0 else None, limit_m, beyond_rad)
 
 
 def without_limits(scans: Sequence[Scan]) -> tuple[list[Scan], float, float | None]:

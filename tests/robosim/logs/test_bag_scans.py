@@ -61,6 +61,16 @@ def test_read_bag_believes_a_standing_robot_with_few_beams(tmp_path):
     assert np.isfinite(read_bag(write_round(tmp_path / "run", rows)).range_m).all()
 
 
+@pytest.mark.parametrize(("angle_max", "is_noted"), [(57.3, True), (np.nan, True), (None, False)])
+def test_read_bag_notes_an_end_of_beams_that_contradicts_their_steps(angle_max, is_noted, tmp_path):
+    rows, report = recording(), {}
+    for topic, _, scan in rows:
+        if topic == "/scan" and angle_max is not None:
+            scan.angle_max = angle_max
+    read_bag(write_round(tmp_path / "run", rows), report=report)
+    assert any("angle_max of /scan" in note for note in report["assumed"]) == is_noted
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -69,6 +79,9 @@ def test_read_bag_believes_a_standing_robot_with_few_beams(tmp_path):
         ({"angle_increment": 1.0}, "angle_increment 1 "),
         ({"angle_increment": -np.inf}, "angle_increment -inf"),
         ({"angle_min": np.nan}, "angle_min nan"),
+        ({"time_increment": np.nan}, "time_increment nan"),
+        ({"time_increment": -1e-4}, "time_increment -0.0001 and 360 beams"),
+        ({"time_increment": 1.0}, "time_increment 1 and 360 beams, expected 10 s for all beams at most"),
         ({"angle_increment": 1e-9}, "angle_increment 1e-09 and 360 beams"),
         ({"range_max": 0.0}, "range_max 0 "),
         ({"range_max": 2.0, "range_min": 5.0}, "range_min 5 and 360 beams, expected metres below range_max"),
