@@ -61,7 +61,7 @@ def test_trace_link_loses_the_same_behind_a_person_in_both_directions(x, plan_fi
 
 
 def test_trace_of_a_grid_among_people_resumes_with_them_only(plan_file, tmp_path, fails):
-    """Each path has the loss by the people of the result; drawn from another seed they stand elsewhere."""
+    """Each path has the loss by the people of the result; drawn from another seed they have other places."""
     words = ["--tx", "0.5,1", "--grid", "0.5"]
     free, plain, out = (tmp_path / name for name in ("free", "plain", "among"))
     before = traced(plan_file, free, *words)
