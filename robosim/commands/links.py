@@ -29,14 +29,16 @@ from robosim.commands.shared_options import (
     read_storey,
     resume_hint,
 )
-from robosim.parts import EstimatorPart, TerminalPart
-from robosim.support.checks import ADVANCED, Range
+from robosim.parts import EstimatorPart, MoverPart, TerminalPart
+from robosim.support.checks import ADVANCED, SEED, Range
 from robosim.support.installation import install_first
 from robosim.support.reading import expanded
 from wireless.bands import BANDS, BandName
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
+    from robosim.movers.movers import MoversConfig
+    from wireless.motion.bodies import Bodies
     from wireless.paths import Paths
 
 #: Options of the radio that a scene decides itself.
@@ -51,6 +53,9 @@ def trace(
     rx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction] = (),
     along: Path | None = None,
     rate: Annotated[float, Range(1e-3, 1e6, "Hz"), ADVANCED] = 100.0,
+    people: Annotated[int, Range(0, 1000, "people"), ADVANCED] = 0,
+    mover: Annotated[MoverPart, ADVANCED] = "none",
+    seed: Annotated[int, SEED, ADVANCED] = 0,
     csi: str | None = None,
     tx_antenna: Annotated[str, ADVANCED] = "isotropic",
     rx_antenna: Annotated[str, ADVANCED] = "isotropic",
@@ -94,6 +99,10 @@ def trace(
         along: Trajectory of a receiver, a TUM file such as an episode's trajectory.tum: impulse responses along it are
             written to channel_tx1.npz, instead of paths.
         rate: Impulse responses per second, with --along.
+        people: People who stand on the floor plan and attenuate paths, on the storey of the receivers.
+        mover: Other movers, where they are at time 0: a recorded crowd (.csv or .parquet: time, id, x, y, heading),
+            another robot's trajectory (.tum), a list of doors, crowds and trajectories (.yaml), or module:Name.
+        seed: Seed of the places of people.
         csi: Subcarriers of frequency responses (channel state information): their number and spacing, such as
             64x312.5kHz. Writes csi_txK.npz and csi_txK.png for each transmitter.
         tx_antenna: Antenna of transmitters, for --csi and the coverage: patch, 3gpp, isotropic, dipole, or a pattern
@@ -121,12 +130,14 @@ def trace(
     """
     from robosim.commands.antenna_options import parse_antenna
     from robosim.datasets.csi import parse_csi, write_csi
+    from robosim.datasets.standing import standing_bodies
     from robosim.datasets.trace import check_terminals, trace_along, trace_link, trace_plan
+    from robosim.movers.movers import MoversConfig
     from robosim.radio.receivers import check_step
     from robosim.radio.scene import radio_site
     from wireless.tracing.mitsuba_scene import is_mitsuba, read_mitsuba
 
-    config = radio.config(polarisation)
+    config, movers = radio.config(polarisation), MoversConfig(people=people, mover=mover)
     file = expanded(plan)
     is_scene = is_mitsuba(file)
     materials = None
@@ -145,7 +156,7 @@ def trace(
             "tx is missing, expected a transmitter. Give --tx X,Y, which can be given several times."
         )
     if is_scene:
-        _check_scene(plan, grid, rx, along, storey, radio, reading)
+        _check_scene(plan, grid, rx, along, storey, radio, reading, movers)
     if not storey:  # heights of other floors are known when the plan is read
         check_terminals(tx, rx, config.height_m)
     if not is_scene:
@@ -154,6 +165,12 @@ def trace(
         raise ValueError(
             "along is given with grid, rx or csi: give either a trajectory or places of receivers."
         )
+    if movers.any and along is not None:
+        raise ValueError(
+            "people or mover is given with along, but they count with --grid and --rx only. Leave it out."
+        )
+    if seed and not movers.any:
+        raise ValueError(f"seed is {seed}, which places people. Give --people 5, or leave it out.")
     if grid is not None and len(rx) > 1:
         raise ValueError(
             f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
@@ -186,11 +203,12 @@ def trace(
         return
     if alone:
         site = radio_site(place, config)
-        paths = trace_link(site, folder, tx=tx, rx=rx, console=console)
+        bodies = standing_bodies(site, movers, seed)
+        paths = trace_link(site, folder, tx=tx, rx=rx, bodies=bodies, console=console)
         if offsets is not None:
             write_csi(folder, offsets, antennas, len(tx), rx=None, plots=plots)
             console.print(f"Wrote csi_{_numbers(len(tx))}.npz in {folder}")
-        _report_links(site.name, paths, folder)
+        _report_links(site.name, paths, folder, bodies)
         return
     with resume_hint(folder):
         result = trace_plan(
@@ -203,6 +221,7 @@ def trace(
             rx=rx[0] if rx else None,
             noise_dbm=noise.noise_dbm,
             antennas=antennas,
+            bodies=standing_bodies(radio_site(place, config), movers, seed) if movers.any else None,
             plots=plots,
             workers=work.count,
             cluster=work.cluster,
@@ -237,9 +256,11 @@ def _check_scene(
     storey: int | None,
     radio: RadioOptions,
     reading: PlanOptions,
+    movers: "MoversConfig",
 ) -> None:
     """Raise ValueError for options that a scene has no use for, and if it is given no receiver and no grid."""
-    options: dict[str, Any] = {"storey": storey}
+    mover = None if movers.mover == "none" else movers.mover
+    options: dict[str, Any] = {"storey": storey, "people": movers.people or None, "mover": mover}
     options |= {
         name: getattr(radio, name)
         for name in PLAN_ONLY
@@ -263,8 +284,9 @@ def _check_scene(
         )
 
 
-def _report_links(name: str, paths: "Paths", folder: Path) -> None:
+def _report_links(name: str, paths: "Paths", folder: Path, bodies: "Bodies | None") -> None:
     """What the traced links have, on the terminal and as the command's result."""
+    from robosim.datasets.standing import bodies_dict
     from wireless.paths import LinkCategory
 
     states = [[LinkCategory(category).name.lower() for category in row] for row in paths.link_category()]
@@ -275,6 +297,7 @@ def _report_links(name: str, paths: "Paths", folder: Path) -> None:
         "rx_m": paths.rx_position[0] if n_rx == 1 else paths.rx_position,
         "paths": len(paths),
         "states": [row[0] for row in states] if n_rx == 1 else states,
+        **bodies_dict(bodies),
     }
     emit_result(result, folder)
     sources = counted(len(paths.tx_position), "transmitter")

@@ -33,6 +33,7 @@ from robosim.datasets.link_units import (
     link_progress,
     transmitters_file,
 )
+from robosim.datasets.standing import bodies_dict
 from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_link
 from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import AnyPlace, RadioConfig, RadioSite, radio_site
@@ -47,6 +48,7 @@ from robosim.support.workers import Workers
 from wireless.antennas.mounting import MountedArray
 from wireless.coverage import CellState, link_values
 from wireless.formats.deepmimo_scenario import scenario_name
+from wireless.motion.bodies import Bodies
 from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
 from wireless.sounding.sounder import SoundingConfig
@@ -65,6 +67,7 @@ def trace_grid(
     rx: Float[np.ndarray, "n_rx 3"],
     folder: Path,
     *,
+    bodies: Bodies | None = None,
     workers: int,
     cluster: str | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
@@ -94,7 +97,7 @@ def trace_grid(
         digest = plan.digest if isinstance(plan, MitsubaScene) else plan.digest()
         site = LinkPlan(digest, plan, tx, len(rx))
         with Workers(workers, cluster, what="links") as pool:
-            arguments = [(site, config, txs, rx[first : ends[first]]) for txs, first in calls]
+            arguments = [(site, config, txs, rx[first : ends[first]], bodies) for txs, first in calls]
             for number, tables in pool.run(_trace_unit, arguments):
                 txs, first = calls[number]
                 for i, table in zip(txs, tables, strict=True):
@@ -137,10 +140,14 @@ def _prepared(site: LinkPlan, config: RadioConfig) -> RadioSite:
 
 
 def _trace_unit(
-    site: LinkPlan, config: RadioConfig, txs: list[int], rx: Float[np.ndarray, "n_rx 3"]
+    site: LinkPlan,
+    config: RadioConfig,
+    txs: list[int],
+    rx: Float[np.ndarray, "n_rx 3"],
+    bodies: Bodies | None,
 ) -> list[bytes]:
     """Paths from some transmitters to consecutive receivers, one file per transmitter."""
-    paths = _prepared(site, config).trace(site.transmitters[txs], rx, workers=1)
+    paths = _prepared(site, config).trace(site.transmitters[txs], rx, workers=1, bodies=bodies)
     tables = []
     for j, tx in enumerate(txs):
         of_tx = paths.select(paths.tx == j)
@@ -167,6 +174,7 @@ def trace_plan(
     rx: tuple[float, ...] | None = None,
     noise_dbm: float = SoundingConfig().noise_dbm,
     antennas: tuple[MountedArray, MountedArray] | None = None,
+    bodies: Bodies | None = None,
     plots: bool = True,
     workers: int = 1,
     cluster: str | None = None,
@@ -180,7 +188,7 @@ def trace_plan(
     an interruption the same call resumes, to the same files.
 
     Noise [dBm] and antennas of transmitters and receivers are those of the coverage; None for isotropic ones. A grid
-    over a scene can have bounds, a box x, y, x, y [m].
+    over a scene can have bounds, a box x, y, x, y [m]. Bodies, such as people who stand, attenuate paths.
 
     Raises:
         ValueError: If a position or the grid does not fit.
@@ -194,7 +202,7 @@ def trace_plan(
     transmitters = _transmitters(scene, tx, console)
     given_rx = None if rx is None else scene.places((rx,), "rx")[0]
     grid = scene.grid(grid_m, bounds_m=bounds_m, tx=transmitters)
-    with run_folder(out, "trace", _settings(scene, transmitters, grid)):
+    with run_folder(out, "trace", _settings(scene, transmitters, grid) | bodies_dict(bodies)):
         with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
             path = trace_grid(
                 plan,
@@ -202,6 +210,7 @@ def trace_plan(
                 transmitters,
                 grid.position,
                 out,
+                bodies=bodies,
                 workers=workers,
                 cluster=cluster,
                 report=progress.report,
@@ -212,7 +221,7 @@ def trace_plan(
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
-                    _plot(scene, grid, Paths.read_parquet(path, i), i, given_rx, out)
+                    _plot(scene, grid, Paths.read_parquet(path, i), i, given_rx, out, bodies)
         result = {
             "plan": scene.name,
             "tx_m": transmitters,
@@ -223,6 +232,7 @@ def trace_plan(
             "engine": scene.engine,
             "deepmimo": scenario_name(scene.name),
             "config": to_dict(config),
+            **bodies_dict(bodies),
             "timing": {
                 "seconds": round(timing["seconds"], 3),
                 "traced": timing["links"],
@@ -239,11 +249,12 @@ def trace_link(
     *,
     tx: tuple[tuple[float, ...], ...],
     rx: tuple[tuple[float, ...], ...],
+    bodies: Bodies | None = None,
     console: Console | None = None,
 ) -> Paths:
     """Trace transmitters to receivers; writes `paths.parquet`, and the rays of one link of each as a picture.
 
-    With several receivers it is an instructive link.
+    With several receivers it is an instructive link. Bodies attenuate paths.
 
     Raises:
         ValueError: If a position does not fit.
@@ -253,7 +264,7 @@ def trace_link(
     check_terminals(tx, rx, site.height_m)
     with run_folder(out, "trace --rx"):
         transmitters = _transmitters(site, tx, console)
-        paths = site.trace(transmitters, site.places(rx, "rx"))
+        paths = site.trace(transmitters, site.places(rx, "rx"), bodies=bodies)
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
         for i in range(len(transmitters)):
@@ -380,12 +391,13 @@ def _plot(
     tx: int,
     given_rx: Float[np.ndarray, "3"] | None,
     out: Path,
+    bodies: Bodies | None,
 ) -> None:
     """Draw one transmitter, with the rays to a given receiver or to a chosen one."""
     if given_rx is None:
         link = paths, tx, choose_link(paths, tx)
     else:
-        link = scene.trace(paths.tx_position[tx : tx + 1], given_rx[None]), 0, 0
+        link = scene.trace(paths.tx_position[tx : tx + 1], given_rx[None], bodies=bodies), 0, 0
     plot_grid(
         out,
         f"_tx{tx + 1}",

@@ -23,6 +23,8 @@ from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
 from wireless.coverage import CoverageMap
 from wireless.em.materials import Material
+from wireless.motion.blockage import block
+from wireless.motion.bodies import Bodies
 from wireless.paths import Paths
 from wireless.tracing.coverage import level_grid
 from wireless.tracing.mitsuba_scene import MitsubaScene, read_mitsuba
@@ -147,10 +149,15 @@ class RadioSite(ABC):
         return None
 
     def trace(
-        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None = None
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        workers: int | None = None,
+        bodies: Bodies | None = None,
     ) -> Paths:
-        """Paths from transmitters to receivers [m]."""
-        return self.tracer.trace(tx, rx, workers=workers)
+        """Paths from transmitters to receivers [m], attenuated by bodies; see `wireless.motion.blockage.block`."""
+        paths = self.tracer.trace(tx, rx, workers=workers)
+        return paths if bodies is None else block(paths, bodies)[0]
 
     def remarks(self, transmitters: Float[np.ndarray, "n 3"]) -> list[str]:
         """Return remarks on a trace from transmitters [m] before it starts."""

@@ -1,5 +1,7 @@
 """`robosim trace` and `robosim dataset` over a building of two storeys."""
 
+import json
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -41,6 +43,13 @@ def test_receivers_of_one_storey(house, tmp_path):
     assert (paths.rx_position[:, 2] == 2.8 + 1.5).all() and len(paths.rx_position) == 48
     seen = paths.count()[0] > 0
     assert 0 < seen.sum() < len(seen)  # the slab hides the others
+
+
+def test_trace_has_people_on_the_storey_of_the_receivers(house, tmp_path, capsys):
+    words = ["--tx", "1.5,1.7", "--rx", "3,1", "--storey", "1", "--people", "2", *FAST]
+    main(["trace", str(house), *words, "--json", "--out", str(tmp_path / "link")])
+    feet = np.array(json.loads(capsys.readouterr().out)["bodies"]["position"])
+    assert feet[:, 2].tolist() == [2.8, 2.8] and (feet[:, :2] > 0).all() and (feet[:, :2] < [4, 3]).all()
 
 
 def test_data_set_has_links_between_all_storeys(house, tmp_path):

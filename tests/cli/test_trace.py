@@ -272,10 +272,17 @@ def test_a_channel_along_a_trajectory_in_a_scene(scene_file, tmp_path):
         ("--material brick", "--material is brick"),
         ("--resolution 0.1", "--resolution is 0.1"),
         ("--floor-ceiling", "--floor-ceiling is True"),
+        ("--people 2", "--people is 2, which is for floor plans"),
     ],
 )
 def test_what_a_scene_has_no_use_for_is_rejected(words, message, scene_file, fails):
     assert message in fails("trace", scene_file, "--tx", "0,0,2", "--rx", "1,1,1", *words.split())
+
+
+def test_trace_rejects_a_crowd_in_a_scene(scene_file, tmp_path, fails):
+    (crowd := tmp_path / "crowd.csv").write_text("time,id,x,y\n0,ann,1,1\n")
+    message = fails("trace", scene_file, "--tx", "0,0,2", "--rx", "1,1,1", "--mover", crowd)
+    assert f"--mover is {crowd}, which is for floor plans" in message
 
 
 def test_a_scene_needs_receivers_and_must_be_one(scene_file, tmp_path, fails):
