@@ -161,20 +161,7 @@ def trace(
         check_terminals(tx, rx, config.height_m)
     if not is_scene:
         check_step(0.15 if grid is None else grid)
-    if along is not None and (grid is not None or rx or csi is not None):
-        raise ValueError(
-            "along is given with grid, rx or csi: give either a trajectory or places of receivers."
-        )
-    if movers.any and along is not None:
-        raise ValueError(
-            "people or mover is given with along, but they count with --grid and --rx only. Leave it out."
-        )
-    if seed and not movers.any:
-        raise ValueError(f"seed is {seed}, which places people. Give --people 5, or leave it out.")
-    if grid is not None and len(rx) > 1:
-        raise ValueError(
-            f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
-        )
+    _check_together(grid, rx, along, csi, movers, seed)
     alone = grid is None and len(rx) > 0
     antennas = (
         parse_antenna("tx", tx_antenna, tx_array, polarisation),
@@ -229,18 +216,7 @@ def trace(
         )
         if offsets is not None:
             write_csi(folder, offsets, antennas, len(tx), rx=rx[0] if rx else None, plots=plots)
-    emit_result(result, folder)
-    timing, states = result["timing"], result["states"]
-    shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
-    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
-    speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
-    console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
-    drawn = ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else "")
-    files = f"coverage.parquet, coverage.npz, paths.parquet, {result['plan']}_Tx_*.csv, deepmimo_scenarios/"
-    console.print(f"Wrote {files}{drawn} in {folder}")
-    load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
-    where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
-    console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
+    _report_map(result, folder, ("" if csi is None else ", csi_tx*.npz") + (", *.png" if plots else ""))
 
 
 def _numbers(n_tx: int) -> str:
@@ -282,6 +258,46 @@ def _check_scene(
             f"{scene}: a Mitsuba scene needs receivers. Give --grid 1 for a map, --rx X,Y,Z, which can be given "
             "several times, or --along."
         )
+
+
+def _check_together(
+    grid: float | None,
+    rx: tuple[OnePlace, ...],
+    along: Path | None,
+    csi: str | None,
+    movers: "MoversConfig",
+    seed: int,
+) -> None:
+    """Raise ValueError for options that contradict each other."""
+    if along is not None and (grid is not None or rx or csi is not None):
+        raise ValueError(
+            "along is given with grid, rx or csi: give either a trajectory or places of receivers."
+        )
+    if movers.any and along is not None:
+        raise ValueError(
+            "people or mover is given with along, but they count with --grid and --rx only. Leave it out."
+        )
+    if seed and not movers.any:
+        raise ValueError(f"seed is {seed}, which places people. Give --people 5, or leave it out.")
+    if grid is not None and len(rx) > 1:
+        raise ValueError(
+            f"rx is given {len(rx)} times with grid, which has receivers. Give one, to draw its rays."
+        )
+
+
+def _report_map(result: dict[str, Any], folder: Path, more: str) -> None:
+    """What the traced grid has, on the terminal and as the command's result; `more` are names of further files."""
+    emit_result(result, folder)
+    timing, states = result["timing"], result["states"]
+    shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
+    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
+    speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
+    console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
+    files = f"coverage.parquet, coverage.npz, paths.parquet, {result['plan']}_Tx_*.csv, deepmimo_scenarios/"
+    console.print(f"Wrote {files}{more} in {folder}")
+    load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
+    where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
+    console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
 
 
 def _report_links(name: str, paths: "Paths", folder: Path, bodies: "Bodies | None") -> None:
