@@ -27,7 +27,7 @@ from robosim.navigation import make_navigator
 from robosim.parts import MapperPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FloorPlan
-from robosim.policies.goals import Explore, PolicyContext
+from robosim.policies.goals import Explore
 from robosim.radio.measurement import bearings_of
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
@@ -206,9 +206,6 @@ class _ExploreWithRadio(Explore):
     """Explores with its radio on."""
 
     uses_radio = True
-
-    def __init__(self, context: PolicyContext) -> None:
-        super().__init__(context.explorer)
 
 
 def _without_radio(robot: Robot, config: MapperConfig) -> ClassicalMapper:
