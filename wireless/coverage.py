@@ -177,7 +177,7 @@ class CoverageMap:
         return {**vars(self), **{name: getattr(self, name) for name in derived}}
 
     def to_table(self) -> pa.Table:
-        """One row per transmitter and cell, as an Arrow table (`to_table().to_pandas()`)."""
+        """Rows of transmitters and cells, as an Arrow table (`to_table().to_pandas()`)."""
         tx, row, column = np.indices(self.gain.shape)
         columns: dict[str, Any] = {"tx": tx, "row": row, "column": column}
         columns |= {

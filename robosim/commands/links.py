@@ -286,7 +286,7 @@ def _check_together(
 
 
 def _report_map(result: dict[str, Any], folder: Path, more: str) -> None:
-    """What the traced grid has, on the terminal and as the command's result; `more` are names of further files."""
+    """Print the states and the speed of a traced grid, and the command's result; `more` names further files."""
     emit_result(result, folder)
     timing, states = result["timing"], result["states"]
     shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from robosim.movers.movers import MoversConfig, make_movers
-from robosim.radio.scene import RadioScene, RadioSite
+from robosim.radio.scene import RadioSite
 from wireless.motion.bodies import Bodies
 
 
@@ -20,7 +20,7 @@ def standing_bodies(site: RadioSite, config: MoversConfig, seed: int) -> Bodies 
     """
     if not config.any:
         return None
-    if not isinstance(site, RadioScene):
+    if site.building is None:
         raise ValueError(f"{site.name}: people and movers need a floor plan. Leave them out.")
     movers = make_movers(config, site.building, 0.0)
     assert movers is not None

@@ -79,6 +79,8 @@ class RadioSite(ABC):
     """Triangles of all surfaces."""
     storeys: tuple[Storey, ...] = ()
     """Storeys of a building, from the lowest up; a scene has none."""
+    building: Building | None = None
+    """The building that receivers are in; a scene has none."""
     floor_m: float = 0.0
     """Height of the floor below terminals without a height of their own [m]."""
 
@@ -99,7 +101,7 @@ class RadioSite(ABC):
 
     @abstractmethod
     def section(self, grid: ReceiverGrid) -> "Building | SceneSection":
-        """What pictures of a grid from above show."""
+        """Level section at the height of a grid, for pictures from above."""
 
     @property
     def height_m(self) -> float:
@@ -248,6 +250,9 @@ class RadioScene(RadioSite):
 
     clearance_m = 0.01
     """Distance of nearest free points from walls, where there is space [m]; more than messages round away."""
+
+    building: Building
+    """The building that receivers are in."""
 
     def __init__(self, plan: Place, config: RadioConfig):
         self.config = config

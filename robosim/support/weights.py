@@ -56,7 +56,7 @@ def network_files(
 def load_network(
     path: Path, what: str, of: str, remedy: str, make: Callable[[Weights, dict[str, Any]], T]
 ) -> tuple[T, dict[str, Any]]:
-    """What `make` makes of the weights in a file and of the card next to it, and the card.
+    """Return the network that `make` builds from the weights in a file and the card next to it, and the card.
 
     `what` and `of` name file and card in messages, such as "weights of a mapper" and "a mapper".
 

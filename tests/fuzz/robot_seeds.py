@@ -34,8 +34,8 @@ def robots(folder: Path) -> None:
     rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in MOVES for _ in range(11)]
     text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
     (home / "runs.csv").write_text(text)
-    found = calibrated(*read_runs(home / "runs.csv"))
-    write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
+    odometry = calibrated(*read_runs(home / "runs.csv"))
+    write_robot(home / "robot.json", replace(TURTLEBOT, odometry=odometry))
     (home / "robot.urdf").write_text(URDF.replace("WHEELS", TWO))
     (home / "robot.xml").write_text(MJCF)
     crowd = pa.table(

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
 from wireless.antennas.pattern_files import SUFFIXES, read_pattern
-from wireless.antennas.sphere import sphere
+from wireless.antennas.sphere import mean_over_sphere
 
 #: What to do about thick substrates.
 _THIN = "The cavity model is one of thin substrates."
@@ -144,9 +144,7 @@ def element_named(name: str) -> Element:
 
 def mean_power(element: Element, order: int = 64) -> float:
     """Mean of the squared amplitude over the sphere; `order` is the fineness of `sphere`."""
-    node, share = sphere(order)
-    # The sum of a product: BLAS adds in an order that depends on the number of threads.
-    return float((share * element.amplitude(node) ** 2).sum())
+    return mean_over_sphere(lambda direction: element.amplitude(direction) ** 2, order)
 
 
 def directivity(

@@ -31,7 +31,7 @@ import pyarrow as pa
 from jaxtyping import Float
 
 from robosim.support.reading import reading
-from wireless.antennas.sphere import sphere
+from wireless.antennas.sphere import mean_over_sphere
 from wireless.support.columns import check_within, numbers
 
 if TYPE_CHECKING:
@@ -108,8 +108,7 @@ def read_pattern(path: str | Path) -> PatternElement:
 
 def _check_power(pattern: PatternElement, path: Path) -> None:
     """Raise ValueError for a pattern that radiates more power than it is given; warn of one with a very low gain."""
-    node, weight = sphere(_ORDER)
-    excess_db = 10 * np.log10(float(weight @ pattern.amplitude(node) ** 2))
+    excess_db = 10 * np.log10(mean_over_sphere(lambda node: pattern.amplitude(node) ** 2, _ORDER))
     if excess_db < -_LOSS_DB:
         logger.warning(
             "%s: it radiates %.1f dB less than it is given. Are its gains relative?", path, -excess_db

@@ -1,5 +1,7 @@
 """Directions on the unit sphere, and means over it."""
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
 
@@ -36,3 +38,12 @@ def sphere(order: int = 64) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
     )
     share = np.repeat(np.concatenate([weight, weight]) / 4 / len(turn), len(turn))
     return direction.reshape(-1, 3), share
+
+
+def mean_over_sphere(
+    value: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]], order: int = 64
+) -> float:
+    """Mean over the sphere of a function of unit vectors; `order` is the fineness of `sphere`."""
+    node, share = sphere(order)
+    # The sum of a product: BLAS adds in an order that depends on the number of threads.
+    return float((share * value(node)).sum())

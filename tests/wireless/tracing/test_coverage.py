@@ -52,9 +52,9 @@ def two_rays(
     root = np.sqrt(eps - (1 - sine**2))
     tm = (eps * sine - root) / (eps * sine + root)
     spread = C / (4 * np.pi * FREQUENCY_HZ)
-    one = spread / direct * np.exp(-1j * k * direct)
+    line_of_sight = spread / direct * np.exp(-1j * k * direct)
     other = tm * spread / reflected * np.exp(-1j * k * reflected)
-    return one, other, direct, reflected
+    return line_of_sight, other, direct, reflected
 
 
 @pytest.mark.parametrize("coherent", [False, True])
@@ -65,9 +65,9 @@ def test_coverage_of_level_ground_is_the_two_ray_model(open_ground, coherent):
     assert (coverage.position[..., 2] == 1.5).all()
     assert coverage.position[0, 39, :2].tolist() == [19.5, -19.5]
     distance = np.linalg.norm(coverage.position[..., :2] - [0.3, 0.2], axis=-1)
-    one, other, direct, reflected = two_rays(distance, (5.0, 1.5))
-    power = np.abs(np.stack([one, other])) ** 2
-    expected = np.abs(one + other) ** 2 if coherent else power.sum(axis=0)
+    line_of_sight, other, direct, reflected = two_rays(distance, (5.0, 1.5))
+    power = np.abs(np.stack([line_of_sight, other])) ** 2
+    expected = np.abs(line_of_sight + other) ** 2 if coherent else power.sum(axis=0)
     assert coverage.gain[0] == pytest.approx(expected, rel=1e-6 if coherent else 1e-9)
     assert coverage.power_dbm[0] == pytest.approx(23 + 10 * np.log10(expected), abs=1e-5)
     assert coverage.delay_s[0] == pytest.approx(direct / C, rel=1e-12)
