@@ -9,7 +9,6 @@ from robosim.calibration.measured_paths import match, read_measured_paths, trace
 from tests.benchmarks.measured_hall import CLOSE, FREQUENCY_HZ, TURN_DEG, half_space, read_plan, turned
 
 
-@pytest.mark.slow
 def test_posts_explain_paths_that_flat_walls_do_not(shared):
     """Within 6 dB 58 % of the paths instead of 25 %, 0.6 % by chance; the receiver is turned by 1.3 degrees."""
     folder = shared / "data" / "kampusareena-60ghz"

@@ -86,7 +86,6 @@ WITH_COMMANDS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.name
 )
@@ -109,7 +108,6 @@ def test_all_python_blocks_run() -> None:
         assert not named & {"py", "Python", "pycon", "{code-block} python"}, page
 
 
-@pytest.mark.slow
 def test_mapper_on_the_page_of_parts(tmp_path: Path, separate_process: Callable[..., Ended]) -> None:
     """It resets its map at the 100th scan and accepts laser scans, among people too: 130 decisions of exploring."""
     ended = separate_process(_explore, DOCS / "tasks" / "parts.md", folder=tmp_path)

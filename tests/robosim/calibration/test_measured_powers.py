@@ -55,7 +55,6 @@ def plan():
     return two_rooms(0.8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_walls_are_found_within_their_standard_deviations(plan, seed):
     """Squared distance of permittivity and conductivity below 6 (95 %; measured 0.2, 0.5, 4.2), errors of 5 dB.

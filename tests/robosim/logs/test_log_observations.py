@@ -59,7 +59,6 @@ def test_observations_have_the_velocity_of_odometry(tmp_path):
     assert (v * duration_s, w * duration_s) == pytest.approx((second.odometry[0], second.odometry[2]))
 
 
-@pytest.mark.slow
 def test_agent_agrees_with_the_mapping_of_a_public_log(shared):
     """Over 100 scans of Freiburg 101, places ten scans apart: 5 cm and 0.5 degrees; measured 2 cm and 0.2 degrees."""
     log = read_log(shared / "data/robot-logs/freiburg-101-corrected.log.gz")
