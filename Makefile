@@ -25,6 +25,8 @@ OUT ?= out/demo
 FRESH ?= demo test
 MOMENTS ?= 20
 BIN := $(VENV)/bin
+# Tests start many processes: bytecode is written, so that the second process does not compile the same modules again.
+unexport PYTHONDONTWRITEBYTECODE
 # Removes a distribution with the former name, robosim, which owns the same command.
 INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
