@@ -39,8 +39,10 @@ logger = logging.getLogger(__name__)
 
 #: Packages whose sources belong to the digest, besides that of the loop itself.
 PACKAGES = frozenset({"robosim", "slam", "wireless"})
-#: Cached versions of a module that remain on disk.
+#: Cached versions of a module that remain on disk, besides those that processes may be using.
 MAX_VERSIONS = 8
+#: A version that was opened since then may be in use [s].
+_IN_USE_S = 3600
 
 _CACHE_DIR = "NUMBA_CACHE_DIR"
 _IMPORT_TIME_S = time.time()
@@ -199,8 +201,10 @@ def _module_folder(root: Path, module: str, digest: str) -> Path:
         folder.mkdir(exist_ok=True)
         os.utime(folder)
         versions = [path for path in root.glob(f"{module}-*") if path.name[len(module) + 1 :].isalnum()]
-        for old in sorted(versions, key=lambda path: path.stat().st_mtime)[:-MAX_VERSIONS]:
-            shutil.rmtree(old, ignore_errors=True)
+        ages = sorted((time.time() - path.stat().st_mtime, path) for path in versions)
+        for age_s, version in ages[MAX_VERSIONS:]:
+            if age_s > _IN_USE_S:
+                shutil.rmtree(version, ignore_errors=True)
     return folder
 
 
