@@ -244,4 +244,5 @@ def _count_cached() -> int:
     folder = writable_folder(cache_folders())
     if folder is None:
         raise ValueError("no cache folder is writable. Set NUMBA_CACHE_DIR to a writable folder.")
-    return sum(1 for _ in folder.rglob("*.nbc"))
+    # Not `rglob`, which raises where another process deletes an old version meanwhile.
+    return sum(name.endswith(".nbc") for _, _, names in os.walk(folder) for name in names)
