@@ -20,6 +20,7 @@ from tests.benchmarks import (
     estimation,
     exploration,
     labels,
+    map_errors,
     mapping,
     physics,
     plans,
@@ -269,6 +270,26 @@ def test_tracer_peer_counts_paths_of_both(tmp_path, monkeypatch):
     assert [found[f"{kind}: there alone"] for kind in ("line of sight", "reflections")] == [0, 0]
     assert found["confirmed"] == 1 and found["there twice"] == 0
     assert found["strength, 95 % within"] == pytest.approx(0.5)
+
+
+def test_map_errors_of_a_peer_that_is_1_db_stronger(tmp_path, monkeypatch):
+    """It has an error of 1 dB; more points of a cell leave less, a map of all orders reaches all cells."""
+
+    def peer(cells, python, samples):
+        dense, _ = map_errors.own_powers(cells, map_errors.config_of(4, 100), map_errors.DENSE)
+        return {"version": "2", "gain_1000": 10**0.1 * dense.mean(axis=2), "cpu_s_1000": 1.0}
+
+    monkeypatch.setattr(map_errors, "ask_peer", peer)
+    results = Results()
+    map_errors.measure(map_errors.of_plan(two_rooms(0.8), 0.5, 0, tmp_path), "python", (1000,), results)
+    error = column(results, "two rooms", "error")
+    assert error["Sionna RT 2, 1e3 samples"] == pytest.approx(1.0, abs=1e-3)
+    points = [error[f"all paths, order 4{end}"] for end in ("", ", 4 points", ", 9 points")]
+    assert points == sorted(points, reverse=True)
+    missed = column(results, "two rooms", "not reached")
+    assert missed["all paths, order 4, 9 points"] == 0 <= missed["all paths, order 1"]
+    figure = map_errors.draw(results)
+    assert [len(line.get_xdata()) for line in figure.axes[0].lines] == [4, 4, 3, 1]
 
 
 def test_tracer_peer_confirms_true_reflections_only():
