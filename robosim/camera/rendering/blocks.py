@@ -57,7 +57,9 @@ class Blocks(NamedTuple):
         ends = corners[sides], corners[sides - sides % 3 + (sides + 1) % 3]
         fans = np.stack([*ends, middle[owner] / 2], axis=1)
         fan_area = _doubled_area(fans)
-        total, whole = (np.bincount(at, area, len(count)) for at, area in ((owner, fan_area), (number, doubled)))
+        total, whole = (
+            np.bincount(at, area, len(count)) for at, area in ((owner, fan_area), (number, doubled))
+        )
         turned = np.bincount(owner, fan_area * np.sign(whole)[owner] <= 0, len(count))
         n_sides = np.bincount(owner, minlength=len(count))
         fits = level[order[starts]] & (turned == 0) & (np.abs(total - whole) < 1e-3) & (n_sides < count)

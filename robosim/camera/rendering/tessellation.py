@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import shapely
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.building import Building
 from robosim.building.extrusion import PLACED
@@ -133,11 +133,16 @@ class CutGrid:
         Returned are triangles, counter-clockwise, with no vertices but those of `border` and crossings of lines, and
         which tile each is a part of, counted from 0.
         """
-        pieces = np.concatenate([border, self._inner_lines(border)])
+        inner = self._inner_lines(border)
+        whole, squares, is_open = self._whole_squares(inner, border)
+        pieces = np.concatenate([border, inner[is_open]])
         lines = shapely.linestrings(self.xy[pieces])
         tiles = shapely.get_parts(shapely.polygonize(lines))
+        points = shapely.point_on_surface(tiles)
+        row, column = self._square(shapely.get_coordinates(points)).T
+        tiles, points = (values[~whole[row, column]] for values in (tiles, points))
         region = shapely.STRtree(shapely.polygons(self.xy[triangles]))
-        tiles = tiles[np.unique(region.query(shapely.point_on_surface(tiles), predicate="intersects")[0])]
+        tiles = tiles[np.unique(region.query(points, predicate="intersects")[0])]
         parts, tile = shapely.get_parts(shapely.constrained_delaunay_triangles(tiles), return_index=True)
         points = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
         used = np.unique(pieces)
@@ -146,7 +151,39 @@ class CutGrid:
         index = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
         clockwise = _doubled_area(points) < 0
         index[clockwise] = index[clockwise, ::-1]
-        return index, tile
+        return np.concatenate([index, squares]), np.append(tile, len(tiles) + np.arange(len(squares)) // 2)
+
+    def _square(self, xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "n 2"]:
+        """Row and column of the squares that points in steps lie in, from the lowest corner of all."""
+        return (np.floor(xy) - np.floor(self.xy.min(axis=0))).astype(int)[:, ::-1]
+
+    def _whole_squares(
+        self, inner: Int[np.ndarray, "k 2"], border: Int[np.ndarray, "m 2"]
+    ) -> tuple[Bool[np.ndarray, "ny nx"], Int[np.ndarray, "n 3"], Bool[np.ndarray, " k"]]:
+        """Squares with four inner sides and no border inside, which need not be searched for among lines.
+
+        Returned are their mask, two triangles of each, cut as the others are, and which inner pieces are sides of
+        other squares too.
+        """
+        ends = self.xy[inner]
+        is_side = (ends == np.round(ends)).all(axis=(1, 2)) & (np.ptp(ends, axis=1).sum(axis=1) == 1)
+        after = self._square(ends.min(axis=1))
+        before = after - np.ptp(ends, axis=1).astype(
+            int
+        )  # a row below level pieces, a column left of upright ones
+        count = np.zeros(self._square(self.xy).max(axis=0) + 2, np.uint8)
+        for squares in (before, after):
+            np.add.at(count, tuple(squares[is_side].T), 1)
+        count[tuple(self._square(self.xy[border].mean(axis=1)).T)] = 0
+        whole = count == 4
+        corner = np.zeros(count.shape, int)
+        corner[tuple(self._square(ends[is_side].reshape(-1, 2)).T)] = inner[is_side].ravel()
+        row, column = np.nonzero(whole)
+        square = np.stack(
+            [corner[row + up, column + right] for up, right in ((1, 1), (1, 0), (0, 0), (0, 1))], axis=1
+        )
+        is_open = ~(is_side & whole[tuple(after.T)] & whole[tuple(before.T)])
+        return whole, square[:, [[0, 1, 2], [2, 3, 0]]].reshape(-1, 3), is_open
 
     def _inner_lines(self, border: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, "k 2"]:
         """Pieces of the grid's lines inside of a border, cut where lines cross."""

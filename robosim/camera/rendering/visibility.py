@@ -150,9 +150,7 @@ def _boxes(
     """Boxes around runs of triangles, seen from above: middle x, y and half sides [m], and 1."""
     low = np.minimum.reduceat(triangles[..., :2].min(axis=1)[order], starts).astype(float)
     high = np.maximum.reduceat(triangles[..., :2].max(axis=1)[order], starts).astype(float)
-    return np.ascontiguousarray(
-        np.column_stack([(low + high) / 2, (high - low) / 2, np.ones(len(low))]).T
-    )
+    return np.ascontiguousarray(np.column_stack([(low + high) / 2, (high - low) / 2, np.ones(len(low))]).T)
 
 
 def screens(triangles: Float[np.ndarray, "m 3 3"]) -> Float[np.ndarray, "n 2 2"]:
