@@ -147,18 +147,7 @@ class Reach:
         start, gap_m = self.nearest_cell(point)
         if gap_m == np.inf:
             return np.full(self.plan.shape, np.inf)
-        inside = self.parts == self.parts[start]
-        rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
-        window = np.s_[
-            max(rows[0] - 1, 0) : rows[-1] + 2,
-            max(columns[0] - 1, 0) : columns[-1] + 2,
-        ]
-        corner = (window[0].start, window[1].start)
-        local = (int(start[0] - corner[0]), int(start[1] - corner[1]))
-        times = march(inside[window], local, self.plan.resolution_m)
-        travel = np.full(self.plan.shape, np.inf)
-        travel[window] = times
-        return travel
+        return march(self.parts == self.parts[start], start, self.plan.resolution_m)
 
     def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:
         """Travel at a point between cell centres: the shortest over a cell within two cells of it [m].
@@ -216,14 +205,18 @@ def reach(
     )
     outside = outside_of(plan)
     n = int(labels.max())
-    size = np.bincount(labels[~outside], minlength=n + 1)[1:]
+    size = np.zeros(n + 1, int)
+    for row, is_outside in zip(labels, outside, strict=True):  # whole plans would be copied to long integers
+        size += np.bincount(row[~is_outside], minlength=n + 1)
     rank = np.zeros(n + 1, labels.dtype)
-    rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
+    rank[1 + np.argsort(-size[1:], kind="stable")] = np.arange(1, n + 1)
+    for row in labels:
+        row[:] = rank[row]
     floor, overhung = plan.free, np.zeros(plan.shape, bool)
     if building.furnishings:
         floor, open_above = (_on(plan, plan.free, area) for area in (free, building.floor(building.height_m)))
         overhung = floor & ~open_above
-    return Reach(plan, hull, rank[labels], free, outside, floor, overhung)
+    return Reach(plan, hull, labels, free, outside, floor, overhung)
 
 
 def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> Int[np.ndarray, "ny nx"]:
@@ -304,12 +297,28 @@ def _nearest_cell(
 def _on(
     plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], floor: shapely.Geometry
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Mask of those cells whose centre lies on a floor."""
+    """Mask of those cells whose centre lies on a floor.
+
+    Only cells near its edge are compared with it, and one of each run of others in a row, which lie on one side.
+    """
+    edge = np.zeros(plan.shape, np.uint8)
+    rings = [
+        np.round(256 * (plan.to_cells(shapely.get_coordinates(ring)) - 0.5)).astype(np.int32)
+        for ring in shapely.get_rings(shapely.get_parts(floor))
+    ]
+    cv2.polylines(edge, rings, isClosed=True, color=1, thickness=5, shift=8)
     mask = np.zeros(plan.shape, bool)
     shapely.prepare(floor)
     at_once = 1 + _CELLS_AT_ONCE // plan.shape[1]
     for first in range(0, plan.shape[0], at_once):
         rows = np.s_[first : first + at_once]
-        iy, ix = np.nonzero(cells[rows])
-        mask[rows][iy, ix] = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
+        near = edge[rows] > 0
+        compared = near.copy()
+        compared[:, 0] = True
+        compared[:, 1:] |= near[:, :-1]
+        compared &= cells[rows] | ~near
+        iy, ix = np.nonzero(compared)
+        inside = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
+        # Each cell takes the value of the last one before it that was compared.
+        mask[rows] = np.append(inside, False)[np.cumsum(compared).reshape(near.shape) - 1] & cells[rows]
     return mask
