@@ -223,36 +223,58 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     """Number of the largest part, over places and headings, that each cell belongs to; 0 where the hull cannot be."""
     inner = _on(plan, plan.free, free.buffer(-hull.inner_m))
     open_floor = inner & _on(plan, inner, free.buffer(-hull.turning_m))  # there it fits at every heading
+    node, n_open = ndimage.label(open_floor)
+    is_start = open_floor.copy()
+    is_start[:, 1:] &= ~open_floor[:, :-1]
+    starts = np.flatnonzero(is_start)
+    starts = starts[np.unique(node.ravel()[starts], return_index=True)[1]]
+    n_cells = np.zeros(n_open + 1, int)
+    for row in node:
+        n_cells += np.bincount(row, minlength=n_open + 1)
+    n_cells[0] = 0
+    # Pieces of open floor are nodes of a graph, and each tight cell is one, at each heading.
     is_tight = inner & ~open_floor
-    tight, walls = np.argwhere(is_tight), wall_segments(free)
+    tight, walls = np.flatnonzero(is_tight), wall_segments(free)
+    node.ravel()[tight] = np.arange(n_open + 1, n_open + 1 + len(tight))
+    n_cells, first = np.append(n_cells, np.ones_like(tight)), np.concatenate([[node.size], starts, tight])
+    steps = [(node[1:], node[:-1]), (node[:, 1:], node[:, :-1])]
+    steps = [np.stack([a[meet], b[meet]]) for a, b in steps for meet in [(a != b) & (a > 0) & (b > 0)]]
+    edges = np.concatenate(steps, axis=1)
     tree = shapely.STRtree(shapely.points(plan.centres(is_tight)))
-    fits = np.repeat(open_floor[None], HEADINGS, axis=0)
+    fits = np.ones((HEADINGS, len(first)), bool)
+    fits[:, 0] = False
+    labels, n = np.zeros(fits.shape, np.int32), 0
     for k, yaw in enumerate(np.arange(HEADINGS) * 2 * np.pi / HEADINGS):
         reversed_outline = -to_map(np.array([0.0, 0.0, yaw]), hull.corners)
         swept = (walls[:, :, None] + reversed_outline).reshape(len(walls), -1, 2)
         meets = tree.query(
             shapely.convex_hull(shapely.multipoints(list(swept))), predicate="contains_properly"
         )[1]
-        free_there = np.ones(len(tight), bool)
-        free_there[meets] = False
-        rows, columns = tight[free_there].T
-        fits[k, rows, columns] = True
-    labels, n = ndimage.label(fits)
+        fits[k, n_open + 1 + meets] = False
+        count, label = _components(edges[:, fits[k][edges].all(axis=0)], len(first))
+        labels[k], n = label + n, n + count
     # The last heading is next to the first.
-    pairs = np.column_stack([labels[0].ravel(), labels[-1].ravel()])
-    pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)
-    joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n + 1, n + 1))
-    count, component = connected_components(joined, directed=False)
-    size = np.zeros(count)
-    for layer in labels:  # one by one, which takes little memory
-        size += np.bincount(component[layer].ravel(), layer.ravel() > 0, count)
+    pairs = [np.stack([labels[k], labels[k - 1]])[:, fits[k] & fits[k - 1]] for k in range(HEADINGS)]
+    n, component = _components(np.concatenate(pairs, axis=1), n)
+    size, begin = np.zeros(n), np.full(n, HEADINGS * node.size)
+    for k, label in enumerate(labels):
+        size += np.bincount(component[label], fits[k] * n_cells, n)
+        np.minimum.at(begin, component[label[fits[k]]], (first + k * node.size)[fits[k]])
     # By falling size, so that the least number of a cell is that of its largest part.
-    rank = np.empty(count, np.int32)
-    rank[np.argsort(-size, kind="stable")] = np.arange(1, count + 1)
-    numbers = np.full(plan.shape, count + 1, np.int32)
-    for layer in labels:
-        np.minimum(numbers, rank[component[layer]], out=numbers, where=layer > 0)
-    return np.where(numbers > count, 0, numbers)
+    rank = np.empty(n, np.int32)
+    rank[np.lexsort([begin, -size])] = np.arange(1, n + 1)
+    number = np.where(fits, rank[component[labels]], n + 1).min(axis=0)
+    number[number > n] = 0
+    for row in node:
+        row[:] = number[row]
+    return node
+
+
+def _components(edges: Int[np.ndarray, "2 m"], n: int) -> tuple[int, Int[np.ndarray, " n"]]:
+    """Count of connected components of a graph with n nodes, and the component of each."""
+    graph = coo_matrix((np.ones(edges.shape[1], bool), edges), shape=(n, n))
+    count, component = connected_components(graph, directed=False)
+    return int(count), component
 
 
 @compiled
