@@ -228,10 +228,7 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     is_start[:, 1:] &= ~open_floor[:, :-1]
     starts = np.flatnonzero(is_start)
     starts = starts[np.unique(node.ravel()[starts], return_index=True)[1]]
-    n_cells = np.zeros(n_open + 1, int)
-    for row in node:
-        n_cells += np.bincount(row, minlength=n_open + 1)
-    n_cells[0] = 0
+    n_cells = np.bincount(node.ravel())
     # Pieces of open floor are nodes of a graph, and each tight cell is one, at each heading.
     is_tight = inner & ~open_floor
     tight, walls = np.flatnonzero(is_tight), wall_segments(free)

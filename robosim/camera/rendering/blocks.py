@@ -56,17 +56,13 @@ class Blocks(NamedTuple):
         corners = triangles.reshape(-1, 3)
         ends = corners[sides], corners[sides - sides % 3 + (sides + 1) % 3]
         fans = np.stack([*ends, middle[owner] / 2], axis=1)
-        fan_area = _doubled_area(fans)
-        total, whole = (
-            np.bincount(at, area, len(count)) for at, area in ((owner, fan_area), (number, doubled))
-        )
-        turned = np.bincount(owner, fan_area * np.sign(whole)[owner] <= 0, len(count))
+        # Triangles of one orientation around a point cover what their outer sides enclose, once.
+        turned = np.bincount(owner, _doubled_area(fans) * doubled[sides // 3] <= 0, len(count))
         n_sides = np.bincount(owner, minlength=len(count))
-        fits = level[order[starts]] & (turned == 0) & (np.abs(total - whole) < 1e-3) & (n_sides < count)
         tones = colours[order]
         dark = np.minimum.reduceat(tones.min(axis=1), starts)
         bright = np.maximum.reduceat(tones.max(axis=1), starts)
-        fits &= (dark > _EVEN * bright).all(axis=1)
+        fits = level[order[starts]] & (turned == 0) & (n_sides < count) & (dark > _EVEN * bright).all(axis=1)
         mean = np.add.reduceat(tones.mean(axis=1), starts) / count[:, None]
         by_block = np.argsort(owner, kind="stable")
         by_block = by_block[fits[owner[by_block]]]

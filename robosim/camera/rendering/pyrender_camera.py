@@ -131,12 +131,8 @@ class PyrenderCamera(ClosingCamera):
         self._visibility = Visibility(triangles, parts, config)
         self._unit = np.float32(config.near_m * MAX_DEPTH_CODE)
         self._least = np.float32(config.near_m * MAX_DEPTH_CODE / config.far_m)
-        positions, faces, colours, counts = (
-            scenery.vertices,
-            scenery.faces[parts.order],
-            scenery.colours,
-            parts.counts,
-        )
+        positions, colours, counts = scenery.vertices, scenery.colours, parts.counts
+        faces = scenery.faces[parts.order]
         if parts.blocks is not None:
             fans = parts.blocks.fans.reshape(-1, 3)
             faces = np.vstack([faces, len(positions) + np.arange(len(fans), dtype=np.int32).reshape(-1, 3)])

@@ -151,7 +151,13 @@ class CutGrid:
         index = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
         clockwise = _doubled_area(points) < 0
         index[clockwise] = index[clockwise, ::-1]
-        return np.concatenate([index, squares]), np.append(tile, len(tiles) + np.arange(len(squares)) // 2)
+        tile = np.append(tile, len(tiles) + np.arange(len(squares)) // 2)
+        # In the order of their first lines: those with a piece of the border outside, then whole squares and frames.
+        is_square = shapely.area(shapely.polygons(shapely.get_exterior_ring(tiles))) > 1 - 1e-9
+        lowest = np.vstack([shapely.bounds(tiles)[:, :2] * is_square[:, None], self.xy[squares[::2, 2]]])
+        is_square = np.append(is_square, np.ones(len(squares) // 2, bool))
+        rank = np.argsort(np.lexsort([lowest[:, 1], lowest[:, 0], is_square]))
+        return np.concatenate([index, squares]), rank[tile]
 
     def _square(self, xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "n 2"]:
         """Row and column of the squares that points in steps lie in, from the lowest corner of all."""
@@ -168,9 +174,8 @@ class CutGrid:
         ends = self.xy[inner]
         is_side = (ends == np.round(ends)).all(axis=(1, 2)) & (np.ptp(ends, axis=1).sum(axis=1) == 1)
         after = self._square(ends.min(axis=1))
-        before = after - np.ptp(ends, axis=1).astype(
-            int
-        )  # a row below level pieces, a column left of upright ones
+        # The other square lies a row below a level piece, and a column to the left of an upright one.
+        before = after - np.ptp(ends, axis=1).astype(int)
         count = np.zeros(self._square(self.xy).max(axis=0) + 2, np.uint8)
         for squares in (before, after):
             np.add.at(count, tuple(squares[is_side].T), 1)
@@ -178,12 +183,11 @@ class CutGrid:
         whole = count == 4
         corner = np.zeros(count.shape, int)
         corner[tuple(self._square(ends[is_side].reshape(-1, 2)).T)] = inner[is_side].ravel()
-        row, column = np.nonzero(whole)
-        square = np.stack(
-            [corner[row + up, column + right] for up, right in ((1, 1), (1, 0), (0, 0), (0, 1))], axis=1
-        )
+        column, row = np.nonzero(whole.T)
+        up, right = np.array([[1, 1, 0, 0, 0, 1], [1, 0, 0, 0, 1, 1]])  # of two triangles
+        triangles = corner[row[:, None] + up, column[:, None] + right].reshape(-1, 3)
         is_open = ~(is_side & whole[tuple(after.T)] & whole[tuple(before.T)])
-        return whole, square[:, [[0, 1, 2], [2, 3, 0]]].reshape(-1, 3), is_open
+        return whole, triangles, is_open
 
     def _inner_lines(self, border: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, "k 2"]:
         """Pieces of the grid's lines inside of a border, cut where lines cross."""

@@ -63,12 +63,12 @@ class Visibility:
     def __init__(self, triangles: Float[np.ndarray, "m 3 3"], parts: Parts, config: CameraConfig) -> None:
         self._boxes = _boxes(triangles, parts.order, parts.starts)
         self._floor, self._top = float(triangles[..., 2].min()), float(triangles[..., 2].max())
+        self._block_boxes = None
         if parts.blocks is not None:
             block_of = parts.blocks.number[parts.order[parts.starts]]
             self._far_m, self._sizes = parts.blocks.far_m, np.bincount(block_of)
             self._first = np.cumsum(self._sizes) - self._sizes
             self._block_boxes = _boxes(triangles, parts.order, parts.starts[self._first])
-        self._has_blocks = parts.blocks is not None
         self._config = config
         column = np.arange(config.width) + 0.5 - 0.5 * config.width
         across = np.concatenate([column - _SHAKE_PX, column + _SHAKE_PX]) / config.focal_px
@@ -87,25 +87,24 @@ class Visibility:
         n = self._boxes.shape[1]
         if abs(R[2, 1] + 1.0) > 1e-9 or abs(R[2, 0]) > 1e-9 or abs(R[2, 2]) > 1e-9:
             return np.arange(n)
-        reach = self._look(R, t)
-        if not self._has_blocks:
-            return self._seen(self._boxes, reach, R, t)[0]
-        block, nearest = self._seen(self._block_boxes, reach, R, t)
+        view, reach = self._view(R, t), self._look(R, t)
+        if self._block_boxes is None:
+            return self._seen(view @ self._boxes, reach)[0]
+        block, nearest = self._seen(view @ self._block_boxes, reach)
         far = nearest > self._far_m[block]
         near = block[~far]
         _, parts = index_ranges(self._first[near], self._sizes[near])
-        return np.concatenate([parts[self._seen(self._boxes[:, parts], reach, R, t)[0]], n + block[far]])
+        return np.concatenate([parts[self._seen(view @ self._boxes[:, parts], reach)[0]], n + block[far]])
 
     def _seen(
-        self,
-        boxes: Float[np.ndarray, "5 n"],
-        reach: Float32[np.ndarray, " _"],
-        R: Float[np.ndarray, "3 3"],
-        t: Float[np.ndarray, "3"],
+        self, extents: Float[np.ndarray, "4 n"], reach: Float32[np.ndarray, " _"]
     ) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-        """Boxes that begin within reach in a column of the picture, and how far ahead each begins [m]."""
+        """Boxes that begin within reach in a column of the picture, and how far ahead each begins [m].
+
+        Extents are the least and greatest place of each across [focal lengths] and ahead [m].
+        """
         width, near = self._config.width, self._config.near_m
-        left, right, nearest, farthest = self._extents(boxes, R, t)
+        left, right, nearest, farthest = extents
         # A box is seen widest where it is nearest, but for an edge that lies beyond the middle of the picture.
         close, far = 1.0 / np.maximum(nearest, near), 1.0 / np.maximum(farthest, near)
         columns = np.empty((2, len(left)))
@@ -120,10 +119,8 @@ class Visibility:
         inside = inside[np.minimum(visible_m, self._config.far_m) > nearest[inside] - _MARGIN_M]
         return inside, nearest[inside]
 
-    def _extents(
-        self, boxes: Float[np.ndarray, "5 n"], R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]
-    ) -> Float[np.ndarray, "4 n"]:
-        """Least and greatest place across [focal lengths] and ahead [m] of boxes."""
+    def _view(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 5"]:
+        """Matrix from boxes to their extents from a place."""
         f = self._config.focal_px
         (rx, ry, _), (ax, ay, _) = R[:, 0].tolist(), R[:, 2].tolist()
         x, y, _ = t.tolist()
@@ -131,7 +128,7 @@ class Visibility:
         rows = []
         for u, v in (across, ahead):
             rows += [[u, v, sign * abs(u), sign * abs(v), -u * x - v * y] for sign in (-1.0, 1.0)]
-        return np.array(rows) @ boxes
+        return np.array(rows)
 
     def _look(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float32[np.ndarray, " _"]:
         """Visible distance ahead in each column [m], and one additional value."""
