@@ -224,10 +224,9 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     inner = _on(plan, plan.free, free.buffer(-hull.inner_m))
     open_floor = inner & _on(plan, inner, free.buffer(-hull.turning_m))  # there it fits at every heading
     node, n_open = ndimage.label(open_floor)
-    is_start = open_floor.copy()
-    is_start[:, 1:] &= ~open_floor[:, :-1]
-    starts = np.flatnonzero(is_start)
-    starts = starts[np.unique(node.ravel()[starts], return_index=True)[1]]
+    starts = np.flatnonzero(
+        np.diff(np.maximum.accumulate(node.ravel()), prepend=0)
+    )  # numbers rise by first cells
     n_cells = np.bincount(node.ravel())
     # Pieces of open floor are nodes of a graph, and each tight cell is one, at each heading.
     is_tight = inner & ~open_floor
@@ -238,8 +237,7 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     steps = [np.stack([a[meet], b[meet]]) for a, b in steps for meet in [(a != b) & (a > 0) & (b > 0)]]
     edges = np.concatenate(steps, axis=1)
     tree = shapely.STRtree(shapely.points(plan.centres(is_tight)))
-    fits = np.ones((HEADINGS, len(first)), bool)
-    fits[:, 0] = False
+    fits = np.tile(np.arange(len(first)) > 0, (HEADINGS, 1))
     labels, n = np.zeros(fits.shape, np.int32), 0
     for k, yaw in enumerate(np.arange(HEADINGS) * 2 * np.pi / HEADINGS):
         reversed_outline = -to_map(np.array([0.0, 0.0, yaw]), hull.corners)
@@ -260,8 +258,7 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     # By falling size, so that the least number of a cell is that of its largest part.
     rank = np.empty(n, np.int32)
     rank[np.lexsort([begin, -size])] = np.arange(1, n + 1)
-    number = np.where(fits, rank[component[labels]], n + 1).min(axis=0)
-    number[number > n] = 0
+    number = np.where(fits, rank[component[labels]], n + 1).min(axis=0) % (n + 1)
     for row in node:
         row[:] = number[row]
     return node

@@ -72,10 +72,7 @@ def lattice_solids(
 
 
 def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> UInt8[np.ndarray, "ny nx"]:
-    """Quarters of (rows, columns) of squares that are free, one bit each, the lowest for the east.
-
-    Their centroids see an odd number of walls to the left.
-    """
+    """Bits of free quarters of (rows, columns) of squares: their centroids see an odd number of walls to the left."""
     walls = walls[walls[:, 0, 1] != walls[:, 1, 1]]
     (x0, y0), (x1, y1) = walls[:, 0].T, walls[:, 1].T
     length = np.abs(y1 - y0)
@@ -91,13 +88,10 @@ def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> UI
 
 def _next_to_free(solid: UInt8[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
     """Solid squares with a free quarter across one of their sides."""
-    is_next = np.zeros(solid.shape, bool)
-    is_next[:, :-1] |= solid[:, 1:] & 1 << WEST == 0
-    is_next[:-1] |= solid[1:] & 1 << SOUTH == 0
-    is_next[:, 1:] |= solid[:, :-1] & 1 << EAST == 0
-    is_next[1:] |= solid[:-1] & 1 << NORTH == 0
-    is_next &= solid == 15
-    return is_next
+    free = np.pad(15 ^ solid, 1)
+    across = free[1:-1, 2:] & 1 << WEST | free[2:, 1:-1] & 1 << SOUTH
+    across |= free[1:-1, :-2] & 1 << EAST | free[:-2, 1:-1] & 1 << NORTH
+    return (across > 0) & (solid == 15)
 
 
 def _half(corner: tuple[int, int]) -> int:

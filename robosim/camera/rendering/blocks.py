@@ -3,8 +3,8 @@
 A floor of tens of thousands of square metres has so many tiles that choosing and drawing them takes most of a
 picture's time. Triangles are gathered by squares of some metres, those of each level plane apart. Beyond a distance
 where a tile is less than half a pixel high, the tiles of a block are drawn as one fan of triangles, from a middle
-point to the edges of the block, in their mean colour. The surface is that of the tiles, and so are the edges: no crack
-opens to neighbours. A block of one colour is drawn so at any distance.
+point to the edges of the block, in their mean colour: the surface and its edges are those of the tiles. A block of one
+colour is drawn so at any distance.
 
 Left out: blocks in the shadow of walls, and those whose fan would not cover their tiles exactly; they are drawn as
 tiles.
@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
+
+from robosim.camera.rendering.tessellation import doubled_area
 
 #: Side of blocks, seen from above [m].
 BLOCK_M = 8.0
@@ -41,7 +43,7 @@ class Blocks(NamedTuple):
     ) -> "Blocks":
         """Gather triangles by the square that their middle lies in; `colours` are those of their corners."""
         low, high = triangles.min(axis=1), triangles.max(axis=1)
-        doubled = _doubled_area(triangles)
+        doubled = doubled_area(triangles[..., :2].astype(float))
         level = (low[:, 2] == high[:, 2]) & (doubled != 0)
         square = np.floor((low + high)[:, :2] / (2 * BLOCK_M))  # both triangles of a tile have one middle
         plane = np.column_stack([np.sign(doubled), low[:, 2]]) * level[:, None]
@@ -53,11 +55,12 @@ class Blocks(NamedTuple):
         middle = np.minimum.reduceat(low[order], starts) + np.maximum.reduceat(high[order], starts)
         sides = _border(triangles, number)
         owner = number[sides // 3]
-        corners = triangles.reshape(-1, 3)
-        ends = corners[sides], corners[sides - sides % 3 + (sides + 1) % 3]
-        fans = np.stack([*ends, middle[owner] / 2], axis=1)
+        ends = triangles.reshape(-1, 3)[np.column_stack([sides, sides - sides % 3 + (sides + 1) % 3])]
+        fans = np.concatenate([ends, middle[owner, None] / 2], axis=1)
         # Triangles of one orientation around a point cover what their outer sides enclose, once.
-        turned = np.bincount(owner, _doubled_area(fans) * doubled[sides // 3] <= 0, len(count))
+        turned = np.bincount(
+            owner, doubled_area(fans[..., :2].astype(float)) * doubled[sides // 3] <= 0, len(count)
+        )
         n_sides = np.bincount(owner, minlength=len(count))
         tones = colours[order]
         dark = np.minimum.reduceat(tones.min(axis=1), starts)
@@ -73,12 +76,6 @@ class Blocks(NamedTuple):
             fans[by_block],
             mean.round().astype(np.uint8)[owner[by_block]],
         )
-
-
-def _doubled_area(triangles: Float32[np.ndarray, "m 3 3"]) -> Float[np.ndarray, " m"]:
-    """Twice the area of triangles as seen from above, negative for those that face down."""
-    side, other = (triangles[:, k, :2].astype(float) - triangles[:, 0, :2] for k in (1, 2))
-    return side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
 
 
 def _border(triangles: Float32[np.ndarray, "m 3 3"], number: Int[np.ndarray, " m"]) -> Int[np.ndarray, " k"]:

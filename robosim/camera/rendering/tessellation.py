@@ -149,7 +149,7 @@ class CutGrid:
         keys = self.xy[used] @ (1, 1j)
         order = np.argsort(keys)
         index = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
-        clockwise = _doubled_area(points) < 0
+        clockwise = doubled_area(points) < 0
         index[clockwise] = index[clockwise, ::-1]
         tile = np.append(tile, len(tiles) + np.arange(len(squares)) // 2)
         # In the order of their first lines: those with a piece of the border outside, then whole squares and frames.
@@ -358,7 +358,7 @@ def _chains(
     return np.column_stack([point[:-1], point[1:]])[inside], line[1:][inside]
 
 
-def _doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, " n"]:
+def doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, " n"]:
     """Twice the area of triangles, positive if counter-clockwise."""
     side, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     return side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]

@@ -63,7 +63,7 @@ class Visibility:
     def __init__(self, triangles: Float[np.ndarray, "m 3 3"], parts: Parts, config: CameraConfig) -> None:
         self._boxes = _boxes(triangles, parts.order, parts.starts)
         self._floor, self._top = float(triangles[..., 2].min()), float(triangles[..., 2].max())
-        self._block_boxes = None
+        self._block_boxes: Float[np.ndarray, "5 n"] | None = None
         if parts.blocks is not None:
             block_of = parts.blocks.number[parts.order[parts.starts]]
             self._far_m, self._sizes = parts.blocks.far_m, np.bincount(block_of)
