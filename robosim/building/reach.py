@@ -233,9 +233,8 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     tight, walls = np.flatnonzero(is_tight), wall_segments(free)
     node.ravel()[tight] = np.arange(n_open + 1, n_open + 1 + len(tight))
     n_cells, first = np.append(n_cells, np.ones_like(tight)), np.concatenate([[node.size], starts, tight])
-    steps = [(node[1:], node[:-1]), (node[:, 1:], node[:, :-1])]
-    steps = [np.stack([a[meet], b[meet]]) for a, b in steps for meet in [(a != b) & (a > 0) & (b > 0)]]
-    edges = np.concatenate(steps, axis=1)
+    sides = [(node[1:], node[:-1]), (node[:, 1:], node[:, :-1])]
+    edges = np.hstack([np.stack([a[m], b[m]]) for a, b in sides for m in [(a != b) & (a > 0) & (b > 0)]])
     tree = shapely.STRtree(shapely.points(plan.centres(is_tight)))
     fits = np.tile(np.arange(len(first)) > 0, (HEADINGS, 1))
     labels, n = np.zeros(fits.shape, np.int32), 0

@@ -91,8 +91,8 @@ def route_directions(
     reached = reached[np.argsort(time.ravel()[reached], kind="stable")]
     _propagate(time, reached, iy, ix, frame.resolution_m, out, back, entry)
     is_closed = ~np.isfinite(time)
-    is_beside = cv2.dilate(is_closed.astype(np.uint8), np.ones((3, 3), np.uint8)).ravel() > 0
-    _fill_neighbours(time, reached[is_beside[reached]], out, back)
+    is_adjacent = cv2.dilate(is_closed.astype(np.uint8), np.ones((3, 3), np.uint8)).ravel() > 0
+    _fill_neighbours(time, reached[is_adjacent[reached]], out, back)
     entry[is_closed] = -1
     return RouteDirections(rows, columns, out, back, time.astype(np.float32), entry)
 

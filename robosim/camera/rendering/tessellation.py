@@ -155,8 +155,7 @@ class CutGrid:
         # In the order of their first lines: those with a piece of the border outside, then whole squares and frames.
         is_square = shapely.area(shapely.polygons(shapely.get_exterior_ring(tiles))) > 1 - 1e-9
         lowest = np.vstack([shapely.bounds(tiles)[:, :2] * is_square[:, None], self.xy[squares[::2, 2]]])
-        is_square = np.append(is_square, np.ones(len(squares) // 2, bool))
-        rank = np.argsort(np.lexsort([lowest[:, 1], lowest[:, 0], is_square]))
+        rank = np.argsort(np.lexsort([*lowest.T[::-1], np.append(is_square, np.ones(len(squares) // 2))]))
         return np.concatenate([index, squares]), rank[tile]
 
     def _square(self, xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "n 2"]:
