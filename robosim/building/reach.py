@@ -147,18 +147,7 @@ class Reach:
         start, gap_m = self.nearest_cell(point)
         if gap_m == np.inf:
             return np.full(self.plan.shape, np.inf)
-        inside = self.parts == self.parts[start]
-        rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
-        window = np.s_[
-            max(rows[0] - 1, 0) : rows[-1] + 2,
-            max(columns[0] - 1, 0) : columns[-1] + 2,
-        ]
-        corner = (window[0].start, window[1].start)
-        local = (int(start[0] - corner[0]), int(start[1] - corner[1]))
-        times = march(inside[window], local, self.plan.resolution_m)
-        travel = np.full(self.plan.shape, np.inf)
-        travel[window] = times
-        return travel
+        return march(self.parts == self.parts[start], start, self.plan.resolution_m)
 
     def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:
         """Travel at a point between cell centres: the shortest over a cell within two cells of it [m].
@@ -216,50 +205,69 @@ def reach(
     )
     outside = outside_of(plan)
     n = int(labels.max())
-    size = np.bincount(labels[~outside], minlength=n + 1)[1:]
+    size = np.zeros(n + 1, int)
+    for row, is_outside in zip(labels, outside, strict=True):  # whole plans would be copied to long integers
+        size += np.bincount(row[~is_outside], minlength=n + 1)
     rank = np.zeros(n + 1, labels.dtype)
-    rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
+    rank[1 + np.argsort(-size[1:], kind="stable")] = np.arange(1, n + 1)
+    for row in labels:
+        row[:] = rank[row]
     floor, overhung = plan.free, np.zeros(plan.shape, bool)
     if building.furnishings:
         floor, open_above = (_on(plan, plan.free, area) for area in (free, building.floor(building.height_m)))
         overhung = floor & ~open_above
-    return Reach(plan, hull, rank[labels], free, outside, floor, overhung)
+    return Reach(plan, hull, labels, free, outside, floor, overhung)
 
 
 def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> Int[np.ndarray, "ny nx"]:
     """Number of the largest part, over places and headings, that each cell belongs to; 0 where the hull cannot be."""
     inner = _on(plan, plan.free, free.buffer(-hull.inner_m))
     open_floor = inner & _on(plan, inner, free.buffer(-hull.turning_m))  # there it fits at every heading
+    node, n_open = ndimage.label(open_floor)
+    starts = np.flatnonzero(
+        np.diff(np.maximum.accumulate(node.ravel()), prepend=0)
+    )  # numbers rise by first cells
+    n_cells = np.bincount(node.ravel())
+    # Pieces of open floor are nodes of a graph, and each tight cell is one, at each heading.
     is_tight = inner & ~open_floor
-    tight, walls = np.argwhere(is_tight), wall_segments(free)
+    tight, walls = np.flatnonzero(is_tight), wall_segments(free)
+    node.ravel()[tight] = np.arange(n_open + 1, n_open + 1 + len(tight))
+    n_cells, first = np.append(n_cells, np.ones_like(tight)), np.concatenate([[node.size], starts, tight])
+    sides = [(node[1:], node[:-1]), (node[:, 1:], node[:, :-1])]
+    edges = np.hstack([np.stack([a[m], b[m]]) for a, b in sides for m in [(a != b) & (a > 0) & (b > 0)]])
     tree = shapely.STRtree(shapely.points(plan.centres(is_tight)))
-    fits = np.repeat(open_floor[None], HEADINGS, axis=0)
+    fits = np.tile(np.arange(len(first)) > 0, (HEADINGS, 1))
+    labels, n = np.zeros(fits.shape, np.int32), 0
     for k, yaw in enumerate(np.arange(HEADINGS) * 2 * np.pi / HEADINGS):
         reversed_outline = -to_map(np.array([0.0, 0.0, yaw]), hull.corners)
         swept = (walls[:, :, None] + reversed_outline).reshape(len(walls), -1, 2)
         meets = tree.query(
             shapely.convex_hull(shapely.multipoints(list(swept))), predicate="contains_properly"
         )[1]
-        free_there = np.ones(len(tight), bool)
-        free_there[meets] = False
-        rows, columns = tight[free_there].T
-        fits[k, rows, columns] = True
-    labels, n = ndimage.label(fits)
+        fits[k, n_open + 1 + meets] = False
+        count, label = _components(edges[:, fits[k][edges].all(axis=0)], len(first))
+        labels[k], n = label + n, n + count
     # The last heading is next to the first.
-    pairs = np.column_stack([labels[0].ravel(), labels[-1].ravel()])
-    pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)
-    joined = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n + 1, n + 1))
-    count, component = connected_components(joined, directed=False)
-    size = np.zeros(count)
-    for layer in labels:  # one by one, which takes little memory
-        size += np.bincount(component[layer].ravel(), layer.ravel() > 0, count)
+    pairs = [np.stack([labels[k], labels[k - 1]])[:, fits[k] & fits[k - 1]] for k in range(HEADINGS)]
+    n, component = _components(np.concatenate(pairs, axis=1), n)
+    size, begin = np.zeros(n), np.full(n, HEADINGS * node.size)
+    for k, label in enumerate(labels):
+        size += np.bincount(component[label], fits[k] * n_cells, n)
+        np.minimum.at(begin, component[label[fits[k]]], (first + k * node.size)[fits[k]])
     # By falling size, so that the least number of a cell is that of its largest part.
-    rank = np.empty(count, np.int32)
-    rank[np.argsort(-size, kind="stable")] = np.arange(1, count + 1)
-    numbers = np.full(plan.shape, count + 1, np.int32)
-    for layer in labels:
-        np.minimum(numbers, rank[component[layer]], out=numbers, where=layer > 0)
-    return np.where(numbers > count, 0, numbers)
+    rank = np.empty(n, np.int32)
+    rank[np.lexsort([begin, -size])] = np.arange(1, n + 1)
+    number = np.where(fits, rank[component[labels]], n + 1).min(axis=0) % (n + 1)
+    for row in node:
+        row[:] = number[row]
+    return node
+
+
+def _components(edges: Int[np.ndarray, "2 m"], n: int) -> tuple[int, Int[np.ndarray, " n"]]:
+    """Count of connected components of a graph with n nodes, and the component of each."""
+    graph = coo_matrix((np.ones(edges.shape[1], bool), edges), shape=(n, n))
+    count, component = connected_components(graph, directed=False)
+    return int(count), component
 
 
 @compiled
@@ -304,12 +312,28 @@ def _nearest_cell(
 def _on(
     plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], floor: shapely.Geometry
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Mask of those cells whose centre lies on a floor."""
+    """Mask of those cells whose centre lies on a floor.
+
+    Only cells near its edge are compared with it, and one of each run of others in a row, which lie on one side.
+    """
+    edge = np.zeros(plan.shape, np.uint8)
+    rings = [
+        np.round(256 * (plan.to_cells(shapely.get_coordinates(ring)) - 0.5)).astype(np.int32)
+        for ring in shapely.get_rings(shapely.get_parts(floor))
+    ]
+    cv2.polylines(edge, rings, isClosed=True, color=1, thickness=5, shift=8)
     mask = np.zeros(plan.shape, bool)
     shapely.prepare(floor)
     at_once = 1 + _CELLS_AT_ONCE // plan.shape[1]
     for first in range(0, plan.shape[0], at_once):
         rows = np.s_[first : first + at_once]
-        iy, ix = np.nonzero(cells[rows])
-        mask[rows][iy, ix] = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
+        near = edge[rows] > 0
+        compared = near.copy()
+        compared[:, 0] = True
+        compared[:, 1:] |= near[:, :-1]
+        compared &= cells[rows] | ~near
+        iy, ix = np.nonzero(compared)
+        inside = shapely.contains_xy(floor, plan.to_map(np.column_stack([ix, iy + first]) + 0.5))
+        # Each cell takes the value of the last one before it that was compared.
+        mask[rows] = np.append(inside, False)[np.cumsum(compared).reshape(near.shape) - 1] & cells[rows]
     return mask

@@ -83,15 +83,17 @@ def route_directions(
     iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(frame.index(place), frame.shape, strict=True))
     # The robot's own cells are free, whatever the map contains.
     blocked[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
-    time = march(np.where(blocked, 0.0, 1.0), (iy, ix), frame.resolution_m)
+    time = march(~blocked, (iy, ix), frame.resolution_m)
     out, back = (np.zeros((*frame.shape, 2), np.float32) for _ in range(2))
     unexplored = cell_shares(estimate.explored, estimate, frame) < _SEEN
     entry = np.where(unexplored, np.int32(0), np.int32(-1))
     reached = np.flatnonzero(np.isfinite(time))
     reached = reached[np.argsort(time.ravel()[reached], kind="stable")]
     _propagate(time, reached, iy, ix, frame.resolution_m, out, back, entry)
-    _fill_neighbours(time, reached, out, back)
-    entry[~np.isfinite(time)] = -1
+    is_closed = ~np.isfinite(time)
+    is_adjacent = cv2.dilate(is_closed.astype(np.uint8), np.ones((3, 3), np.uint8)).ravel() > 0
+    _fill_neighbours(time, reached[is_adjacent[reached]], out, back)
+    entry[is_closed] = -1
     return RouteDirections(rows, columns, out, back, time.astype(np.float32), entry)
 
 
@@ -191,7 +193,7 @@ def _propagate(
 
 @compiled
 def _fill_neighbours(time: np.ndarray, reached: np.ndarray, out: np.ndarray, back: np.ndarray) -> None:
-    """Copy directions into blocked cells next to reached ones: a thing at a wall may lie in one."""
+    """Copy directions into blocked cells next to reached ones, in their order: a thing at a wall may lie in one."""
     ny, nx = time.shape
     for i in reached:
         iy, ix = i // nx, i % nx

@@ -28,7 +28,7 @@ from itertools import product
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.building import Building
 from robosim.building.extrusion import wall_segments
@@ -60,10 +60,10 @@ def lattice_solids(
     """
     lowest = walls.min(axis=(0, 1)) - margin
     size = walls.max(axis=(0, 1)) - lowest + margin
-    solid: Bool[np.ndarray, "ny nx 4"] = ~free_quarters(walls - lowest, (int(size[1]), int(size[0])))
-    full, none = np.asarray(solid.all(axis=-1)), ~solid.any(axis=-1)
-    halves = {corner: (solid == _half(corner)).all(axis=-1) for corner in product((0, 1), (0, 1))}
-    if not np.logical_or.reduce([full, none, *halves.values()]).all():
+    solid = 15 ^ free_quarters(walls - lowest, (int(size[1]), int(size[0])))
+    full = solid == 15
+    halves = {corner: solid == _half(corner) for corner in product((0, 1), (0, 1))}
+    if not np.isin(np.arange(16), [0, 15, *map(_half, halves)])[solid].all():
         return None
     slopes = [_slopes(solid, corner, half) for corner, half in halves.items() if half.any()]
     boxes = np.vstack([_cover(full, _next_to_free(solid)), *(boxes for boxes, _ in slopes)])
@@ -71,34 +71,33 @@ def lattice_solids(
     return boxes, [triangle + lowest for _, triangles in slopes for triangle in triangles]
 
 
-def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx 4"]:
-    """Quarters of (rows, columns) of squares that are free: their centroids see an odd number of walls to the left."""
+def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> UInt8[np.ndarray, "ny nx"]:
+    """Bits of free quarters of (rows, columns) of squares: their centroids see an odd number of walls to the left."""
     walls = walls[walls[:, 0, 1] != walls[:, 1, 1]]
     (x0, y0), (x1, y1) = walls[:, 0].T, walls[:, 1].T
     length = np.abs(y1 - y0)
     wall, row = index_ranges(np.minimum(y0, y1), length)
     slope = ((x1 - x0) / (y1 - y0))[wall]
-    free = np.empty((*shape, 4), bool)
+    odd = np.zeros(shape, np.uint8)
     for quarter, (x, y) in enumerate(_CENTROIDS):
         crossing = x0[wall] + slope * (row + y - y0[wall])
         column = np.floor(crossing - x).astype(int) + 1
-        odd = np.zeros(shape, bool)
-        np.logical_xor.at(odd, (row, column), True)
-        free[..., quarter] = np.logical_xor.accumulate(odd, axis=1)
-    return free
+        np.bitwise_xor.at(odd, (row, column), np.uint8(1 << quarter))
+    return np.bitwise_xor.accumulate(odd, axis=1, out=odd)
 
 
-def _next_to_free(solid: Bool[np.ndarray, "ny nx 4"]) -> Bool[np.ndarray, "ny nx"]:
+def _next_to_free(solid: UInt8[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
     """Solid squares with a free quarter across one of their sides."""
-    free = np.pad(~solid, ((1, 1), (1, 1), (0, 0)))
-    is_next = free[1:-1, 2:, WEST] | free[2:, 1:-1, SOUTH] | free[1:-1, :-2, EAST] | free[:-2, 1:-1, NORTH]
-    return is_next & solid.all(axis=-1)
+    free = np.pad(15 ^ solid, 1)
+    across = free[1:-1, 2:] & 1 << WEST | free[2:, 1:-1] & 1 << SOUTH
+    across |= free[1:-1, :-2] & 1 << EAST | free[:-2, 1:-1] & 1 << NORTH
+    return (across > 0) & (solid == 15)
 
 
-def _half(corner: tuple[int, int]) -> Bool[np.ndarray, "4"]:
-    """Solid quarters of a square whose half at `corner` is solid."""
+def _half(corner: tuple[int, int]) -> int:
+    """Solid quarters, one bit each, of a square whose half at `corner` is solid."""
     x, y = corner
-    return np.array([x == 1, y == 1, x == 0, y == 0])
+    return (1 << EAST if x else 1 << WEST) | (1 << NORTH if y else 1 << SOUTH)
 
 
 def _cover(solid: Bool[np.ndarray, "ny nx"], wanted: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "_ 5"]:
@@ -136,16 +135,17 @@ def _run(strip: Bool[np.ndarray, " _"]) -> int:
 
 
 def _slopes(
-    solid: Bool[np.ndarray, "ny nx 4"], corner: tuple[int, int], half: Bool[np.ndarray, "ny nx"]
+    solid: UInt8[np.ndarray, "ny nx"], corner: tuple[int, int], half: Bool[np.ndarray, "ny nx"]
 ) -> tuple[Float[np.ndarray, "_ 5"], list[Float[np.ndarray, "_ 2"]]]:
     """Rotated rectangles behind the slopes of half squares, solid at a corner only, and triangles if none fits."""
     x, y = corner
     iy, ix = np.nonzero(half)
     # A rectangle also fills the quarters on the far side of the two legs of the half square.
     fits = (
-        solid[iy, ix + (1 if x else -1), WEST if x else EAST]
-        & solid[iy + (1 if y else -1), ix, SOUTH if y else NORTH]
-    )
+        solid[iy, ix + (1 if x else -1)] >> (WEST if x else EAST)
+        & solid[iy + (1 if y else -1), ix] >> (SOUTH if y else NORTH)
+        & 1
+    ).astype(bool)
     ends = np.array([(x, 1 - y), (1 - x, y)])
     alone = np.column_stack([ix, iy])[~fits]
     triangle = np.array([corner, *ends]) if x != y else np.array([corner, *ends[::-1]])

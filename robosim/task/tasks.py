@@ -128,7 +128,7 @@ def _draw_pair(
     for _ in range(1 if fixed is not None else _TRIES):
         anchor = fixed if fixed is not None else _centre(reach, _draw_cell(clear, rng))
         travel = reach.travel_m(anchor)
-        if np.isfinite(travel[clear]).any():
+        if (np.isfinite(travel) & clear).any():
             travel[~clear] = np.inf
         far = np.isfinite(travel) & (travel >= path_m[0]) & (travel <= path_m[1])
         far = far & places if (far & places).any() else far

@@ -39,27 +39,24 @@ def march(
     if not speed[row, column] > 0:
         raise ValueError(f"The speed in the source {source} is {speed[row, column]}, expected more than 0.")
     # A rim that stops the front avoids bounds checks in the loop.
-    cost = np.full((ny + 4, nx + 4), np.inf)
-    with np.errstate(divide="ignore"):
-        cost[2:-2, 2:-2] = cell_m / speed
-    time = np.full(cost.shape, np.inf)
-    _march(cost.ravel(), time.ravel(), (row + 2) * (nx + 4) + column + 2, nx + 4)
-    del cost  # before the copy: grids of large buildings take much of the memory
-    return time[2:-2, 2:-2].copy()
+    padded = np.zeros((ny + 4, nx + 4), speed.dtype)
+    padded[2:-2, 2:-2] = speed
+    time = np.full(padded.shape, np.inf)
+    _march(padded.ravel(), float(cell_m), time.ravel(), (row + 2) * (nx + 4) + column + 2, nx + 4)
+    return time[2:-2, 2:-2]
 
 
 @compiled
-def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[float, float]:
+def _upwind(time: np.ndarray, i: int, step: int) -> tuple[float, float]:
     """Weight and time of the upwind difference along an axis; weight 0 if no neighbour is accepted."""
-    before = time[i - step] if done[i - step] else np.inf
-    after = time[i + step] if done[i + step] else np.inf
-    if before == np.inf and after == np.inf:
-        return 0.0, 0.0
+    before, after = time[i - step], time[i + step]
     if after < before:
         step = -step
         before = after
+    if before == np.inf:
+        return 0.0, 0.0
     far = time[i - 2 * step]
-    if done[i - 2 * step] and far <= before:
+    if far <= before:
         return 2.25, (4.0 * before - far) / 3.0
     return 1.0, before
 
@@ -99,40 +96,38 @@ def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: int) -> 
 
 
 @compiled
-def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
-    """The march on flat arrays with a rim of two cells; `cost` is the time to cross a cell."""
-    done = np.zeros(len(time), np.bool_)
+def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, width: int) -> None:
+    """The march on flat arrays with a rim of two cells; `time` becomes that of accepted cells, infinite at first."""
     heap = np.empty(len(time), np.int32)  # a binary heap of cells by time
     times = np.empty(len(time))  # of its entries, contiguous in memory
     place = np.full(len(time), -1, np.int32)  # where a cell stands in it
     heap[0], times[0], place[source], size = source, 0.0, 0, 1
-    time[source] = 0.0
     while size:
         here = heap[0]
-        done[here] = True
+        time[here] = times[0]
         size -= 1
         if size:
             heap[0], times[0] = heap[size], times[size]
             _sink(heap, times, place, size)
         for step in (-width, -1, 1, width):
             i = here + step
-            if done[i] or cost[i] == np.inf:
+            if time[i] < np.inf or not speed[i] > 0:
                 continue
-            t = _arrival(time, done, cost[i], i, width)
-            if t < time[i]:
-                time[i] = t
-                if place[i] < 0:
-                    heap[size], place[i] = i, size
-                    size += 1
-                times[place[i]] = t
-                _rise(heap, times, place, place[i])
+            t = _arrival(time, cell_m / speed[i], i, width)
+            if place[i] < 0:
+                heap[size], place[i] = i, size
+                size += 1
+            elif times[place[i]] <= t:
+                continue
+            times[place[i]] = t
+            _rise(heap, times, place, place[i])
 
 
 @compiled
-def _arrival(time: np.ndarray, done: np.ndarray, cost: float, i: int, width: int) -> float:
+def _arrival(time: np.ndarray, cost: float, i: int, width: int) -> float:
     """Time of the front at a cell, from its accepted neighbours."""
-    ay, ty = _upwind(time, done, i, width)
-    ax, tx = _upwind(time, done, i, 1)
+    ay, ty = _upwind(time, i, width)
+    ax, tx = _upwind(time, i, 1)
     # Solve ay (t - ty)^2 + ax (t - tx)^2 = cost^2 for the later t.
     a, b = ay + ax, ay * ty + ax * tx
     inside = b * b - a * (ay * ty * ty + ax * tx * tx - cost * cost)

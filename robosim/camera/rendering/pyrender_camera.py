@@ -126,21 +126,27 @@ class PyrenderCamera(ClosingCamera):
         """Make a context and bring the meshes there; see `robosim.camera.cameras.make_camera`."""
         self.config = config
         self._scenery = merge(meshes)
-        triangles = self._scenery.triangles
-        parts = Parts.of(triangles)
+        scenery, triangles = self._scenery, self._scenery.triangles
+        parts = Parts.of(triangles, scenery.colours[scenery.faces], float(config.focal_px))
         self._visibility = Visibility(triangles, parts, config)
         self._unit = np.float32(config.near_m * MAX_DEPTH_CODE)
         self._least = np.float32(config.near_m * MAX_DEPTH_CODE / config.far_m)
-        opaque = np.full((len(self._scenery.colours), 1), 255, np.uint8)
+        positions, colours, counts = scenery.vertices, scenery.colours, parts.counts
+        faces = scenery.faces[parts.order]
+        if parts.blocks is not None:
+            fans = parts.blocks.fans.reshape(-1, 3)
+            faces = np.vstack([faces, len(positions) + np.arange(len(fans), dtype=np.int32).reshape(-1, 3)])
+            positions = np.vstack([positions, fans])
+            colours = np.vstack([colours, np.repeat(parts.blocks.colours, 3, axis=0)])
+            counts = np.concatenate([counts, parts.blocks.counts])
+        opaque = np.full((len(colours), 1), 255, np.uint8)
         primitive = pyrender.Primitive(
-            positions=self._scenery.vertices,
-            indices=self._scenery.faces[parts.order],
-            color_0=np.concatenate([self._scenery.colours, opaque], axis=1),
+            positions=positions, indices=faces, color_0=np.concatenate([colours, opaque], axis=1)
         )
         self.platform = make_platform(system, config.width, config.height)
         # Runs at the end of the process too, while the modules that it needs are still there.
         self._free = weakref.finalize(self, _free, self.platform, primitive)
-        self._pass = FlatPass(primitive, parts.counts, self.platform)
+        self._pass = FlatPass(primitive, counts, self.platform)
         self.platform.make_uncurrent()
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:

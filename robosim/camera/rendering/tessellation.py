@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import shapely
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.building import Building
 from robosim.building.extrusion import PLACED
@@ -133,20 +133,60 @@ class CutGrid:
         Returned are triangles, counter-clockwise, with no vertices but those of `border` and crossings of lines, and
         which tile each is a part of, counted from 0.
         """
-        pieces = np.concatenate([border, self._inner_lines(border)])
+        inner = self._inner_lines(border)
+        whole, squares, is_open = self._whole_squares(inner, border)
+        pieces = np.concatenate([border, inner[is_open]])
         lines = shapely.linestrings(self.xy[pieces])
         tiles = shapely.get_parts(shapely.polygonize(lines))
+        points = shapely.point_on_surface(tiles)
+        row, column = self._square(shapely.get_coordinates(points)).T
+        tiles, points = (values[~whole[row, column]] for values in (tiles, points))
         region = shapely.STRtree(shapely.polygons(self.xy[triangles]))
-        tiles = tiles[np.unique(region.query(shapely.point_on_surface(tiles), predicate="intersects")[0])]
+        tiles = tiles[np.unique(region.query(points, predicate="intersects")[0])]
         parts, tile = shapely.get_parts(shapely.constrained_delaunay_triangles(tiles), return_index=True)
         points = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
         used = np.unique(pieces)
         keys = self.xy[used] @ (1, 1j)
         order = np.argsort(keys)
         index = used[order][np.searchsorted(keys[order], points @ (1, 1j))]
-        clockwise = _doubled_area(points) < 0
+        clockwise = doubled_area(points) < 0
         index[clockwise] = index[clockwise, ::-1]
-        return index, tile
+        tile = np.append(tile, len(tiles) + np.arange(len(squares)) // 2)
+        # In the order of their first lines: those with a piece of the border outside, then whole squares and frames.
+        is_square = shapely.area(shapely.polygons(shapely.get_exterior_ring(tiles))) > 1 - 1e-9
+        lowest = np.vstack([shapely.bounds(tiles)[:, :2] * is_square[:, None], self.xy[squares[::2, 2]]])
+        rank = np.argsort(np.lexsort([*lowest.T[::-1], np.append(is_square, np.ones(len(squares) // 2))]))
+        return np.concatenate([index, squares]), rank[tile]
+
+    def _square(self, xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "n 2"]:
+        """Row and column of the squares that points in steps lie in, from the lowest corner of all."""
+        return (np.floor(xy) - np.floor(self.xy.min(axis=0))).astype(int)[:, ::-1]
+
+    def _whole_squares(
+        self, inner: Int[np.ndarray, "k 2"], border: Int[np.ndarray, "m 2"]
+    ) -> tuple[Bool[np.ndarray, "ny nx"], Int[np.ndarray, "n 3"], Bool[np.ndarray, " k"]]:
+        """Squares with four inner sides and no border inside, which need not be searched for among lines.
+
+        Returned are their mask, two triangles of each, cut as the others are, and which inner pieces are sides of
+        other squares too.
+        """
+        ends = self.xy[inner]
+        is_side = (ends == np.round(ends)).all(axis=(1, 2)) & (np.ptp(ends, axis=1).sum(axis=1) == 1)
+        after = self._square(ends.min(axis=1))
+        # The other square lies a row below a level piece, and a column to the left of an upright one.
+        before = after - np.ptp(ends, axis=1).astype(int)
+        count = np.zeros(self._square(self.xy).max(axis=0) + 2, np.uint8)
+        for squares in (before, after):
+            np.add.at(count, tuple(squares[is_side].T), 1)
+        count[tuple(self._square(self.xy[border].mean(axis=1)).T)] = 0
+        whole = count == 4
+        corner = np.zeros(count.shape, int)
+        corner[tuple(self._square(ends[is_side].reshape(-1, 2)).T)] = inner[is_side].ravel()
+        column, row = np.nonzero(whole.T)
+        up, right = np.array([[1, 1, 0, 0, 0, 1], [1, 0, 0, 0, 1, 1]])  # of two triangles
+        triangles = corner[row[:, None] + up, column[:, None] + right].reshape(-1, 3)
+        is_open = ~(is_side & whole[tuple(after.T)] & whole[tuple(before.T)])
+        return whole, triangles, is_open
 
     def _inner_lines(self, border: Int[np.ndarray, "m 2"]) -> Int[np.ndarray, "k 2"]:
         """Pieces of the grid's lines inside of a border, cut where lines cross."""
@@ -317,7 +357,7 @@ def _chains(
     return np.column_stack([point[:-1], point[1:]])[inside], line[1:][inside]
 
 
-def _doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, " n"]:
+def doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, " n"]:
     """Twice the area of triangles, positive if counter-clockwise."""
     side, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     return side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]

@@ -5,7 +5,8 @@ that reaches from the lowest to the highest point of the scene, nothing behind t
 column. One ray per column, cast at such walls as seen from above, gives the distance that is visible there; parts
 that begin farther off in all columns in which they may appear are left out.
 
-Pictures are bit-identical to those of the whole scene. OpenGL rounds corners to a grid of 1/256 pixel, and may so see
+Pictures are bit-identical to those of the whole scene, but for large scenes, whose far floors are drawn in blocks
+(`robosim.camera.rendering.blocks`). OpenGL rounds corners to a grid of 1/256 pixel, and may so see
 past a wall that the ray at a column's middle just meets: there are two rays for each column, 1/64 pixel to either
 side, and the longer one counts.
 
@@ -15,19 +16,21 @@ Left out: furniture that is lower than the walls hides nothing here; a camera th
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Int, UInt8
 
 from robosim.camera.model import CameraConfig
+from robosim.camera.rendering.blocks import Blocks
+from robosim.support.index_ranges import index_ranges
 from robosim.support.ray_casting import make_ray_scene
 
-#: Side of the squares, seen from above, whose triangles make a part [m].
-PART_M = 0.5
+#: Side of the squares, seen from above, whose triangles make a part [m]; scenes of more parts are cut into blocks.
+PART_M, MANY_PARTS = 0.5, 20_000
 _SHAKE_PX = 1 / 64
 _MARGIN_M = 0.01
 
 
 class Parts(NamedTuple):
-    """Triangles in runs, one for each square of a grid."""
+    """Triangles in runs, one for each square of a grid; those of one block follow each other."""
 
     order: Int[np.ndarray, " m"]
     """All triangles, part by part."""
@@ -35,25 +38,37 @@ class Parts(NamedTuple):
     """Start of each group in that order."""
     counts: Int[np.ndarray, " n"]
     """Number of triangles of each group."""
+    blocks: Blocks | None = None
+    """The blocks of a large scene, which stand for their parts from afar."""
 
     @classmethod
-    def of(cls, triangles: Float[np.ndarray, "m 3 3"]) -> "Parts":
-        """Gather triangles by the square that their middle lies in."""
+    def of(
+        cls, triangles: Float32[np.ndarray, "m 3 3"], colours: UInt8[np.ndarray, "m 3 3"], focal_px: float
+    ) -> "Parts":
+        """Gather triangles by the square that their middle lies in; of many squares, by block first."""
         square = np.floor(triangles[:, :, :2].mean(axis=1) / PART_M).astype(int)
-        _, group = np.unique(square, axis=0, return_inverse=True)
+        squares, group = np.unique(square, axis=0, return_inverse=True)
+        blocks = None
+        if len(squares) > MANY_PARTS:
+            # A metre of floor, seen from a metre above, is half a pixel high at this distance.
+            blocks = Blocks.of(triangles, colours, (2 * focal_px) ** 0.5)
+            _, group = np.unique(blocks.number * len(squares) + group.ravel(), return_inverse=True)
         count = np.bincount(group.ravel())
-        return cls(np.argsort(group.ravel(), kind="stable"), np.cumsum(count) - count, count)
+        return cls(np.argsort(group.ravel(), kind="stable"), np.cumsum(count) - count, count, blocks)
 
 
 class Visibility:
     """Finds the parts of a scene that are seen from a pose."""
 
     def __init__(self, triangles: Float[np.ndarray, "m 3 3"], parts: Parts, config: CameraConfig) -> None:
-        low = np.minimum.reduceat(triangles.min(axis=1)[parts.order], parts.starts).astype(float)
-        high = np.maximum.reduceat(triangles.max(axis=1)[parts.order], parts.starts).astype(float)
-        middle, half = (low + high)[:, :2] / 2, (high - low)[:, :2] / 2
-        self._boxes = np.ascontiguousarray(np.column_stack([middle, half, np.ones(len(low))]).T)
-        self._floor, self._top = float(low[:, 2].min()), float(high[:, 2].max())
+        self._boxes = _boxes(triangles, parts.order, parts.starts)
+        self._floor, self._top = float(triangles[..., 2].min()), float(triangles[..., 2].max())
+        self._block_boxes: Float[np.ndarray, "5 n"] | None = None
+        if parts.blocks is not None:
+            block_of = parts.blocks.number[parts.order[parts.starts]]
+            self._far_m, self._sizes = parts.blocks.far_m, np.bincount(block_of)
+            self._first = np.cumsum(self._sizes) - self._sizes
+            self._block_boxes = _boxes(triangles, parts.order, parts.starts[self._first])
         self._config = config
         column = np.arange(config.width) + 0.5 - 0.5 * config.width
         across = np.concatenate([column - _SHAKE_PX, column + _SHAKE_PX]) / config.focal_px
@@ -65,11 +80,31 @@ class Visibility:
         self._walls = make_ray_scene(_upright(walls)) if len(walls) else None
 
     def parts(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Int[np.ndarray, " _"]:
-        """Parts that may be seen from a place [m]; columns of `R` are the camera's axes right, down and ahead."""
+        """Parts that may be seen from a place [m]; columns of `R` are the camera's axes right, down and ahead.
+
+        Numbers after those of the parts are of blocks, which stand for all their parts.
+        """
+        n = self._boxes.shape[1]
         if abs(R[2, 1] + 1.0) > 1e-9 or abs(R[2, 0]) > 1e-9 or abs(R[2, 2]) > 1e-9:
-            return np.arange(self._boxes.shape[1])
+            return np.arange(n)
+        view, reach = self._view(R, t), self._look(R, t)
+        if self._block_boxes is None:
+            return self._seen(view @ self._boxes, reach)[0]
+        block, nearest = self._seen(view @ self._block_boxes, reach)
+        far = nearest > self._far_m[block]
+        near = block[~far]
+        _, parts = index_ranges(self._first[near], self._sizes[near])
+        return np.concatenate([parts[self._seen(view @ self._boxes[:, parts], reach)[0]], n + block[far]])
+
+    def _seen(
+        self, extents: Float[np.ndarray, "4 n"], reach: Float32[np.ndarray, " _"]
+    ) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+        """Boxes that begin within reach in a column of the picture, and how far ahead each begins [m].
+
+        Extents are the least and greatest place of each across [focal lengths] and ahead [m].
+        """
         width, near = self._config.width, self._config.near_m
-        left, right, nearest, farthest = self._extents(R, t)
+        left, right, nearest, farthest = extents
         # A box is seen widest where it is nearest, but for an edge that lies beyond the middle of the picture.
         close, far = 1.0 / np.maximum(nearest, near), 1.0 / np.maximum(farthest, near)
         columns = np.empty((2, len(left)))
@@ -80,11 +115,12 @@ class Visibility:
         np.minimum(columns, width, out=columns)
         columns = columns.astype(np.intp)
         inside = np.flatnonzero((columns[0] < columns[1]) & (farthest > near))
-        reach = np.maximum.reduceat(self._look(R, t), columns[:, inside].T.ravel())[::2]  # type: ignore[arg-type]
-        return inside[np.minimum(reach, self._config.far_m) > nearest[inside] - _MARGIN_M]
+        visible_m = np.maximum.reduceat(reach, columns[:, inside].T.ravel())[::2]  # type: ignore[arg-type]
+        inside = inside[np.minimum(visible_m, self._config.far_m) > nearest[inside] - _MARGIN_M]
+        return inside, nearest[inside]
 
-    def _extents(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 n"]:
-        """Least and greatest place across [focal lengths] and ahead [m] of the parts' boxes."""
+    def _view(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 5"]:
+        """Matrix from boxes to their extents from a place."""
         f = self._config.focal_px
         (rx, ry, _), (ax, ay, _) = R[:, 0].tolist(), R[:, 2].tolist()
         x, y, _ = t.tolist()
@@ -92,7 +128,7 @@ class Visibility:
         rows = []
         for u, v in (across, ahead):
             rows += [[u, v, sign * abs(u), sign * abs(v), -u * x - v * y] for sign in (-1.0, 1.0)]
-        return np.array(rows) @ self._boxes
+        return np.array(rows)
 
     def _look(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float32[np.ndarray, " _"]:
         """Visible distance ahead in each column [m], and one additional value."""
@@ -103,6 +139,15 @@ class Visibility:
             width = self._config.width
             np.maximum(distance[:width], distance[width:], out=self._reach[:-1])
         return self._reach
+
+
+def _boxes(
+    triangles: Float32[np.ndarray, "m 3 3"], order: Int[np.ndarray, " m"], starts: Int[np.ndarray, " n"]
+) -> Float[np.ndarray, "5 n"]:
+    """Boxes around runs of triangles, seen from above: middle x, y and half sides [m], and 1."""
+    low = np.minimum.reduceat(triangles[..., :2].min(axis=1)[order], starts).astype(float)
+    high = np.maximum.reduceat(triangles[..., :2].max(axis=1)[order], starts).astype(float)
+    return np.ascontiguousarray(np.column_stack([(low + high) / 2, (high - low) / 2, np.ones(len(low))]).T)
 
 
 def screens(triangles: Float[np.ndarray, "m 3 3"]) -> Float[np.ndarray, "n 2 2"]:
