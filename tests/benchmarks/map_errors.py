@@ -121,7 +121,7 @@ def measure(cells: Cells, python: str, samples: tuple[int, ...], results: Result
     """Errors and CPU times of all maps of a scene."""
     complete = config_of(ORDER, ALL)
     dense, _ = own_powers(cells, complete, DENSE)
-    truth, inside = dense.mean(axis=2), _inside(cells)
+    truth, middle, inside = dense.mean(axis=2), dense[..., DENSE**2 // 2], _inside(cells)
     wanted = inside & (dense > 0).all(axis=2)
     partly = inside & (truth > 0) & ~wanted
     console.print(f"{cells.name}: {wanted.sum()} cells; {partly.sum()} that are reached in part are left out")
@@ -137,9 +137,10 @@ def measure(cells: Cells, python: str, samples: tuple[int, ...], results: Result
         name = f"Sionna RT {found['version']}, {count:.0e} samples".replace("e+0", "e")
         rows.append((name, found[f"gain_{count}"], float(found[f"cpu_s_{count}"])))
     for name, gain, seconds in rows:
-        error = _error_db(gain, truth, wanted)
+        error, at_middle = _error_db(gain, truth, wanted), _error_db(gain, middle, wanted)
         results.add(cells.name, name, "CPU", seconds, "s", cases=int(wanted.sum()))
         results.add(cells.name, name, "error", np.sqrt(np.mean(error**2)), "dB", digits=2)
+        results.add(cells.name, name, "at the middle", np.sqrt(np.mean(at_middle**2)), "dB", digits=2)
         results.add(cells.name, name, "median", np.median(np.abs(error)), "dB", digits=2)
         results.add(cells.name, name, "not reached", 100 * (1 - len(error) / wanted.sum()), "%", digits=1)
 

@@ -2,7 +2,7 @@
 
 MAP is an npz file with tx (3,), center (3,) and size (2,) of the map, cell_m, frequency_hz, depth and samples (a list).
 RESULT gets version, and for each number of samples s gain_s (rows upwards, columns) and cpu_s_s, the CPU time of a warm
-run. Samples beyond `ONCE` are drawn in several runs of other seeds, whose mean is the map, to stay in memory.
+run.
 `DRJIT_LIBLLVM_PATH` names LLVM 19 to Dr.Jit where it would take version 15, which cannot compile the solver.
 """
 
@@ -11,12 +11,9 @@ import time
 
 import numpy as np
 
-#: Most samples that one run draws.
-ONCE = 10_000_000
-
 
 def main(scene_file: str, map_file: str, result_file: str) -> None:
-    """Make the map, once to compile and once to measure, with each number of samples."""
+    """Make the map with each number of samples, after a map that compiles."""
     import mitsuba
 
     mitsuba.set_variant("llvm_ad_mono_polarized")
@@ -29,20 +26,19 @@ def main(scene_file: str, map_file: str, result_file: str) -> None:
     scene.add(rt.Transmitter("tx", position=wanted["tx"].tolist()))
     solver, maps = rt.RadioMapSolver(), {"version": rt.__version__}
 
-    def draw(samples: int, seed: int) -> np.ndarray:
+    def draw(samples: int) -> np.ndarray:
         return np.array(
             solver(
                 scene, center=wanted["center"].tolist(), orientation=[0.0, 0.0, 0.0], size=wanted["size"].tolist(),
                 cell_size=[float(wanted["cell_m"])] * 2, samples_per_tx=samples, max_depth=int(wanted["depth"]),
-                refraction=False, seed=seed,
+                refraction=False,
             ).path_gain
         )[0]  # fmt: skip
 
+    draw(1000)
     for samples in wanted["samples"].tolist():
-        once, runs = min(samples, ONCE), max(1, samples // ONCE)
-        draw(once, 1)
         begin = time.process_time()
-        maps[f"gain_{samples}"] = np.mean([draw(once, 1 + run) for run in range(runs)], axis=0)
+        maps[f"gain_{samples}"] = draw(samples)
         maps[f"cpu_s_{samples}"] = time.process_time() - begin
     np.savez(result_file, **maps)
 
