@@ -9,11 +9,13 @@ A growing map adds whole cells only, so a cell never changes its place in `map`.
 
 import math
 import mmap
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import DTypeLike
 
 from robosim.support.axes import axes_in_metres
@@ -141,6 +143,8 @@ class GridFrame:
 
 #: Area for which work over the whole map is done at full rate [m2].
 _FULL_RATE_M2 = 1000.0
+#: Grids of more cells are not held as arrays where their values follow from those of another grid.
+LARGE_CELLS = 4_000_000
 
 
 def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
@@ -150,16 +154,66 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     return np.ndarray(shape, dtype, buffer=mmap.mmap(-1, size, access=mmap.ACCESS_COPY))
 
 
-def enlarged(old: np.ndarray, shape: tuple[int, int], left: int, below: int) -> np.ndarray:
-    """Return a grid of a larger shape (rows, columns), 0 around the old one; zeros take no memory."""
-    new = zeros((*shape, *old.shape[2:]), old.dtype)
-    for y in range(0, old.shape[0], 64):
-        for x in range(0, old.shape[1], 512):
-            block = old[y : y + 64, x : x + 512]
-            if block.any():
-                ny, nx = block.shape[:2]
-                new[below + y : below + y + ny, left + x : left + x + nx] = block
+def enlarged(shape: tuple[int, int], left: int, below: int, *layers: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return grids of a larger shape (rows, columns), 0 around the old ones; zeros take no memory.
+
+    Blocks in which the first layer holds zeros only are left out of all.
+    """
+    first = layers[0]
+    ny, nx = first.shape[:2]
+    new = tuple(zeros((*shape, *layer.shape[2:]), layer.dtype) for layer in layers)
+    for y in range(0, ny, 64):
+        for x in range(0, nx, 512):
+            block = np.s_[y : y + 64, x : x + 512]
+            if first[block].any():
+                for layer, larger in zip(layers, new, strict=True):
+                    cells = larger[below : below + ny, left : left + nx][block]
+                    np.copyto(cells, layer[block], where=layer[block] != 0)
     return new
+
+
+class ComputedGrid(NDArrayOperatorsMixin):
+    """A large grid whose values are computed where they are read, from other grids of the same cells.
+
+    It is read like an array: `grid[rows, columns]` is an array of the cells asked for. Whatever needs all cells, as
+    comparisons and methods do, takes the time and memory of an array: `np.asarray(grid)`.
+    """
+
+    def __init__(self, compute: Callable[..., np.ndarray], *sources: np.ndarray) -> None:
+        """Make a grid by a function of cells of the sources, which all have the same rows and columns."""
+        self._compute, self._sources = compute, sources
+        self.shape, self.size, self.ndim = sources[0].shape, sources[0].size, sources[0].ndim
+        self.dtype = self[:1].dtype
+
+    def __len__(self) -> int:
+        return int(self.shape[0])
+
+    def __getitem__(self, key: Any) -> Any:
+        return self._compute(*(source[key] for source in self._sources))
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> np.ndarray:
+        values = np.empty(self.shape, self.dtype if dtype is None else dtype)
+        for y in range(0, len(self), 256):
+            values[y : y + 256] = self[y : y + 256]
+        return values
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        arrays = (np.asarray(value) if isinstance(value, ComputedGrid) else value for value in inputs)
+        return getattr(ufunc, method)(*arrays, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(np.asarray(self), name)
+
+
+def read_only(grid: np.ndarray) -> np.ndarray:
+    """A view of a grid that cannot be written to."""
+    if not isinstance(grid, np.ndarray):
+        return grid
+    view = grid.view()
+    view.flags.writeable = False
+    return view
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,7 +238,8 @@ class MovingThing:
 class MapEstimate:
     """Estimate of a mapper at one decision: map and pose.
 
-    The arrays are read-only views of the mapper's own and change with its next update: copy what must last.
+    The arrays are read-only views of the mapper's own and change with its next update: copy what must last. Of maps of
+    more than 4 million cells, the shipped mappers compute probabilities where they are read (`ComputedGrid`).
     """
 
     frame: GridFrame

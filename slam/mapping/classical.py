@@ -29,7 +29,7 @@ from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import GridFrame, MapEstimate, read_only
 from slam.mapping.collisions import CollisionMarks
 from slam.mapping.moving import MovingConfig, MovingThings
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
@@ -280,11 +280,11 @@ class ClassicalMapper:
         """The current map and pose."""
         return MapEstimate(
             frame=self.frame,
-            obstacle_probability=_read_only(self.occupancy.probability),
-            explored=_read_only(self.occupancy.explored),
-            blocked=_read_only(self.marks.blocked),
+            obstacle_probability=read_only(self.occupancy.probability),
+            explored=read_only(self.occupancy.explored),
+            blocked=read_only(self.marks.blocked),
             pose=self.pose.copy(),
-            surface_offset_m=_read_only(self.surfaces.front_m),
+            surface_offset_m=read_only(self.surfaces.front_m),
             moving=() if self.moving is None else self.moving.things(),
         )
 
@@ -460,12 +460,6 @@ class ClassicalMapper:
 def _steps(tile: tuple[int, int], other: tuple[int, int]) -> int:
     """Tiles from one to another, by moves of a king."""
     return max(abs(tile[0] - other[0]), abs(tile[1] - other[1]))
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def view_of_laser(scan: LaserScan) -> View:

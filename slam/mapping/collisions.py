@@ -67,8 +67,8 @@ class CollisionMarks:
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
-        for name in ("blocked", "_bumps", "_until"):
-            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below))
+        layers = self._bumps, self.blocked, self._until
+        self._bumps, self.blocked, self._until = enlarged(frame.shape, left, below, *layers)
         self.frame = frame
 
     def update(
@@ -152,4 +152,5 @@ class CollisionMarks:
     def stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Take marks off the cells whose centres the hull covers."""
         rows, columns, under = self.frame.under(pose, self._hull)
-        self.blocked[rows, columns][under] = False
+        blocked = self.blocked[rows, columns]
+        np.copyto(blocked, False, where=blocked & under)

@@ -241,7 +241,10 @@ class MovingThings:
         known = range_m <= config.range_m  # not for NaN
         placed = to_map(pose, np.where(known[:, None], points, 0.0))
         iy, ix = frame.index(placed)
-        kind = _kinds(probability, iy, ix, math.ceil(config.margin_m / frame.resolution_m))
+        margin = math.ceil(config.margin_m / frame.resolution_m)
+        y0, x0 = (max(int(index.min()) - margin, 0) for index in (iy, ix))
+        around = probability[y0 : max(int(iy.max()) + margin, 0) + 1, x0 : max(int(ix.max()) + margin, 0) + 1]
+        kind = _kinds(np.ascontiguousarray(around), iy - y0, ix - x0, margin)
         with np.errstate(invalid="ignore"):
             cut = (np.abs(np.diff(range_m)) > _JUMP_M) | ~known[1:] | ~known[:-1]
         cut |= (kind[1:] == _FREE) != (kind[:-1] == _FREE)
