@@ -11,6 +11,7 @@ import math
 import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -154,21 +155,30 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     return np.ndarray(shape, dtype, buffer=mmap.mmap(-1, size, access=mmap.ACCESS_COPY))
 
 
-def enlarged(shape: tuple[int, int], left: int, below: int, *layers: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return grids of a larger shape (rows, columns), 0 around the old ones; zeros take no memory.
+def filled_blocks(grid: np.ndarray) -> list[tuple[slice, slice]]:
+    """Rows and columns of the blocks of a grid that hold more than zeros."""
+    rows, columns = (
+        [slice(k, k + side) for k in range(0, size, side)]
+        for size, side in zip(grid.shape, (64, 512), strict=False)
+    )
+    return [block for block in product(rows, columns) if grid[block].any()]
 
-    Blocks in which the first layer holds zeros only are left out of all.
+
+def enlarged(
+    old: np.ndarray,
+    shape: tuple[int, int],
+    left: int,
+    below: int,
+    blocks: list[tuple[slice, slice]] | None = None,
+) -> np.ndarray:
+    """Return a grid of a larger shape (rows, columns), 0 around the old one; zeros take no memory.
+
+    Of the old one, `blocks` hold more than zeros; they are searched for if None.
     """
-    first = layers[0]
-    ny, nx = first.shape[:2]
-    new = tuple(zeros((*shape, *layer.shape[2:]), layer.dtype) for layer in layers)
-    for y in range(0, ny, 64):
-        for x in range(0, nx, 512):
-            block = np.s_[y : y + 64, x : x + 512]
-            if first[block].any():
-                for layer, larger in zip(layers, new, strict=True):
-                    cells = larger[below : below + ny, left : left + nx][block]
-                    np.copyto(cells, layer[block], where=layer[block] != 0)
+    new = zeros((*shape, *old.shape[2:]), old.dtype)
+    inside = new[below : below + old.shape[0], left : left + old.shape[1]]
+    for block in filled_blocks(old) if blocks is None else blocks:
+        np.copyto(inside[block], old[block], where=old[block] != 0)
     return new
 
 

@@ -20,7 +20,7 @@ from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
-from slam.grid import GridFrame, enlarged, zeros
+from slam.grid import GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.poses import to_map
 from slam.robot import Robot
@@ -67,8 +67,9 @@ class CollisionMarks:
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
-        layers = self._bumps, self.blocked, self._until
-        self._bumps, self.blocked, self._until = enlarged(frame.shape, left, below, *layers)
+        blocks = filled_blocks(self._bumps)
+        for name in ("blocked", "_bumps", "_until"):
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below, blocks))
         self.frame = frame
 
     def update(

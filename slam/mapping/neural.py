@@ -23,7 +23,16 @@ from jaxtyping import Float, Float16, Float32
 from robosim.support.checks import Range, checked
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
-from slam.grid import LARGE_CELLS, ComputedGrid, GridFrame, MapEstimate, enlarged, read_only, zeros
+from slam.grid import (
+    LARGE_CELLS,
+    ComputedGrid,
+    GridFrame,
+    MapEstimate,
+    enlarged,
+    filled_blocks,
+    read_only,
+    zeros,
+)
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.occupancy import probability_of
 from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
@@ -156,10 +165,9 @@ class NeuralMapper:
             return
         left, below = np.rint(frame.to_cells(np.array(self.frame.origin_xy))).astype(int)
         ny, nx = self.frame.shape
-        layers = self._is_predicted, self._viewed, self._log_odds
-        self._is_predicted, self._viewed, self._log_odds = enlarged(
-            frame.shape, int(left), int(below), *layers
-        )
+        blocks, left, below = filled_blocks(self._is_predicted), int(left), int(below)
+        for name in ("_log_odds", "_is_predicted", "_viewed"):
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below, blocks))
         self.frame = frame
         if self._log_odds.size <= LARGE_CELLS:
             for name in ("_observed", "_anticipated"):

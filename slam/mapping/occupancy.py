@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
-from slam.grid import LARGE_CELLS, ComputedGrid, GridFrame, enlarged, zeros
+from slam.grid import LARGE_CELLS, ComputedGrid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.poses import moved_ahead, to_map
 from slam.sensing.laser import LaserScan
@@ -61,8 +61,10 @@ class OccupancyGrid:
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
         # A cell with a top has log-odds.
-        self.log_odds, self.top_m = enlarged(frame.shape, left, below, self.log_odds, self.top_m)
-        (self.explored,) = enlarged(frame.shape, left, below, self.explored)
+        blocks = filled_blocks(self.log_odds)
+        self.top_m = enlarged(self.top_m, frame.shape, left, below, blocks)
+        self.log_odds = enlarged(self.log_odds, frame.shape, left, below, blocks)
+        self.explored = enlarged(self.explored, frame.shape, left, below)
         self.frame = frame
         self._make_probability()
 
