@@ -189,7 +189,7 @@ class ComputedGrid(NDArrayOperatorsMixin):
     comparisons and methods do, takes the time and memory of an array: `np.asarray(grid)`.
     """
 
-    def __init__(self, compute: Callable[..., np.ndarray], *sources: np.ndarray) -> None:
+    def __init__(self, compute: Callable[..., Any], *sources: Any) -> None:
         """Make a grid by a function of cells of the sources, which all have the same rows and columns."""
         self._compute, self._sources = compute, sources
         self.shape, self.size, self.ndim = sources[0].shape, sources[0].size, sources[0].ndim
@@ -217,7 +217,11 @@ class ComputedGrid(NDArrayOperatorsMixin):
         return getattr(np.asarray(self), name)
 
 
-def read_only(grid: np.ndarray) -> np.ndarray:
+#: Values of all cells: an array, or computed where they are read.
+Grid = np.ndarray | ComputedGrid
+
+
+def read_only(grid: Grid) -> Grid:
     """A view of a grid that cannot be written to."""
     if not isinstance(grid, np.ndarray):
         return grid
@@ -254,7 +258,7 @@ class MapEstimate:
 
     frame: GridFrame
     """Where the cells lie in `map`."""
-    obstacle_probability: Float32[np.ndarray, "ny nx"]
+    obstacle_probability: Float32[Grid, "ny nx"]
     """Belief that something that stops the robot stands in the cell; 0.5 where nothing is known."""
     explored: Bool[np.ndarray, "ny nx"]
     """Cells that the camera has looked at from near enough to count as seen."""
@@ -264,7 +268,7 @@ class MapEstimate:
     """Estimated x [m], y [m], yaw [rad] in `map`."""
     surface_offset_m: Float32[np.ndarray, "ny nx 2"] | None = None
     """Where in an obstacle cell its surface lies, from the centre of the cell (x, y) [m]; None if unknown."""
-    anticipated_probability: Float32[np.ndarray, "ny nx"] | None = None
+    anticipated_probability: Float32[Grid, "ny nx"] | None = None
     """`obstacle_probability` continued by a guess where the camera has not looked, as far as one was made: behind
     furniture, round corners. None if the mapper does not guess."""
     moving: tuple[MovingThing, ...] = ()

@@ -20,7 +20,7 @@ from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
-from slam.grid import GridFrame, enlarged, filled_blocks, zeros
+from slam.grid import Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.poses import to_map
 from slam.robot import Robot
@@ -78,7 +78,7 @@ class CollisionMarks:
         action: Command,
         displacement: Float[np.ndarray, "3"],
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
     ) -> bool:
         """Detect a collision by the measured displacement, mark it, remove old marks; whether the robot was stopped."""
         self._forget(step)
@@ -111,7 +111,7 @@ class CollisionMarks:
         return min(self._speeds_mps) * action.duration_s
 
     def _explained(
-        self, pose: Float[np.ndarray, "3"], reach_m: float, probability: Float32[np.ndarray, "ny nx"]
+        self, pose: Float[np.ndarray, "3"], reach_m: float, probability: Float32[Grid, "ny nx"]
     ) -> bool:
         """Whether an obstacle of the map touches the half of the hull that goes ahead."""
         margin = self.config.touch_m + 0.5 * self.frame.resolution_m

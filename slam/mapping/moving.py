@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
-from slam.grid import GridFrame, MovingThing
+from slam.grid import Grid, GridFrame, MovingThing
 from slam.poses import between, to_map, wrap
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Scan
@@ -157,7 +157,7 @@ class MovingThings:
         scan: Scan,
         laser: LaserScan | None,
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
     ) -> tuple[Scan, LaserScan | None]:
@@ -178,7 +178,7 @@ class MovingThings:
         self,
         views: Sequence[Float[np.ndarray, "_ 2"]],
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
     ) -> list[Bool[np.ndarray, " _"]]:
@@ -233,7 +233,7 @@ class MovingThings:
         sensor: int,
         points: Float[np.ndarray, "n 2"],
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
     ) -> Iterator[_Segment]:
         """Segments narrow enough to be a thing."""

@@ -10,14 +10,14 @@ Reference: Elfes, Using occupancy grids for mobile robot perception and navigati
 """
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
-from slam.grid import LARGE_CELLS, ComputedGrid, GridFrame, enlarged, filled_blocks, zeros
+from slam.grid import LARGE_CELLS, ComputedGrid, Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.poses import moved_ahead, to_map
 from slam.sensing.laser import LaserScan
@@ -77,7 +77,7 @@ class OccupancyGrid:
     def _make_probability(self) -> None:
         """Probability of each cell; on a large map, log-odds alone take memory."""
         large = self.log_odds.size > LARGE_CELLS
-        self.probability: np.ndarray = (
+        self.probability: Grid = (
             ComputedGrid(probability_of, self.log_odds) if large else probability_of(self.log_odds)
         )
 
@@ -208,9 +208,9 @@ class OccupancyGrid:
         return inner.astype(np.float32), (clear + half).astype(np.float32)
 
 
-def probability_of(log_odds: Float32[np.ndarray, "*cells"]) -> Float32[np.ndarray, "*cells"]:
-    """Probability of log-odds: 0.5 for 0."""
-    return np.asarray(1 / (1 + np.exp(-log_odds)))
+def probability_of(log_odds: Any) -> Any:
+    """Probability of log-odds, of an array or a number: 0.5 for 0."""
+    return 1 / (1 + np.exp(-log_odds))
 
 
 class _Place(NamedTuple):

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import Grid, GridFrame, MapEstimate
 from slam.poses import to_map
 
 #: The published patch: 3.2 m ahead, 1.6 m to each side.
@@ -29,7 +29,7 @@ def belief_ahead(
 
 
 def cut_ahead(
-    values: Float32[np.ndarray, "ny nx"],
+    values: Float32[Grid, "ny nx"],
     frame: GridFrame,
     pose: Float[np.ndarray, "3"],
     patch: GridFrame = AHEAD,
