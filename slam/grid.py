@@ -185,7 +185,7 @@ def enlarged(
 class ComputedGrid(NDArrayOperatorsMixin):
     """A large grid whose values are computed where they are read, from other grids of the same cells.
 
-    It is read like an array: `grid[rows, columns]` is an array of the cells asked for. Whatever needs all cells, as
+    It is read like an array: `grid[rows, columns]` is an array of these cells. Whatever needs all cells, as
     comparisons and methods do, takes the time and memory of an array: `np.asarray(grid)`.
     """
 
@@ -221,7 +221,7 @@ class ComputedGrid(NDArrayOperatorsMixin):
 Grid = np.ndarray | ComputedGrid
 
 
-def read_only(grid: Grid) -> Grid:
+def read_only(grid: Grid) -> Any:
     """A view of a grid that cannot be written to."""
     if not isinstance(grid, np.ndarray):
         return grid

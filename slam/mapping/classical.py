@@ -4,8 +4,8 @@ At every decision: odometry without its bias predicts the pose, the scan is fitt
 entered at the pose found. Occupancy (free space), surfaces (exact walls) and collision marks share one grid that
 grows with the building.
 
-Memory: 4 bytes per cell of a rectangle of at most `max_area_m2`, and 27 per cell near those that were seen, in pages of
-4 kB; what lies outside is dropped.
+Memory: 27 bytes per cell near those that were seen, in pages of 4 kB, and 4 more on maps of up to 4 million cells; what
+lies outside of a rectangle of `max_area_m2` is dropped.
 A pose whose scan contradicts the map is doubted: the robot is searched for farther away, and scans are not entered
 until it is found (`relocalization`).
 Where loops close, poses of the past move (`slam.graph`). A small map is drawn again from all scans; of a large one, the
