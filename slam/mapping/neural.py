@@ -7,8 +7,8 @@ reaches behind furniture and round corners.
 
 Predictions are averaged over time as log-odds, not added: each depends on the whole map already, and a sum would count
 the same evidence repeatedly. Recent frames weigh more, so wrong cells clear; cells in view weigh more than guesses.
-Memory: 6 bytes per cell near those that were seen in addition to the classical mapper's, and 8 per cell of maps of up to
-4 million cells.
+Memory: 6 bytes per cell near those that were seen in addition to the classical mapper's, and 8 per cell of maps of up
+to 4 million cells.
 Reference: Ramakrishnan et al., Occupancy anticipation for efficient exploration and navigation, ECCV 2020.
 """
 
