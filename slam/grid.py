@@ -9,11 +9,14 @@ A growing map adds whole cells only, so a cell never changes its place in `map`.
 
 import math
 import mmap
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import DTypeLike
 
 from robosim.support.axes import axes_in_metres
@@ -141,6 +144,8 @@ class GridFrame:
 
 #: Area for which work over the whole map is done at full rate [m2].
 _FULL_RATE_M2 = 1000.0
+#: Grids of more cells are not held as arrays where their values follow from those of another grid.
+LARGE_CELLS = 4_000_000
 
 
 def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
@@ -150,16 +155,79 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     return np.ndarray(shape, dtype, buffer=mmap.mmap(-1, size, access=mmap.ACCESS_COPY))
 
 
-def enlarged(old: np.ndarray, shape: tuple[int, int], left: int, below: int) -> np.ndarray:
-    """Return a grid of a larger shape (rows, columns), 0 around the old one; zeros take no memory."""
+def filled_blocks(grid: np.ndarray) -> list[tuple[slice, slice]]:
+    """Rows and columns of the blocks of a grid that hold more than zeros."""
+    rows, columns = (
+        [slice(k, k + side) for k in range(0, size, side)]
+        for size, side in zip(grid.shape, (64, 512), strict=False)
+    )
+    return [block for block in product(rows, columns) if grid[block].any()]
+
+
+def enlarged(
+    old: np.ndarray,
+    shape: tuple[int, int],
+    left: int,
+    below: int,
+    blocks: list[tuple[slice, slice]] | None = None,
+) -> np.ndarray:
+    """Return a grid of a larger shape (rows, columns), 0 around the old one; zeros take no memory.
+
+    Of the old one, `blocks` hold more than zeros; they are searched for if None.
+    """
     new = zeros((*shape, *old.shape[2:]), old.dtype)
-    for y in range(0, old.shape[0], 64):
-        for x in range(0, old.shape[1], 512):
-            block = old[y : y + 64, x : x + 512]
-            if block.any():
-                ny, nx = block.shape[:2]
-                new[below + y : below + y + ny, left + x : left + x + nx] = block
+    inside = new[below : below + old.shape[0], left : left + old.shape[1]]
+    for block in filled_blocks(old) if blocks is None else blocks:
+        np.copyto(inside[block], old[block], where=old[block] != 0)
     return new
+
+
+class ComputedGrid(NDArrayOperatorsMixin):
+    """A large grid whose values are computed where they are read, from other grids of the same cells.
+
+    It is read like an array: `grid[rows, columns]` is an array of these cells. Whatever needs all cells, as
+    comparisons and methods do, takes the time and memory of an array: `np.asarray(grid)`.
+    """
+
+    def __init__(self, compute: Callable[..., Any], *sources: Any) -> None:
+        """Make a grid by a function of cells of the sources, which all have the same rows and columns."""
+        self._compute, self._sources = compute, sources
+        self.shape, self.size, self.ndim = sources[0].shape, sources[0].size, sources[0].ndim
+        self.dtype = self[:1].dtype
+
+    def __len__(self) -> int:
+        return int(self.shape[0])
+
+    def __getitem__(self, key: Any) -> Any:
+        return self._compute(*(source[key] for source in self._sources))
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> np.ndarray:
+        values = np.empty(self.shape, self.dtype if dtype is None else dtype)
+        for y in range(0, len(self), 256):
+            values[y : y + 256] = self[y : y + 256]
+        return values
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        arrays = (np.asarray(value) if isinstance(value, ComputedGrid) else value for value in inputs)
+        return getattr(ufunc, method)(*arrays, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(np.asarray(self), name)
+
+
+#: Values of all cells: an array, or computed where they are read.
+Grid = np.ndarray | ComputedGrid
+
+
+def read_only(grid: Grid) -> Any:
+    """A view of a grid that cannot be written to."""
+    if not isinstance(grid, np.ndarray):
+        return grid
+    view = grid.view()
+    view.flags.writeable = False
+    return view
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,12 +252,13 @@ class MovingThing:
 class MapEstimate:
     """Estimate of a mapper at one decision: map and pose.
 
-    The arrays are read-only views of the mapper's own and change with its next update: copy what must last.
+    The arrays are read-only views of the mapper's own and change with its next update: copy what must last. Of maps of
+    more than 4 million cells, the shipped mappers compute probabilities where they are read (`ComputedGrid`).
     """
 
     frame: GridFrame
     """Where the cells lie in `map`."""
-    obstacle_probability: Float32[np.ndarray, "ny nx"]
+    obstacle_probability: Float32[Grid, "ny nx"]
     """Belief that something that stops the robot stands in the cell; 0.5 where nothing is known."""
     explored: Bool[np.ndarray, "ny nx"]
     """Cells that the camera has looked at from near enough to count as seen."""
@@ -199,7 +268,7 @@ class MapEstimate:
     """Estimated x [m], y [m], yaw [rad] in `map`."""
     surface_offset_m: Float32[np.ndarray, "ny nx 2"] | None = None
     """Where in an obstacle cell its surface lies, from the centre of the cell (x, y) [m]; None if unknown."""
-    anticipated_probability: Float32[np.ndarray, "ny nx"] | None = None
+    anticipated_probability: Float32[Grid, "ny nx"] | None = None
     """`obstacle_probability` continued by a guess where the camera has not looked, as far as one was made: behind
     furniture, round corners. None if the mapper does not guess."""
     moving: tuple[MovingThing, ...] = ()

@@ -4,8 +4,8 @@ At every decision: odometry without its bias predicts the pose, the scan is fitt
 entered at the pose found. Occupancy (free space), surfaces (exact walls) and collision marks share one grid that
 grows with the building.
 
-Memory: 4 bytes per cell of a rectangle of at most `max_area_m2`, and 27 per cell near those that were seen, in pages of
-4 kB; what lies outside is dropped.
+Memory: 27 bytes per cell near those that were seen, in pages of 4 kB, and 4 more on maps of up to 4 million cells; what
+lies outside of a rectangle of `max_area_m2` is dropped.
 A pose whose scan contradicts the map is doubted: the robot is searched for farther away, and scans are not entered
 until it is found (`relocalization`).
 Where loops close, poses of the past move (`slam.graph`). A small map is drawn again from all scans; of a large one, the
@@ -29,7 +29,7 @@ from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import GridFrame, MapEstimate, read_only
 from slam.mapping.collisions import CollisionMarks
 from slam.mapping.moving import MovingConfig, MovingThings
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
@@ -280,11 +280,11 @@ class ClassicalMapper:
         """The current map and pose."""
         return MapEstimate(
             frame=self.frame,
-            obstacle_probability=_read_only(self.occupancy.probability),
-            explored=_read_only(self.occupancy.explored),
-            blocked=_read_only(self.marks.blocked),
+            obstacle_probability=read_only(self.occupancy.probability),
+            explored=read_only(self.occupancy.explored),
+            blocked=read_only(self.marks.blocked),
             pose=self.pose.copy(),
-            surface_offset_m=_read_only(self.surfaces.front_m),
+            surface_offset_m=read_only(self.surfaces.front_m),
             moving=() if self.moving is None else self.moving.things(),
         )
 
@@ -460,12 +460,6 @@ class ClassicalMapper:
 def _steps(tile: tuple[int, int], other: tuple[int, int]) -> int:
     """Tiles from one to another, by moves of a king."""
     return max(abs(tile[0] - other[0]), abs(tile[1] - other[1]))
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def view_of_laser(scan: LaserScan) -> View:

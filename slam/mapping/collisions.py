@@ -20,7 +20,7 @@ from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
-from slam.grid import GridFrame, enlarged, zeros
+from slam.grid import Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.poses import to_map
 from slam.robot import Robot
@@ -67,8 +67,9 @@ class CollisionMarks:
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
+        blocks = filled_blocks(self._bumps)
         for name in ("blocked", "_bumps", "_until"):
-            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below))
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below, blocks))
         self.frame = frame
 
     def update(
@@ -77,7 +78,7 @@ class CollisionMarks:
         action: Command,
         displacement: Float[np.ndarray, "3"],
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
     ) -> bool:
         """Detect a collision by the measured displacement, mark it, remove old marks; whether the robot was stopped."""
         self._forget(step)
@@ -110,7 +111,7 @@ class CollisionMarks:
         return min(self._speeds_mps) * action.duration_s
 
     def _explained(
-        self, pose: Float[np.ndarray, "3"], reach_m: float, probability: Float32[np.ndarray, "ny nx"]
+        self, pose: Float[np.ndarray, "3"], reach_m: float, probability: Float32[Grid, "ny nx"]
     ) -> bool:
         """Whether an obstacle of the map touches the half of the hull that goes ahead."""
         margin = self.config.touch_m + 0.5 * self.frame.resolution_m
@@ -152,4 +153,5 @@ class CollisionMarks:
     def stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Take marks off the cells whose centres the hull covers."""
         rows, columns, under = self.frame.under(pose, self._hull)
-        self.blocked[rows, columns][under] = False
+        blocked = self.blocked[rows, columns]
+        np.copyto(blocked, False, where=blocked & under)

@@ -65,7 +65,7 @@ class KnownMapMapper(ClassicalMapper):
         occupied, free = self.known.cells_at(np.stack(np.meshgrid(x, y), axis=-1))
         grid = self.occupancy
         grid.log_odds += _CERTAINTY * grid.config.limit * (occupied.astype(np.float32) - free)
-        grid.probability[:] = 1 / (1 + np.exp(-grid.log_odds))
+        grid.update_probability(slice(None), slice(None))
         grid.explored |= occupied | free
         grid.top_m[occupied] = _TOP_M
         self.surfaces.add(*self.known.levels.fine.planes())

@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
-from slam.grid import GridFrame, MovingThing
+from slam.grid import Grid, GridFrame, MovingThing
 from slam.poses import between, to_map, wrap
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Scan
@@ -157,7 +157,7 @@ class MovingThings:
         scan: Scan,
         laser: LaserScan | None,
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
     ) -> tuple[Scan, LaserScan | None]:
@@ -178,7 +178,7 @@ class MovingThings:
         self,
         views: Sequence[Float[np.ndarray, "_ 2"]],
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
     ) -> list[Bool[np.ndarray, " _"]]:
@@ -233,7 +233,7 @@ class MovingThings:
         sensor: int,
         points: Float[np.ndarray, "n 2"],
         pose: Float[np.ndarray, "3"],
-        probability: Float32[np.ndarray, "ny nx"],
+        probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
     ) -> Iterator[_Segment]:
         """Segments narrow enough to be a thing."""
@@ -241,7 +241,10 @@ class MovingThings:
         known = range_m <= config.range_m  # not for NaN
         placed = to_map(pose, np.where(known[:, None], points, 0.0))
         iy, ix = frame.index(placed)
-        kind = _kinds(probability, iy, ix, math.ceil(config.margin_m / frame.resolution_m))
+        margin = math.ceil(config.margin_m / frame.resolution_m)
+        y0, x0 = (max(int(index.min()) - margin, 0) for index in (iy, ix))
+        around = probability[y0 : max(int(iy.max()) + margin, 0) + 1, x0 : max(int(ix.max()) + margin, 0) + 1]
+        kind = _kinds(np.ascontiguousarray(around), iy - y0, ix - x0, margin)
         with np.errstate(invalid="ignore"):
             cut = (np.abs(np.diff(range_m)) > _JUMP_M) | ~known[1:] | ~known[:-1]
         cut |= (kind[1:] == _FREE) != (kind[:-1] == _FREE)

@@ -7,7 +7,8 @@ reaches behind furniture and round corners.
 
 Predictions are averaged over time as log-odds, not added: each depends on the whole map already, and a sum would count
 the same evidence repeatedly. Recent frames weigh more, so wrong cells clear; cells in view weigh more than guesses.
-Memory: 8 bytes per cell of the map in addition to the classical mapper's, and 6 where something was seen.
+Memory: 6 bytes per cell near those that were seen in addition to the classical mapper's, and 8 per cell of maps of up
+to 4 million cells.
 Reference: Ramakrishnan et al., Occupancy anticipation for efficient exploration and navigation, ECCV 2020.
 """
 
@@ -18,13 +19,23 @@ from typing import Annotated
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float16, Float32
+from jaxtyping import Float, Float16, Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
-from slam.grid import GridFrame, MapEstimate, enlarged, zeros
+from slam.grid import (
+    LARGE_CELLS,
+    ComputedGrid,
+    GridFrame,
+    MapEstimate,
+    enlarged,
+    filled_blocks,
+    read_only,
+    zeros,
+)
 from slam.mapping.classical import ClassicalMapper, MapperConfig
+from slam.mapping.occupancy import probability_of
 from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
 from slam.poses import to_map
 from slam.robot import Robot
@@ -129,8 +140,8 @@ class NeuralMapper:
     def _combined(self, classical: MapEstimate) -> MapEstimate:
         return replace(
             classical,
-            obstacle_probability=_read_only(self._observed),
-            anticipated_probability=_read_only(self._anticipated),
+            obstacle_probability=read_only(self._observed),
+            anticipated_probability=read_only(self._anticipated),
         )
 
     def _refresh(self, classical: MapEstimate) -> None:
@@ -147,14 +158,7 @@ class NeuralMapper:
         )
         low, high = corners.min(axis=0), corners.max(axis=0)
         rows, columns, _ = self.frame.window((low[0], low[1]), (high[0], high[1]))
-        self._combine(rows, columns, classical.obstacle_probability)
-
-    def _guessed(
-        self, rows: slice, columns: slice, known: Float32[np.ndarray, "ny nx"]
-    ) -> Bool[np.ndarray, "ny nx"]:
-        """Cells of a window with a prediction on the anticipated map: no guesses where a laser has measured."""
-        covered, viewed = self._is_predicted[rows, columns], self._viewed[rows, columns]
-        return covered & (viewed | (known == 0.5)) if self._laser_m else covered
+        self._combine(rows, columns)
 
     def _follow(self, frame: GridFrame) -> None:
         """Grow as the classical map has grown."""
@@ -162,14 +166,15 @@ class NeuralMapper:
             return
         left, below = np.rint(frame.to_cells(np.array(self.frame.origin_xy))).astype(int)
         ny, nx = self.frame.shape
+        blocks, left, below = filled_blocks(self._is_predicted), int(left), int(below)
         for name in ("_log_odds", "_is_predicted", "_viewed"):
-            setattr(self, name, enlarged(getattr(self, name), frame.shape, int(left), int(below)))
-        for name in ("_observed", "_anticipated"):
-            old = getattr(self, name)
-            new = np.full(frame.shape, 0.5, np.float32)
-            new[below : below + ny, left : left + nx] = old
-            setattr(self, name, new)
+            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below, blocks))
         self.frame = frame
+        if self._log_odds.size <= LARGE_CELLS:
+            for name in ("_observed", "_anticipated"):
+                new = np.full(frame.shape, 0.5, np.float32)
+                new[below : below + ny, left : left + nx] = getattr(self, name)
+                setattr(self, name, new)
 
     def _enter(self, prediction: Prediction, pose: Float[np.ndarray, "3"]) -> None:
         """Average a prediction into the cells that it covers."""
@@ -213,15 +218,18 @@ class NeuralMapper:
         for layer, redrawn in zip(layers, (self._log_odds, self._is_predicted, self._viewed), strict=True):
             layer[rows, columns] = redrawn
         (self._log_odds, self._is_predicted, self._viewed), self.frame = layers, whole
-        self._combine(rows, columns, self.classical.occupancy.probability)
+        self._combine(rows, columns)
 
-    def _combine(self, rows: slice, columns: slice, classical: Float32[np.ndarray, "ny nx"]) -> None:
+    def _combine(self, rows: slice, columns: slice) -> None:
         """Replace classical probabilities by predictions in a window of the observed and the anticipated map."""
-        predicted = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
-        known = classical[rows, columns]
-        viewed = self._viewed[rows, columns]
-        self._observed[rows, columns] = np.where(viewed, predicted, known)
-        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), predicted, known)
+        layers = self._log_odds, self._viewed, self._is_predicted, self.classical.occupancy.probability
+        anticipated = _anticipated_around_laser if self._laser_m else _anticipated
+        for name, compute in (("_observed", _observed), ("_anticipated", anticipated)):
+            grid = ComputedGrid(compute, *layers)
+            if grid.size > LARGE_CELLS:
+                setattr(self, name, grid)
+            else:
+                getattr(self, name)[rows, columns] = grid[rows, columns]
 
     def _covered(
         self, pose: Float[np.ndarray, "3"]
@@ -253,7 +261,18 @@ class NeuralMapper:
             known[rows, columns] |= under
 
 
-def _read_only(array: np.ndarray) -> np.ndarray:
-    view = array.view()
-    view.flags.writeable = False
-    return view
+def _observed(log_odds: np.ndarray, viewed: np.ndarray, _: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Predictions of cells in view, and classical probabilities of others."""
+    return np.where(viewed, probability_of(log_odds), known)
+
+
+def _anticipated(log_odds: np.ndarray, _: np.ndarray, covered: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """All predictions, and classical probabilities of other cells."""
+    return np.where(covered, probability_of(log_odds), known)
+
+
+def _anticipated_around_laser(
+    log_odds: np.ndarray, viewed: np.ndarray, covered: np.ndarray, known: np.ndarray
+) -> np.ndarray:
+    """Predictions of cells in view and where a laser has not measured, and classical probabilities of others."""
+    return np.where(covered & (viewed | (known == 0.5)), probability_of(log_odds), known)

@@ -10,14 +10,14 @@ Reference: Elfes, Using occupancy grids for mobile robot perception and navigati
 """
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
-from slam.grid import GridFrame, enlarged, zeros
+from slam.grid import LARGE_CELLS, ComputedGrid, Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.poses import moved_ahead, to_map
 from slam.sensing.laser import LaserScan
@@ -54,23 +54,37 @@ class OccupancyGrid:
         self.frame = frame
         self.config = config
         self.log_odds = zeros(frame.shape, np.float32)
-        self.probability = np.full(frame.shape, 0.5, np.float32)
         self.explored = zeros(frame.shape, bool)
         self.top_m = zeros(frame.shape, np.float32)
+        self._make_probability()
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
-        ny, nx = self.frame.shape
-        for name in ("log_odds", "explored", "top_m"):
-            setattr(self, name, enlarged(getattr(self, name), frame.shape, left, below))
-        probability = np.full(frame.shape, 0.5, np.float32)
-        probability[below : below + ny, left : left + nx] = self.probability
-        self.probability, self.frame = probability, frame
+        # A cell with a top has log-odds.
+        blocks = filled_blocks(self.log_odds)
+        self.top_m = enlarged(self.top_m, frame.shape, left, below, blocks)
+        self.log_odds = enlarged(self.log_odds, frame.shape, left, below, blocks)
+        self.explored = enlarged(self.explored, frame.shape, left, below)
+        self.frame = frame
+        self._make_probability()
 
     def paste(self, rows: slice, columns: slice, window: "OccupancyGrid") -> None:
         """Replace a window by the cells of a grid over it."""
-        for name in ("log_odds", "probability", "explored", "top_m"):
+        for name in ("log_odds", "explored", "top_m"):
             getattr(self, name)[rows, columns] = getattr(window, name)
+        self.update_probability(rows, columns)
+
+    def _make_probability(self) -> None:
+        """Probability of each cell; on a large map, log-odds alone take memory."""
+        large = self.log_odds.size > LARGE_CELLS
+        self.probability: Grid = (
+            ComputedGrid(probability_of, self.log_odds) if large else probability_of(self.log_odds)
+        )
+
+    def update_probability(self, rows: slice, columns: slice) -> None:
+        """Make the probability follow the log-odds of a window."""
+        if isinstance(self.probability, np.ndarray):
+            self.probability[rows, columns] = probability_of(self.log_odds[rows, columns])
 
     def view_box(
         self, scan: Scan, pose: Float[np.ndarray, "3"]
@@ -111,7 +125,7 @@ class OccupancyGrid:
             self.explored[rows, columns],
             cleared,
         )
-        self.probability[rows, columns] = 1 / (1 + np.exp(-self.log_odds[rows, columns]))
+        self.update_probability(rows, columns)
         return rows, columns, cleared
 
     def integrate_laser(
@@ -159,7 +173,7 @@ class OccupancyGrid:
         rows, columns, under = self.frame.under(pose, hull, margin_m)
         log_odds = self.log_odds[rows, columns]
         log_odds[under & (log_odds > -self.config.miss)] = -self.config.miss
-        self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))
+        self.update_probability(rows, columns)
 
     def _weigh(
         self,
@@ -172,14 +186,16 @@ class OccupancyGrid:
     ) -> Bool[np.ndarray, "ny nx"]:
         """Add the evidence of a look to a window; returns the cells that stopped being obstacles."""
         log_odds = self.log_odds[rows, columns]
-        was_obstacle = log_odds > 0
-        log_odds += np.where(hit, np.float32(self.config.hit), np.float32(0))
-        log_odds -= np.where(free, np.float32(self.config.miss), np.float32(0))
-        np.clip(log_odds, -self.config.limit, self.config.limit, out=log_odds)
-        cleared = was_obstacle & (log_odds <= 0)
+        changed = log_odds + np.where(hit, np.float32(self.config.hit), np.float32(0))
+        changed -= np.where(free, np.float32(self.config.miss), np.float32(0))
+        np.clip(changed, -self.config.limit, self.config.limit, out=changed)
+        cleared = (log_odds > 0) & (changed <= 0)
+        # Only cells that are written to take memory.
+        np.copyto(log_odds, changed, where=hit | free)
         self.top_m[rows, columns][cleared] = 0
-        self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))
-        self.explored[rows, columns] |= in_view & (away_m <= self.config.explored_range_m)
+        self.update_probability(rows, columns)
+        seen = in_view & (away_m <= self.config.explored_range_m)
+        np.copyto(self.explored[rows, columns], True, where=seen)
         return np.asarray(cleared)
 
     def _clear(self, scan: Scan) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " w"]]:
@@ -190,6 +206,11 @@ class OccupancyGrid:
         inner = np.where(scan.hit & (scan.depth_m <= self.config.free_range_m), clear - half, clear)
         inner[1:-1] = np.minimum(inner[1:-1], np.minimum(inner[:-2], inner[2:]))
         return inner.astype(np.float32), (clear + half).astype(np.float32)
+
+
+def probability_of(log_odds: Any) -> Any:
+    """Probability of log-odds, of an array or a number: 0.5 for 0."""
+    return 1 / (1 + np.exp(-log_odds))
 
 
 class _Place(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robosim.support.compiled import compiled
-from slam.grid import GridFrame, enlarged, zeros
+from slam.grid import GridFrame, zeros
 
 #: Means of less weight, or of normals that disagree more than this, are not surfaces to match against.
 MIN_WEIGHT = 0.5
@@ -43,10 +43,15 @@ class SurfaceGrid:
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows before the old."""
-        self._row, self.frame = enlarged(self._row, frame.shape, left, below), frame
-        if self._fronts:
-            self.front_m = enlarged(self.front_m, frame.shape, left, below)
+        old_iy, old_ix = self._cell[: self._used].T
         self._cell += np.array([below, left], np.int32)
+        iy, ix = self._cell[: self._used].T
+        self._row, self.frame = zeros(frame.shape, np.int32), frame
+        self._row[iy, ix] = np.arange(1, self._used + 1, dtype=np.int32)
+        if self._fronts:
+            fronts = self.front_m[old_iy, old_ix]
+            self.front_m = zeros((*frame.shape, 2), np.float32)
+            self.front_m[iy, ix] = fronts
 
     def make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
         """Grow until points (x, y) [m] lie inside."""

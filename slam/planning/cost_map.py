@@ -127,13 +127,32 @@ def near_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.nd
 
 def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
     """Lower-left and upper-right corner (x, y) [m] of the robot and the known cells."""
-    known = estimate.obstacle_probability != 0.5
-    ys, xs = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    here = estimate.pose[:2]
-    if not len(ys):
+    (ny, nx), here = estimate.frame.shape, estimate.pose[:2]
+    rows = _known_rows(estimate, slice(0, ny), slice(0, nx), axis=0)
+    if rows.stop == 0:
         return here, here
-    low, high = estimate.frame.to_points(np.array([[xs[0], ys[0]], [xs[-1] + 1, ys[-1] + 1]]))
+    columns = _known_rows(estimate, rows, slice(0, nx), axis=1)
+    low, high = estimate.frame.to_points(np.array([[columns.start, rows.start], [columns.stop, rows.stop]]))
     return np.minimum(low, here), np.maximum(high, here)
+
+
+def _known_rows(estimate: MapEstimate, rows: slice, columns: slice, axis: int) -> slice:
+    """First to last row (axis 0) or column (1) with a known cell in a window; stops at 0 if there is none."""
+    window, ends = [rows, columns], []
+    whole = range(window[axis].start, window[axis].stop)
+    for backward in (False, True):
+        # Strips from both ends: in large maps, most cells lie between.
+        for k in range(0, len(whole), 64):
+            strip = whole[::-1][k : k + 64][::-1] if backward else whole[k : k + 64]
+            window[axis] = slice(strip.start, strip.stop)
+            known = estimate.obstacle_probability[window[0], window[1]] != 0.5
+            hits = np.flatnonzero(known.any(axis=1 - axis))
+            if len(hits):
+                ends.append(strip[hits[-1]] + 1 if backward else strip[hits[0]])
+                break
+        else:
+            return slice(0, 0)
+    return slice(*ends)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

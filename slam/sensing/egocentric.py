@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import ComputedGrid, Grid, GridFrame, MapEstimate
+from slam.poses import to_map
 
 #: The published patch: 3.2 m ahead, 1.6 m to each side.
 AHEAD = GridFrame(origin_xy=(0.0, -1.6), resolution_m=0.05, shape=(64, 64))
@@ -28,7 +29,7 @@ def belief_ahead(
 
 
 def cut_ahead(
-    values: Float32[np.ndarray, "ny nx"],
+    values: Float32[Grid, "ny nx"],
     frame: GridFrame,
     pose: Float[np.ndarray, "3"],
     patch: GridFrame = AHEAD,
@@ -36,6 +37,12 @@ def cut_ahead(
 ) -> Float32[np.ndarray, "my mx"]:
     """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
+    if isinstance(values, ComputedGrid):
+        (x, y), (rows, columns) = patch.origin_xy, np.multiply(patch.shape, patch.resolution_m)
+        corners = to_map(pose, np.array([(x + i * columns, y + j * rows) for i in (0, 1) for j in (0, 1)]))
+        low, high = corners.min(axis=0) - 2 * frame.resolution_m, corners.max(axis=0) + 2 * frame.resolution_m
+        window = frame.window((low[0], low[1]), (high[0], high[1]))
+        return cut_ahead(values[window[:2]], window[2], pose, patch, beyond)
     step = patch.resolution_m / frame.resolution_m
     first = np.array(patch.origin_xy) + 0.5 * patch.resolution_m
     at = frame.to_cells(
