@@ -41,7 +41,7 @@ logger = logging.getLogger(__name__)
 PACKAGES = frozenset({"robosim", "slam", "wireless"})
 #: Cached versions of a module that remain on disk, besides those that processes may be using.
 MAX_VERSIONS = 8
-#: A version that was opened since then may be in use [s].
+#: Age up to which an opened version may be in use [s].
 _IN_USE_S = 3600
 
 _CACHE_DIR = "NUMBA_CACHE_DIR"

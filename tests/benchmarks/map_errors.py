@@ -1,6 +1,6 @@
 """Error of coverage maps over their CPU time, next to Sionna RT's: specular paths of up to four reflections.
 
-What both are held against is the mean over `DENSE` x `DENSE` points of each cell with all paths, found by exact images
+The reference of both is the mean power over `DENSE` x `DENSE` points of each cell with all paths, found by exact images
 here; cells where a path reaches only some of these points are left out. Ours are traced at the middle of a cell, or at
 four or nine points of it; those of Sionna RT shoot samples, which average over a cell. Preparation of a scene and
 compiling are left out on both sides.
