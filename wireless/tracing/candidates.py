@@ -142,10 +142,11 @@ class Candidates:
             first = np.arange(len(space.surfaces.edge))
             before = np.empty((len(first), 0), np.int64)
         return place_edges(
-            space,
+            self._veiled,
             tx,
             np.concatenate([first, edge]),
             np.concatenate([_padded([before], max(side, 1)), _padded([over], max(side, 1))]),
+            True,
         )
 
     def _behind(self, tx: Point, sights: SeenEdges) -> list[Bent]:
@@ -212,7 +213,7 @@ class Candidates:
     def _seen(self, tx: Point, pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
         """Pairs of an edge and a patch, over which the transmitter may see it."""
         pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
-        seen = place_edges(self._space, tx, pairs[:, 0], pairs[:, 1:])
+        seen = place_edges(self._space, tx, pairs[:, 0], pairs[:, 1:], False)
         return np.column_stack([seen.edge, seen.over[:, 0]])
 
     def _bent(

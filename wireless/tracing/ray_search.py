@@ -17,7 +17,7 @@ from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.em.reflected import Reflected, by_face, by_mirror
 from wireless.geometry.array_types import Point, Points
-from wireless.geometry.occlusion import FREE, HIDDEN
+from wireless.geometry.occlusion import FREE, HIDDEN, find_cover
 from wireless.geometry.space import Ground, Space
 from wireless.tracing.path_layout import Chain, edge_sight, is_on_large, is_open, lay_out, mirror_over
 from wireless.tracing.reachable import EdgeChains, OpenChains
@@ -55,6 +55,8 @@ class _Rows(NamedTuple):
     """Upper bound of the power of each."""
     bare: Float[np.ndarray, " n"]
     """Upper bound if its patches reflected everything."""
+    cover: Int[np.ndarray, " n"]
+    """A triangle of the tree that last hid it from a receiver; -1 for none. Those that hide the last leg are noted."""
 
 
 @compiled
@@ -83,6 +85,11 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
         if full and setting.max_through == 0:
             weighed = weigh_path(ground, setting, m, scratch)
             if weighed[0] < 0 or weighed[1] <= rank[keep - 1, 0]:
+                continue
+        if setting.max_through == 0 and edge >= 0:
+            cover = find_cover(space.tree, scratch.point, m)
+            if cover >= 0:
+                rows.cover[h] = cover
                 continue
         seen = FREE if setting.max_through else path_sight(space.tree, m, scratch.point, scratch.kind)
         if seen != HIDDEN:
@@ -115,7 +122,7 @@ def _reflect(
                 reflected.mirror, reflected.row[facet], abs(off) / np.sqrt(length2)
             )
         none = np.full((len(mine), 1), -1)
-        rows = _Rows(none[:, 0].copy(), chains.chain[mine], none, bound, bare)
+        rows = _Rows(none[:, 0].copy(), chains.chain[mine], none, bound, bare, none[:, 0].copy())
         links.n_paths[r] = _enter(space, setting, link_of(links, r), rows, work, links.n_paths[r])
 
 
@@ -208,9 +215,9 @@ def _bend(
     space: Space, setting: Setting, links: Links, edges: EdgeChains, reflected: Reflected, work: Workspace
 ) -> None:
     """Enter the paths over edges into the lists of all links."""
-    ground, keep, hits = space.ground, setting.keep, edges_at(space.panes, edges, links.rx)
+    ground, keep, hit = space.ground, setting.keep, np.empty(len(edges.edge), np.int64)
     for r in range(len(links.rx)):
-        mine, link = hits.row[hits.start[r] : hits.start[r + 1]], link_of(links, r)
+        mine, link = edges_at(space.panes, space.tree, edges, links.rx[r], hit), link_of(links, r)
         least, sight = (
             links.rank[r, keep - 1, 0] if links.n_paths[r] == keep else 0.0,
             np.empty((len(mine), 3)),
@@ -230,9 +237,15 @@ def _bend(
             best_first = np.argsort(-bound, kind="mergesort")
             nearby = nearby[best_first]
             rows = _Rows(
-                edges.edge[nearby], edges.near[nearby], edges.far[nearby], bound[best_first], bare[best_first]
+                edges.edge[nearby],
+                edges.near[nearby],
+                edges.far[nearby],
+                bound[best_first],
+                bare[best_first],
+                edges.cover[nearby],
             )
             links.n_paths[r] = _enter(space, setting, link, rows, work, links.n_paths[r])
+            edges.cover[nearby] = rows.cover
 
 
 @compiled
