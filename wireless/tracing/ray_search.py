@@ -10,7 +10,7 @@ first, so that a full list spares the rest. Rows do not name walls that are pass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from robosim.support.compiled import compiled
 from wireless.em.diffraction import close_edge_bound, edge_bound
@@ -55,8 +55,6 @@ class _Rows(NamedTuple):
     """Upper bound of the power of each."""
     bare: Float[np.ndarray, " n"]
     """Upper bound if its patches reflected everything."""
-    cover: Int[np.ndarray, " n"]
-    """A triangle of the tree that last hid it from a receiver; -1 for none. Those that hide the last leg are noted."""
 
 
 @compiled
@@ -85,11 +83,6 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
         if full and setting.max_through == 0:
             weighed = weigh_path(ground, setting, m, scratch)
             if weighed[0] < 0 or weighed[1] <= rank[keep - 1, 0]:
-                continue
-        if setting.max_through == 0 and edge >= 0:
-            cover = find_cover(space.tree, scratch.point, m)
-            if cover >= 0:
-                rows.cover[h] = cover
                 continue
         seen = FREE if setting.max_through else path_sight(space.tree, m, scratch.point, scratch.kind)
         if seen != HIDDEN:
@@ -122,7 +115,7 @@ def _reflect(
                 reflected.mirror, reflected.row[facet], abs(off) / np.sqrt(length2)
             )
         none = np.full((len(mine), 1), -1)
-        rows = _Rows(none[:, 0].copy(), chains.chain[mine], none, bound, bare, none[:, 0].copy())
+        rows = _Rows(none[:, 0].copy(), chains.chain[mine], none, bound, bare)
         links.n_paths[r] = _enter(space, setting, link_of(links, r), rows, work, links.n_paths[r])
 
 
@@ -211,6 +204,25 @@ def _bounds(
 
 
 @compiled
+def _uncovered(
+    space: Space, ends: Float[np.ndarray, "2 3"], edges: EdgeChains, rows: Int[np.ndarray, " m"], work: Workspace
+) -> Bool[np.ndarray, " m"]:
+    """Rows over whose edges there is a path whose last leg nothing hides; what hides it is noted."""
+    ground, free = space.ground, np.zeros(len(rows), np.bool_)
+    images, others = np.empty((edges.near.shape[1] + 1, 3)), np.empty((edges.far.shape[1] + 1, 3))
+    for j in range(len(rows)):
+        q = rows[j]
+        near = Chain(images, edges.near[q], mirror_over(ground.plane, ends[0], edges.near[q], images))
+        far = Chain(others, edges.far[q], mirror_over(ground.plane, ends[1], edges.far[q], others))
+        m, _ = lay_out(ground, ends, near, edges.edge[q], far, work.layout)
+        if m >= 0:
+            cover = find_cover(space.tree, work.layout.point, m)
+            free[j] = cover < 0
+            edges.cover[q] = cover if cover >= 0 else edges.cover[q]
+    return free
+
+
+@compiled
 def _bend(
     space: Space, setting: Setting, links: Links, edges: EdgeChains, reflected: Reflected, work: Workspace
 ) -> None:
@@ -231,21 +243,18 @@ def _bend(
             least = links.rank[r, keep - 1, 0] if links.n_paths[r] == keep else 0.0
             if rough[lot[0]] < least:
                 break
+            # Bounds spare a full list more than looking does, and take longer.
+            if links.n_paths[r] < keep and setting.max_through == 0:
+                lot = lot[_uncovered(space, link.ends, edges, mine[lot], work)]
             nearby = mine[lot]
             bound, bare = _bounds(ground, setting, reflected, edges, nearby, link.ends, sight[lot])
             bound = np.minimum(bound, rough[lot])
             best_first = np.argsort(-bound, kind="mergesort")
             nearby = nearby[best_first]
             rows = _Rows(
-                edges.edge[nearby],
-                edges.near[nearby],
-                edges.far[nearby],
-                bound[best_first],
-                bare[best_first],
-                edges.cover[nearby],
+                edges.edge[nearby], edges.near[nearby], edges.far[nearby], bound[best_first], bare[best_first]
             )
             links.n_paths[r] = _enter(space, setting, link, rows, work, links.n_paths[r])
-            edges.cover[nearby] = rows.cover
 
 
 @compiled
