@@ -190,7 +190,9 @@ def find_cover(tree: Tree, point: Points, leg: int) -> int:
 
 
 @compiled
-def covers(tree: Tree, t: int, p: tuple[float, float, float], q: tuple[float, float, float], m: float) -> bool:
+def covers(
+    tree: Tree, t: int, p: tuple[float, float, float], q: tuple[float, float, float], m: float
+) -> bool:
     """Whether triangle t, in the tree's order, hides p from q also if these and the triangle are m off [m]."""
     normal, level = tree.normal, tree.level
     dp = normal[t, 0] * p[0] + normal[t, 1] * p[1] + normal[t, 2] * p[2] - level[t]

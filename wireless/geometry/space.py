@@ -171,7 +171,7 @@ def may_see_line(
     strip: Float[np.ndarray, "4 3"],
     piece: Float[np.ndarray, "s k 3"],
 ) -> bool:
-    """Whether an image may see some of a line, or what touches it, see `may_see`; `strip` and `piece` are work arrays."""
+    """Whether an image may see a line or what touches it, see `may_see`; `strip` and `piece` are work arrays."""
     size, across = 0.0, np.empty(3)
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3

@@ -205,7 +205,11 @@ def _bounds(
 
 @compiled
 def _uncovered(
-    space: Space, ends: Float[np.ndarray, "2 3"], edges: EdgeChains, rows: Int[np.ndarray, " m"], work: Workspace
+    space: Space,
+    ends: Float[np.ndarray, "2 3"],
+    edges: EdgeChains,
+    rows: Int[np.ndarray, " m"],
+    work: Workspace,
 ) -> Bool[np.ndarray, " m"]:
     """Rows over whose edges there is a path whose last leg nothing hides; what hides it is noted."""
     ground, free = space.ground, np.zeros(len(rows), np.bool_)

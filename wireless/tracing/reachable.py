@@ -133,7 +133,12 @@ def place_edges(
     )
     views, same, n_planes, used = new_views(max_order + 1, max_order), 0, 0, np.empty(len(edge), np.int64)
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
-    line, strip, piece, behind = np.empty((2, 3)), np.empty((4, 3)), np.empty((PIECES, MAX_CORNERS, 3)), np.zeros(4)
+    line, strip, piece, behind = (
+        np.empty((2, 3)),
+        np.empty((4, 3)),
+        np.empty((PIECES, MAX_CORNERS, 3)),
+        np.zeros(4),
+    )
     views.image[0, 0] = tx
     for j in range(len(edge)):
         k, new = 0, j == 0

@@ -2,7 +2,8 @@
 
 Each row takes some ten operations. Loops read and write so few arrays that the compiler makes them handle several
 numbers at once, and go over so few rows for each receiver in turn that these stay in the processor's cache. More is
-found rather than less: what rounding does is allowed for (`WIDER_M`), and paths are laid out exactly later.
+found rather than less: what rounding does is allowed for (`WIDER_M`), and paths are laid out exactly later. Edges are
+left out where the wall that hid them from the receiver before hides them again: next to each other, most are hidden.
 """
 
 from typing import NamedTuple
@@ -117,7 +118,13 @@ def _in_view(
     """
     # Places along the edges and distances from them are in `work`, from the first edge on (`_past_edges`).
     plane, low, high, n_left = panes.plane, panes.low, panes.high, 0
-    far, column, cover, p, margin_m = edges.far, edges.column, edges.cover, (rx[0], rx[1], rx[2]), WIDER_M + tree.near_m
+    far, column, cover, p, margin_m = (
+        edges.far,
+        edges.column,
+        edges.cover,
+        (rx[0], rx[1], rx[2]),
+        WIDER_M + tree.near_m,
+    )
     for j in range(n):
         q, inside = numbers[j], True
         patch = far[q, 0]
