@@ -184,6 +184,27 @@ def find_blocker(tree: Tree, p: Point, q: Point) -> int:
 
 
 @compiled
+def find_cover(tree: Tree, point: Points, leg: int) -> int:
+    """A triangle that hides a leg of a path, in the tree's order, other than by a side of it; -1 if there is none."""
+    return _met(tree, point[leg : leg + 2], 1, tree.near_m)[0]
+
+
+@compiled
+def covers(
+    tree: Tree, t: int, p: tuple[float, float, float], q: tuple[float, float, float], m: float
+) -> bool:
+    """Whether triangle t, in the tree's order, hides p from q also if these and the triangle are m off [m]."""
+    normal, level = tree.normal, tree.level
+    dp = normal[t, 0] * p[0] + normal[t, 1] * p[1] + normal[t, 2] * p[2] - level[t]
+    dq = normal[t, 0] * q[0] + normal[t, 1] * q[1] + normal[t, 2] * q[2] - level[t]
+    if abs(dp) < m or abs(dq) < m or (dp > 0) == (dq > 0):
+        return False
+    f = dp / (dp - dq)
+    x, y, z = p[0] + f * (q[0] - p[0]), p[1] + f * (q[1] - p[1]), p[2] + f * (q[2] - p[2])
+    return depth_in(tree.triangle, tree.inward, t, x, y, z) >= m
+
+
+@compiled
 def sight_along(tree: Tree, point: Points, legs: int) -> int:
     """Line of sight along legs: `HIDDEN` if a leg is, `TOUCHED` if a leg only meets sides, or `FREE`."""
     t, touched = _met(tree, point, legs, tree.near_m)

@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float, Int
 from wireless.geometry.array_types import Point, Points
 from wireless.geometry.facets import counted
 from wireless.geometry.neighbours import gathered
-from wireless.geometry.space import Space
+from wireless.geometry.space import Ground, Space
 from wireless.geometry.tolerance import NEAR_M
 
 #: Steps of the sequence: powers of the number whose cube is itself and one (the plane's golden ratio).
@@ -41,6 +41,8 @@ _TURNS = 16
 EDGE_RAD = 40.0
 #: Rays that are shot at once: some 400 bytes each.
 _AT_ONCE = 400_000
+#: Rays that are aimed at a patch in view, however small, and most of them all for each ray in all directions.
+RAYS_AIMED, MOST_AIMED = 64, 4
 
 
 class Sightings(NamedTuple):
@@ -95,19 +97,16 @@ class Shooter:
         self._patch = np.repeat(np.arange(len(space.patch_facet)), np.diff(space.ground.start))
         self._edge_start, self._edge = edges_of_patches(space)
 
-    def shoot(self, point: Point, rays: int, reflections: int, edge_reflections: int) -> Sightings:
-        """Chains that rays from a point find."""
-        max_order = max(reflections, edge_reflections)
-        met: list[list[np.ndarray]] = [[] for _ in range(max_order + 1)]
-        every = directions(rays)
-        for first in range(0, rays, _AT_ONCE):
-            direction = every[first : first + _AT_ONCE]
-            start = np.tile(point, (len(direction), 1))
-            for order, (_, chain) in enumerate(
-                self._followed(start, direction, np.zeros(len(direction), np.int64), max_order)
-            ):
-                met[order].append(chain)
-        chains = [_together(lots, order + 1) for order, lots in enumerate(met)]
+    def shoot(
+        self,
+        point: Point,
+        rays: int,
+        reflections: int,
+        edge_reflections: int,
+        aims: Int[np.ndarray, " a"],
+    ) -> Sightings:
+        """Chains that rays from a point find; more rays at the patches `aims` find chains without edges alone."""
+        chains = self._chains(point, directions(rays), max(reflections, edge_reflections))
         mirrors = self._space.mirrors[self._space.patch_facet]
         edges = [self._edges(chain) for chain in chains[1 : edge_reflections + 1]]
         over = np.full((sum(len(edge) for edge, _ in edges), max(edge_reflections, 1)), -1, np.int64)
@@ -115,11 +114,26 @@ class Shooter:
         for _, chain in edges:
             over[row : row + len(chain), : chain.shape[1]] = chain
             row += len(chain)
+        if len(aims) and reflections > 1:
+            n_rays = int(min(RAYS_AIMED, max(1, MOST_AIMED * rays // len(aims))))
+            aimed = self._chains(point, aimed_at(self._space.ground, point, aims, n_rays), reflections - 1)
+            for order in range(1, reflections):
+                chains[order] = _together([chains[order], aimed[order]], order + 1)
         return Sightings(
             tuple(chain[mirrors[chain[:, -1]]] for chain in chains[1:reflections]),
             np.concatenate([np.empty(0, np.int64), *(edge for edge, _ in edges)]),
             over,
         )
+
+    def _chains(self, point: Point, every: Points, reflections: int) -> list[Int[np.ndarray, "_ _"]]:
+        """Chains of patches that rays from a point meet, of one patch, of two, and so on; none twice."""
+        met: list[list[np.ndarray]] = [[] for _ in range(reflections + 1)]
+        for first in range(0, len(every), _AT_ONCE):
+            direction = every[first : first + _AT_ONCE]
+            start, owner = np.tile(point, (len(direction), 1)), np.zeros(len(direction), np.int64)
+            for order, (_, chain) in enumerate(self._followed(start, direction, owner, reflections)):
+                met[order].append(chain)
+        return [_together(lots, order + 1) for order, lots in enumerate(met)]
 
     def bend(
         self,
@@ -272,6 +286,17 @@ def directions(n: int) -> Points:
     turn = 2 * np.pi * np.modf(k * _STEPS[1])[0]
     r = np.sqrt(1 - z * z)
     return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
+
+
+def aimed_at(ground: Ground, point: Point, patch: Int[np.ndarray, " p"], rays: int) -> Points:
+    """Unit vectors from a point to places that fill each patch, its triangles in turn: so many for each."""
+    k = np.arange(rays)
+    triangle = ground.triangle[ground.start[patch, None] + k * np.diff(ground.start)[patch, None] // rays]
+    u, v = (np.modf((k + 1) * step)[0][:, None] for step in _STEPS)
+    u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
+    sides = triangle[:, :, 1:] - triangle[:, :, :1]
+    away = (triangle[:, :, 0] + u * sides[:, :, 0] + v * sides[:, :, 1] - point).reshape(-1, 3)
+    return away / np.maximum(np.linalg.norm(away, axis=1), NEAR_M)[:, None]
 
 
 def edges_of_patches(space: Space) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robosim.support.compiled import compiled
-from wireless.geometry.array_types import Point
+from wireless.geometry.array_types import Point, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
-from wireless.geometry.cones import SLACK_M, Walls
+from wireless.geometry.cones import SLACK_M, Walls, may_see
 from wireless.geometry.facets import Surfaces
 from wireless.geometry.occlusion import Tree, depth_in, inward_of, leaf_around, make_tree
 from wireless.geometry.patches import find_patches
@@ -154,3 +154,33 @@ def in_large_patch(tree: Tree, tree_patch: Int[np.ndarray, " t"], patch: int, p:
                 return True
         first, last, depth = leaf_around(tree, p, SLACK_M, stack, depth)
     return False
+
+
+@compiled
+def aside_m(near_m: float) -> float:
+    """How far next to a target that is [m]: well beyond what touches."""
+    return max(1e-6, 30 * near_m)
+
+
+@compiled
+def may_see_line(
+    space: Space,
+    image: Point,
+    behind: Float[np.ndarray, "4"],
+    line: Polygon,
+    strip: Float[np.ndarray, "4 3"],
+    piece: Float[np.ndarray, "s k 3"],
+) -> bool:
+    """Whether an image may see a line or what touches it, see `may_see`; `strip` and `piece` are work arrays."""
+    size, across = 0.0, np.empty(3)
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        across[i] = (line[1, a] - line[0, a]) * (image[b] - line[0, b]) - (line[1, b] - line[0, b]) * (
+            image[a] - line[0, a]
+        )
+        size += across[i] ** 2
+    across *= aside_m(space.tree.near_m) / np.sqrt(size) if size > 0 else 0.0
+    for i in range(3):
+        strip[0, i], strip[1, i] = line[0, i] - across[i], line[1, i] - across[i]
+        strip[2, i], strip[3, i] = line[1, i] + across[i], line[0, i] + across[i]
+    return may_see(space.tree, space.walls, image, behind, strip, 4, piece)

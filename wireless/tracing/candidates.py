@@ -2,9 +2,10 @@
 
 Where patches are few, all short chains are tried: two patches that are not certainly hidden, edges over one patch, and
 one patch behind an edge. Rays from the transmitter, also diffracted ones, find longer chains, and where patches are
-many all but single patches and edges; neighbours of their pairs are added. Where paths may pass walls, only opaque
-walls occlude. The result depends on nothing but the transmitter's place and the number of
-rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same candidates.
+many all but single patches and edges; more rays are aimed at each patch in view, so that small ones are not missed, and
+neighbours of pairs are added. Edges that the transmitter cannot see are left out. Where paths may pass walls, only
+opaque walls occlude. The result depends on nothing but the transmitter's place and the number of rays, so that a
+receiver costs no search of its own: a robot's link is traced again and again with the same candidates.
 """
 
 import threading
@@ -103,12 +104,10 @@ class Candidates:
         # Where patches are few, rays are left what is longer.
         tried = (2, 1) if self._few else (1, 0)
         rays = self._rays if max_order > tried[0] or side > tried[1] else 0
-        seen = self._shooter.shoot(tx, rays, max_order, side)
-        if self._few:
-            views, n = all_views(self._veiled, tx, min(2, max_order), True)
-            parts = [views.chain[:n][views.order[:n] == k, :k] for k in range(min(2, max_order) + 1)]
-        else:
-            parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: max_order + 1]
+        views, n = all_views(self._veiled, tx, min(tried[0], max_order), True)
+        parts = [views.chain[:n][views.order[:n] == k, :k] for k in range(min(tried[0], max_order) + 1)]
+        aims = parts[1][:, 0] if max_order > 1 and not self._few else np.empty(0, np.int64)
+        seen = self._shooter.shoot(tx, rays, max_order, side, aims)
         parts = [chain[np.lexsort(chain.T[::-1])] if chain.size else chain for chain in parts]
         chains = list(seen.chains[len(parts) - 2 :]) if max_order > 1 else []
         if chains and self._near is not None:
@@ -142,10 +141,11 @@ class Candidates:
             first = np.arange(len(space.surfaces.edge))
             before = np.empty((len(first), 0), np.int64)
         return place_edges(
-            space,
+            self._veiled,
             tx,
             np.concatenate([first, edge]),
             np.concatenate([_padded([before], max(side, 1)), _padded([over], max(side, 1))]),
+            True,
         )
 
     def _behind(self, tx: Point, sights: SeenEdges) -> list[Bent]:
@@ -212,7 +212,7 @@ class Candidates:
     def _seen(self, tx: Point, pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
         """Pairs of an edge and a patch, over which the transmitter may see it."""
         pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
-        seen = place_edges(self._space, tx, pairs[:, 0], pairs[:, 1:])
+        seen = place_edges(self._space, tx, pairs[:, 0], pairs[:, 1:], False)
         return np.column_stack([seen.edge, seen.over[:, 0]])
 
     def _bent(

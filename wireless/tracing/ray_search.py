@@ -10,14 +10,14 @@ first, so that a full list spares the rest. Rows do not name walls that are pass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from robosim.support.compiled import compiled
 from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.em.reflected import Reflected, by_face, by_mirror
 from wireless.geometry.array_types import Point, Points
-from wireless.geometry.occlusion import FREE, HIDDEN
+from wireless.geometry.occlusion import FREE, HIDDEN, find_cover
 from wireless.geometry.space import Ground, Space
 from wireless.tracing.path_layout import Chain, edge_sight, is_on_large, is_open, lay_out, mirror_over
 from wireless.tracing.reachable import EdgeChains, OpenChains
@@ -204,13 +204,36 @@ def _bounds(
 
 
 @compiled
+def _uncovered(
+    space: Space,
+    ends: Float[np.ndarray, "2 3"],
+    edges: EdgeChains,
+    rows: Int[np.ndarray, " m"],
+    work: Workspace,
+) -> Bool[np.ndarray, " m"]:
+    """Rows over whose edges there is a path whose last leg nothing hides; what hides it is noted."""
+    ground, free = space.ground, np.zeros(len(rows), np.bool_)
+    images, others = np.empty((edges.near.shape[1] + 1, 3)), np.empty((edges.far.shape[1] + 1, 3))
+    for j in range(len(rows)):
+        q = rows[j]
+        near = Chain(images, edges.near[q], mirror_over(ground.plane, ends[0], edges.near[q], images))
+        far = Chain(others, edges.far[q], mirror_over(ground.plane, ends[1], edges.far[q], others))
+        m, _ = lay_out(ground, ends, near, edges.edge[q], far, work.layout)
+        if m >= 0:
+            cover = find_cover(space.tree, work.layout.point, m)
+            free[j] = cover < 0
+            edges.cover[q] = cover if cover >= 0 else edges.cover[q]
+    return free
+
+
+@compiled
 def _bend(
     space: Space, setting: Setting, links: Links, edges: EdgeChains, reflected: Reflected, work: Workspace
 ) -> None:
     """Enter the paths over edges into the lists of all links."""
-    ground, keep, hits = space.ground, setting.keep, edges_at(space.panes, edges, links.rx)
+    ground, keep, hit = space.ground, setting.keep, np.empty(len(edges.edge), np.int64)
     for r in range(len(links.rx)):
-        mine, link = hits.row[hits.start[r] : hits.start[r + 1]], link_of(links, r)
+        mine, link = edges_at(space.panes, space.tree, edges, links.rx[r], hit), link_of(links, r)
         least, sight = (
             links.rank[r, keep - 1, 0] if links.n_paths[r] == keep else 0.0,
             np.empty((len(mine), 3)),
@@ -224,6 +247,9 @@ def _bend(
             least = links.rank[r, keep - 1, 0] if links.n_paths[r] == keep else 0.0
             if rough[lot[0]] < least:
                 break
+            # Bounds spare a full list more than looking does, and take longer.
+            if links.n_paths[r] < keep and setting.max_through == 0:
+                lot = lot[_uncovered(space, link.ends, edges, mine[lot], work)]
             nearby = mine[lot]
             bound, bare = _bounds(ground, setting, reflected, edges, nearby, link.ends, sight[lot])
             bound = np.minimum(bound, rough[lot])

@@ -16,10 +16,10 @@ from jaxtyping import Bool, Float, Int
 
 from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Planes, Point
-from wireless.geometry.cones import MAX_CORNERS
+from wireless.geometry.cones import MAX_CORNERS, PIECES
 from wireless.geometry.images import cone_of, new_views, open_view
 from wireless.geometry.shooting import Bent
-from wireless.geometry.space import Ground, Space
+from wireless.geometry.space import Ground, Space, may_see_line
 from wireless.tracing.path_layout import edge_sight, is_open
 
 #: How much wider windows and edges are than they can be, for what rounding does [m].
@@ -66,6 +66,9 @@ class EdgeChains(NamedTuple):
     column: Float[np.ndarray, "9 q"]
     """The seen part of the edge, mirrored over the patches behind it: begin, direction and length; and the image: place
     along it, distance from it."""
+    cover: Int[np.ndarray, " q"]
+    """A triangle, in the tree's order, that last hid each from a receiver; -1 for none. Tracing writes it: no path
+    depends on it."""
 
 
 @compiled
@@ -116,11 +119,11 @@ def open_chains(space: Space, tx: Point, chain: Int[np.ndarray, "c m"]) -> OpenC
 
 @compiled
 def place_edges(
-    space: Space, tx: Point, edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]
+    space: Space, tx: Point, edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"], occluding: bool
 ) -> SeenEdges:
     """The sights of some edges over some patches (-1 beyond the last) that are open to the image.
 
-    Rows with the same chain that follow each other share its views.
+    Rows with the same chain that follow each other share its views. If `occluding`, walls hide edges from the image.
     """
     max_order, count, windows = over.shape[1], 0, space.windows
     order, place, seen_range = (
@@ -130,6 +133,12 @@ def place_edges(
     )
     views, same, n_planes, used = new_views(max_order + 1, max_order), 0, 0, np.empty(len(edge), np.int64)
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
+    line, strip, piece, behind = (
+        np.empty((2, 3)),
+        np.empty((4, 3)),
+        np.empty((PIECES, MAX_CORNERS, 3)),
+        np.zeros(4),
+    )
     views.image[0, 0] = tx
     for j in range(len(edge)):
         k, new = 0, j == 0
@@ -153,6 +162,15 @@ def place_edges(
         if distance < near_m or not is_open(space.ground.edge_gap_rad[e], distance, angle, near_m):
             continue
         low, high = _part_in(space.ground.edge[e], plane[:n_planes])
+        if occluding and low <= high:
+            for i in range(3):
+                line[0, i] = space.ground.edge[e, 0, i] + low * space.ground.edge_wedge[e, 0, i]
+                line[1, i] = space.ground.edge[e, 0, i] + high * space.ground.edge_wedge[e, 0, i]
+            behind[:] = 0.0
+            if n_planes > 0:
+                behind[:] = plane[n_planes - 1]
+            if not may_see_line(space, views.image[k, k], behind, line, strip, piece):
+                continue
         if low <= high:
             used[count], order[count] = j, k
             place[count, 0], place[count, 1], place[count, 2] = z, distance, angle
@@ -277,4 +295,5 @@ def make_edge_chains(space: Space, sights: SeenEdges, behind: list[Bent]) -> Edg
                 ]
             ).T
         ),
+        cover=np.full(len(edge), -1),
     )

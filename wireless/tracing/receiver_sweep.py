@@ -2,7 +2,8 @@
 
 Each row takes some ten operations. Loops read and write so few arrays that the compiler makes them handle several
 numbers at once, and go over so few rows for each receiver in turn that these stay in the processor's cache. More is
-found rather than less: what rounding does is allowed for (`WIDER_M`), and paths are laid out exactly later.
+found rather than less: what rounding does is allowed for (`WIDER_M`), and paths are laid out exactly later. Edges are
+left out where the wall that hid them from the receiver before hides them again: next to each other, most are hidden.
 """
 
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from jaxtyping import Float, Int
 
 from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point
+from wireless.geometry.occlusion import Tree, covers
 from wireless.geometry.space import Panes
 from wireless.tracing.reachable import WIDER_M, EdgeChains, OpenChains
 
@@ -100,29 +102,43 @@ def _past_edges(
 
 
 @compiled
-def _through_pane(
+def _in_view(
     panes: Panes,
-    far: Int[np.ndarray, "q l"],
-    column: Float[np.ndarray, "9 q"],
+    tree: Tree,
+    edges: EdgeChains,
     rx: Point,
     first: int,
     work: Float[np.ndarray, "3 n"],
     numbers: Int[np.ndarray, " n"],
     n: int,
 ) -> int:
-    """Keep the edges, of n, whose rays meet the patch next to the receiver, or that have none; their number."""
+    """Keep the edges, of n, whose rays meet the patch next to the receiver, if any, and are not covered; their number.
+
+    What covered a row from the receiver before is tried alone: mostly it covers it from the next receiver too.
+    """
     # Places along the edges and distances from them are in `work`, from the first edge on (`_past_edges`).
     plane, low, high, n_left = panes.plane, panes.low, panes.high, 0
+    far, column, cover, p, margin_m = (
+        edges.far,
+        edges.column,
+        edges.cover,
+        (rx[0], rx[1], rx[2]),
+        WIDER_M + tree.near_m,
+    )
     for j in range(n):
         q, inside = numbers[j], True
         patch = far[q, 0]
+        if patch < 0 and cover[q] < 0:
+            numbers[n_left] = q
+            n_left += 1
+            continue
+        along, distance, off = work[0, q - first], work[1, q - first], column[8, q]
+        total = distance + off
+        share = (column[7, q] * distance + along * off) / total if total > 0 else 0.0
+        x = column[0, q] + share * column[3, q]
+        y = column[1, q] + share * column[4, q]
+        z = column[2, q] + share * column[5, q]
         if patch >= 0:
-            along, distance, off = work[0, q - first], work[1, q - first], column[8, q]
-            total = distance + off
-            share = (column[7, q] * distance + along * off) / total if total > 0 else 0.0
-            x = column[0, q] + share * column[3, q]
-            y = column[1, q] + share * column[4, q]
-            z = column[2, q] + share * column[5, q]
             u, v, w, level = plane[patch, 0], plane[patch, 1], plane[patch, 2], plane[patch, 3]
             a = u * x + v * y + w * z - level
             b = u * rx[0] + v * rx[1] + w * rx[2] - level
@@ -136,7 +152,7 @@ def _through_pane(
                     and low[patch, 1] - WIDER_M <= y <= high[patch, 1] + WIDER_M
                     and low[patch, 2] - WIDER_M <= z <= high[patch, 2] + WIDER_M
                 )
-        if inside:
+        if inside and (cover[q] < 0 or not covers(tree, cover[q], p, (x, y, z), margin_m)):
             numbers[n_left] = q
             n_left += 1
     return n_left
@@ -180,17 +196,13 @@ def chains_at(chains: OpenChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
 
 
 @compiled
-def edges_at(panes: Panes, edges: EdgeChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
-    """Edges that may reach each receiver."""
-    receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
-    numbers, work, far, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), edges.far, edges.column
-    for first in range(0, len(far), _ROWS):
-        last = min(first + _ROWS, len(far))
-        for r in range(len(rx)):
-            n = _past_edges(column, first, last, rx[r], work, numbers)
-            n = _through_pane(panes, far, column, rx[r], first, work, numbers, n)
-            if count + n > len(hit):
-                receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
-            receiver[count : count + n], hit[count : count + n] = r, numbers[:n]
-            count += n
-    return _by_receiver(receiver[:count], hit[:count], len(rx))
+def edges_at(
+    panes: Panes, tree: Tree, edges: EdgeChains, rx: Point, hit: Int[np.ndarray, " q"]
+) -> Int[np.ndarray, " h"]:
+    """Rows of edges that may reach a receiver, rising; `hit` has room for all rows."""
+    work, count, n_edges = np.empty((3, _ROWS)), 0, len(edges.far)
+    for first in range(0, n_edges, _ROWS):
+        numbers = hit[count:]
+        n = _past_edges(edges.column, first, min(first + _ROWS, n_edges), rx, work, numbers)
+        count += _in_view(panes, tree, edges, rx, first, work, numbers, n)
+    return hit[:count]

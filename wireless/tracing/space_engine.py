@@ -16,16 +16,15 @@ from jaxtyping import Float, Int
 from robosim.support.compiled import compiled
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import NOWHERE_M
-from wireless.geometry.array_types import Point, Polygon
+from wireless.geometry.array_types import Point
 from wireless.geometry.boxes import Boxes
-from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clip_to_planes, may_see, things_within
+from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clip_to_planes, things_within
 from wireless.geometry.images import Views, add_next_views, all_views, cone_of, new_views
-from wireless.geometry.space import Space
+from wireless.geometry.space import Space, may_see_line
 from wireless.tracing.path_layout import Chain, edge_sight, is_open, lay_out
 from wireless.tracing.space_paths import (
     Links,
     Workspace,
-    aside_m,
     enter_laid,
     link_of,
     make_links,
@@ -88,22 +87,6 @@ def _reflect(space: Space, setting: Setting, links: Links, rx_boxes: Boxes, work
 
 
 @compiled
-def _widen(line: Polygon, image: Point, strip: Float[np.ndarray, "4 3"], aside_m: float) -> None:
-    """Make a strip across the view of a line, so narrow that it is seen if the line is seen or touched."""
-    size, across = 0.0, np.empty(3)
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        across[i] = (line[1, a] - line[0, a]) * (image[b] - line[0, b]) - (line[1, b] - line[0, b]) * (
-            image[a] - line[0, a]
-        )
-        size += across[i] ** 2
-    across *= aside_m / np.sqrt(size) if size > 0 else 0.0
-    for i in range(3):
-        strip[0, i], strip[1, i] = line[0, i] - across[i], line[1, i] - across[i]
-        strip[2, i], strip[3, i] = line[1, i] + across[i], line[0, i] + across[i]
-
-
-@compiled
 def seen_edges(
     space: Space, views: Views, n: int, occluding: bool
 ) -> tuple[Int[np.ndarray, "h 2"], Float[np.ndarray, "h 3"]]:
@@ -126,8 +109,7 @@ def seen_edges(
             ends[:] = ground.edge[edge]
             if clip_to_planes(ends, 2, plane, n_planes, line, piece[0]) == 0:
                 continue
-            _widen(line, image, strip, aside_m(near_m))
-            if occluding and not may_see(space.tree, space.walls, image, behind, strip, 4, piece):
+            if occluding and not may_see_line(space, image, behind, line, strip, piece):
                 continue
             if h == len(pair):
                 pair, sight = np.concatenate((pair, pair)), np.concatenate((sight, sight))

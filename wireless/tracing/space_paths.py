@@ -23,7 +23,7 @@ from wireless.geometry.occlusion import (
     sight_along,
     walls_between,
 )
-from wireless.geometry.space import Ground, Space
+from wireless.geometry.space import Ground, Space, aside_m
 from wireless.geometry.tolerance import NEAR_M
 from wireless.tracing.path_layout import Chain, Layout, images_over, is_on_large, lay_out, reflects_to
 from wireless.tracing.table import (
@@ -104,12 +104,6 @@ def make_links(setting: Setting, tx: Point, rx: Float[np.ndarray, "r 3"]) -> Lin
 def link_of(links: Links, r: int) -> Link:
     """The link to one receiver."""
     return Link(links.ends[r], Best(links.rank[r], links.parts[r]))
-
-
-@compiled
-def aside_m(near_m: float) -> float:
-    """How far next to a target that is [m]: well beyond what touches."""
-    return max(1e-6, 30 * near_m)
 
 
 @compiled

@@ -8,6 +8,7 @@ import trimesh
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
+from wireless.geometry import shooting
 from wireless.geometry.facets import find_surfaces
 from wireless.geometry.shooting import Shooter, directions
 from wireless.geometry.space import make_space
@@ -19,6 +20,7 @@ from wireless.tracing.tracer import Tracer, TracerConfig
 SAME = 1e-6
 #: Paths weaker than the strongest of their link by more than this do not count for recall [dB].
 RANGE_DB = 40.0
+NO_AIMS = np.empty(0, np.int64)
 BOUNDS = np.array([(0.0, 0.0, 0.0), (7.0, 5.0, 3.0)])
 
 
@@ -144,6 +146,49 @@ def test_what_lies_next_to_pairs_that_rays_find_is_found(monkeypatch):
     missed, still = ((found(every, some) < 0).sum() for some in (alone, nearby))
     assert missed > 20
     assert still < 0.5 * missed
+
+
+def test_aimed_rays_find_chains_over_small_facets(monkeypatch):
+    """Turned plates of 6 cm at 9 m: 2,000 rays miss chains over a plate and then a wall, aimed rays few of them."""
+    monkeypatch.setattr(candidates, "RAYS_A_PATCH", 10**9)
+    monkeypatch.setattr(candidates, "RAYS_NEARBY", 10**9)
+    rng, parts = np.random.default_rng(3), [trimesh.creation.box(bounds=[(-12, -6, 0), (12, 6, 4)])]
+    for y, z in np.stack(np.meshgrid(np.linspace(-4, 4, 9), np.linspace(0.8, 3.2, 5)), -1).reshape(-1, 2):
+        plate = trimesh.creation.box((0.01, 0.06, 0.06))
+        plate.apply_transform(trimesh.transformations.rotation_matrix(rng.uniform(-0.3, 0.3), (0, 1, 0.5)))
+        parts.append(plate.apply_translation((9, y, z)))
+    mesh, tx = trimesh.util.concatenate(parts), np.array([[0.1, 0.2, 1.7]])
+    rx = rng.uniform((-11, -5, 0.5), (8, 5, 3.5), (2500, 3))
+    options = {"diffraction": False, "max_transmissions": 0}
+    every = Tracer(mesh, config=config("exhaustive", **options)).trace(tx, rx)
+    aimed = Tracer(mesh, config=config("rays", 2000, **options)).trace(tx, rx)
+    monkeypatch.setattr(shooting, "aimed_at", lambda ground, point, patch, rays: directions(1))
+    alone = Tracer(mesh, config=config("rays", 2000, **options)).trace(tx, rx)
+    assert (found(aimed, every) >= 0).all()
+    over_plate = every.select((every.order == 2) & (np.abs(every.point[:, 0, 0] - 9) < 0.05))
+    missed, still = ((found(over_plate, paths) < 0).sum() for paths in (alone, aimed))
+    assert missed > 20
+    assert still < 0.1 * missed
+
+
+def test_edges_behind_houses_are_those_of_exhaustive_search():
+    """A street of houses, where most edges are hidden from a receiver: all paths, whatever receiver came before."""
+    rng, parts = np.random.default_rng(4), [trimesh.creation.box(bounds=[(0, 0, -0.5), (60, 60, 0)])]
+    for x, y in np.stack(np.meshgrid([12, 30, 48], [12, 30, 48]), axis=-1).reshape(-1, 2):
+        house = trimesh.creation.box((*rng.uniform(6, 10, 2), 2 * rng.uniform(5, 9)))
+        house.apply_transform(trimesh.transformations.rotation_matrix(rng.uniform(0, 1.5), (0, 0, 1)))
+        parts.append(house.apply_translation((x, y, 0.01)))
+    mesh, tx = trimesh.util.concatenate(parts), np.array([[21.0, 20.3, 14.0]])
+    rx = np.stack(np.meshgrid(np.arange(1, 60, 4.0), np.arange(1, 60, 4.0), [1.5]), axis=-1).reshape(-1, 3)
+    bent = {"max_reflections": 1, "diffraction_reflections": 2, "diffraction_side_reflections": 1}
+    every = Tracer(mesh, config=config("exhaustive", **bent)).trace(tx, rx)
+    tracer = Tracer(mesh, config=config("rays", **bent))
+    paths, again = tracer.trace(tx, rx), tracer.trace(tx, rx[::-1])
+    is_bent = (paths.interaction == Interaction.DIFFRACTION).any(axis=1)
+    assert (is_bent & (paths.order == 3)).sum() > 100
+    assert len(paths) == len(every) == len(again)
+    assert (found(every, paths) >= 0).all()
+    np.testing.assert_array_equal(np.sort(again.power), np.sort(paths.power))
 
 
 def test_directions_fill_the_sphere_evenly():
@@ -282,7 +327,7 @@ def test_rays_name_the_walls_that_they_bounce_off():
     mesh = trimesh.creation.box(bounds=BOUNDS - BOUNDS.mean(axis=0))
     surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
     space = make_space(surfaces, np.ones(6, bool), np.zeros(6, bool))
-    (pairs,) = Shooter(space, 0).shoot(np.zeros(3), 20_000, 2, 0).chains
+    (pairs,) = Shooter(space, 0).shoot(np.zeros(3), 20_000, 2, 0, NO_AIMS).chains
     assert len(pairs) == 30
     assert (pairs[:, 0] != pairs[:, 1]).all()
 
@@ -349,7 +394,7 @@ def test_a_ray_that_passes_a_wall_is_mirrored_behind_it(two_rooms):
     point = np.array([1.0, 0.5, 2.9])
     met = []
     for through in (0, 1):
-        (pairs,) = Shooter(space, through).shoot(point, 20_000, 2, 0).chains
+        (pairs,) = Shooter(space, through).shoot(point, 20_000, 2, 0, NO_AIMS).chains
         facets = space.patch_facet[pairs]
         assert not (sheet[facets[:, 0]] & sheet[facets[:, 1]]).any()
         met.append({tuple(f) for f in facets if far[f[0]]})
