@@ -6,7 +6,9 @@ files of mmwRobotNav and DeepMIMO v4 scenarios. The table of links is written la
 """
 
 import io
+import pickle
 import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -15,7 +17,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import cloudpickle
 import numpy as np
+import pyarrow as pa
 from jaxtyping import Float
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TimeRemainingColumn
@@ -125,6 +129,8 @@ Format = Literal["mmwrobotnav", "deepmimo"]
 Headings = Literal["fixed", "random"]
 #: Links that are sounded at once, in 50 MB; results depend on it.
 CHUNK_LINKS = 512
+#: Links that are traced at once, a row group of the table: memory does not grow with the building.
+_BLOCK_LINKS = 32 * CHUNK_LINKS
 #: Number of the random numbers of people in a unit, and their least distance from a receiver [m].
 _PEOPLE, _FROM_RECEIVER_M = 1, 0.3
 LINKS = "links"
@@ -166,16 +172,28 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """A plan, storey or scene with its transmitters; equal if the plans are equal."""
+    """A plan or storey with its transmitters; equal if names and plans are equal."""
 
+    name: str
+    """Name of the plan."""
     digest: str
     """Digest of the plan, see `FloorPlan.digest`."""
-    plan: Any = field(compare=False)
-    """The plan, storey or scene."""
+    packed: bytes = field(compare=False, repr=False)
+    """The plan, pickled and compressed: a data set has thousands, and each unit is sent its own."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Places of transmitters [m]."""
     n_rx: int = field(compare=False)
     """Number of receivers."""
+
+    @classmethod
+    def of(cls, plan: Any, transmitters: Float[np.ndarray, "n 3"], n_rx: int) -> "LinkPlan":
+        """A plan or storey with places of transmitters [m] and a number of receivers."""
+        return cls(plan.name, plan.digest(), zlib.compress(cloudpickle.dumps(plan)), transmitters, n_rx)
+
+    @property
+    def plan(self) -> Any:
+        """The plan or storey."""
+        return pickle.loads(zlib.decompress(self.packed))
 
 
 def stream(seed: int, digest: str, *key: int) -> np.random.Generator:
@@ -190,38 +208,43 @@ def unit_path(out: Path, name: str, tx: int) -> Path:
 
 def make_unit(site: LinkPlan, tx: int, config: LinkSetConfig) -> Files:
     """Trace, sound and estimate all links of a transmitter; files by paths below the data set's, links last."""
+    buffer, files = io.BytesIO(), Files()
+    write_links(buffer, _tables(site, tx, config, files))
+    return {**files, unit_path(Path(), site.name, tx).as_posix(): buffer.getvalue()}
+
+
+def _tables(site: LinkPlan, tx: int, config: LinkSetConfig, files: Files) -> Iterator[pa.Table]:
+    """Yield the links of a transmitter block by block, and add the files of other formats to `files`."""
     scene, grid = prepare_site(site, config.radio, config.grid_m)
-    paths = scene.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
-    rng = stream(config.seed, site.digest, tx)
-    heading = np.zeros(len(grid.position))
-    if config.headings == "random":
-        heading = rng.uniform(-np.pi, np.pi, len(grid.position))
-    received = paths
-    if config.people:
-        received = _among_people(
-            paths, config.people, stream(config.seed, site.digest, tx, _PEOPLE), scene.floor_m
+    rng, n_rx = stream(config.seed, site.digest, tx), len(grid.position)
+    people_rng = stream(config.seed, site.digest, tx, _PEOPLE)
+    heading = rng.uniform(-np.pi, np.pi, n_rx) if config.headings == "random" else np.zeros(n_rx)
+    # Each other format has one file for all links of a transmitter.
+    block = n_rx if config.formats else _BLOCK_LINKS
+    for first in range(0, n_rx, block):
+        rows = slice(first, first + block)
+        paths = scene.trace(site.transmitters[tx : tx + 1], grid.position[rows], workers=1)
+        received = paths
+        if config.people:
+            received = _among_people(paths, config.people, people_rng, scene.floor_m)
+        rays = Rays.from_paths(received, rx_heading_rad=heading[rows])
+        estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading[rows])
+        paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
+        if "mmwrobotnav" in config.formats:
+            files |= _below(Path(MMWROBOTNAV) / site.name, csv_files(scene, grid, paths, tx, estimates))
+        if "deepmimo" in config.formats:
+            files |= _below(deepmimo_folder(Path(), site.name), deepmimo_paths(scene, paths, tx))
+        yield link_table(
+            paths,
+            tx,
+            estimates,
+            grid.cell[rows],
+            plan=site.name,
+            rx_heading_rad=heading[rows],
+            threshold_db=config.radio.threshold_db,
+            first_rx=first,
+            all_rx=n_rx,
         )
-    rays = Rays.from_paths(received, rx_heading_rad=heading)
-    estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
-    paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
-    table = link_table(
-        paths,
-        tx,
-        estimates,
-        grid.cell,
-        plan=site.plan.name,
-        rx_heading_rad=heading,
-        threshold_db=config.radio.threshold_db,
-    )
-    name = site.plan.name
-    files: Files = {}
-    if "mmwrobotnav" in config.formats:
-        files |= _below(Path(MMWROBOTNAV) / name, csv_files(scene, grid, paths, tx, estimates))
-    if "deepmimo" in config.formats:
-        files |= _below(deepmimo_folder(Path(), name), deepmimo_paths(scene, paths, tx))
-    buffer = io.BytesIO()
-    write_links(buffer, table)
-    return {**files, unit_path(Path(), name, tx).as_posix(): buffer.getvalue()}
 
 
 def _among_people(paths: Paths, mean: int, rng: np.random.Generator, floor_m: float) -> Paths:

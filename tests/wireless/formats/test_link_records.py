@@ -36,7 +36,7 @@ def test_a_table_gives_back_links_estimates_and_paths(paths, estimates, tmp_path
     """To single precision; places without an estimate hold NaN in the file."""
     write_links(
         tmp_path / "a.parquet",
-        link_table(paths, 1, estimates, CELL, plan="ring", rx_heading_rad=np.arange(3.0)),
+        [link_table(paths, 1, estimates, CELL, plan="ring", rx_heading_rad=np.arange(3.0))],
     )
     table = pq.read_table(tmp_path / "a.parquet")
     assert table.column_names == list(COLUMNS)
