@@ -17,12 +17,15 @@ FAR = 1e7
 
 
 def parquet_table(
-    file: BinaryIO, names: Sequence[str] | None = None, filters: list[tuple[str, str, Any]] | None = None
+    file: BinaryIO,
+    names: Sequence[str] | None = None,
+    filters: list[tuple[str, str, Any]] | None = None,
+    rows: range | None = None,
 ) -> pa.Table:
-    """A table from a Parquet file.
+    """A table from a Parquet file; of `rows`, only the groups that hold them are read.
 
     Raises:
-        ValueError: If a column is missing, or there are more rows than any table has.
+        ValueError: If a column or a row is missing, or there are more rows than any table has.
         Exception: Whatever damage makes its reader raise.
     """
     metadata = pq.read_metadata(file)
@@ -32,6 +35,14 @@ def parquet_table(
     if missing := [name for name in names or () if name not in there]:
         raise ValueError(f"column {missing[0]} is missing; there are {', '.join(there[:20])}")
     file.seek(0)
+    if rows is not None:
+        if rows.stop > metadata.num_rows:
+            raise ValueError(f"it has {metadata.num_rows} rows, expected {rows.stop} or more")
+        ends = np.cumsum([metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)])
+        first, last = np.searchsorted(ends, (rows.start, rows.stop - 1), side="right")
+        before = int(ends[first - 1]) if first else 0
+        table = pq.ParquetFile(file).read_row_groups(list(range(first, last + 1)), columns=names)
+        return table.slice(rows.start - before, len(rows))
     return pq.read_table(file, columns=None if names is None else list(names), filters=filters)
 
 
