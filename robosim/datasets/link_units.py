@@ -218,6 +218,7 @@ def _tables(site: LinkPlan, tx: int, config: LinkSetConfig, files: Files) -> Ite
     scene, grid = prepare_site(site, config.radio, config.grid_m)
     rng, n_rx = stream(config.seed, site.digest, tx), len(grid.position)
     people_rng = stream(config.seed, site.digest, tx, _PEOPLE)
+    feet = grid.position * (1, 1, 0) + (0, 0, scene.floor_m)
     heading = rng.uniform(-np.pi, np.pi, n_rx) if config.headings == "random" else np.zeros(n_rx)
     # Each other format has one file for all links of a transmitter.
     block = n_rx if config.formats else _BLOCK_LINKS
@@ -226,7 +227,7 @@ def _tables(site: LinkPlan, tx: int, config: LinkSetConfig, files: Files) -> Ite
         paths = scene.trace(site.transmitters[tx : tx + 1], grid.position[rows], workers=1)
         received = paths
         if config.people:
-            received = _among_people(paths, config.people, people_rng, scene.floor_m)
+            received = _among_people(paths, feet[rows], config.people, people_rng, feet)
         rays = Rays.from_paths(received, rx_heading_rad=heading[rows])
         estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading[rows])
         paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
@@ -247,13 +248,19 @@ def _tables(site: LinkPlan, tx: int, config: LinkSetConfig, files: Files) -> Ite
         )
 
 
-def _among_people(paths: Paths, mean: int, rng: np.random.Generator, floor_m: float) -> Paths:
-    """Paths weakened by people on a floor: for each receiver up to twice the mean, where other receivers are."""
-    factor, feet = np.ones(len(paths), complex), paths.rx_position * (1, 1, 0) + (0, 0, floor_m)
-    ends = np.searchsorted(paths.rx, np.arange(len(feet) + 1))
+def _among_people(
+    paths: Paths,
+    receivers: Float[np.ndarray, "n 3"],
+    mean: int,
+    rng: np.random.Generator,
+    feet: Float[np.ndarray, "n_all 3"],
+) -> Paths:
+    """Paths weakened by people, up to twice the mean for each of the receivers on the floor, at places of `feet`."""
+    factor = np.ones(len(paths), complex)
+    ends = np.searchsorted(paths.rx, np.arange(len(receivers) + 1))
     for k, (first, last) in enumerate(pairwise(ends.tolist())):
         places = feet[rng.integers(len(feet), size=int(rng.integers(2 * mean + 1)))]
-        places = places[np.hypot(*(places - feet[k])[:, :2].T) > _FROM_RECEIVER_M]
+        places = places[np.hypot(*(places - receivers[k])[:, :2].T) > _FROM_RECEIVER_M]
         if last > first and len(places):
             link = paths.select(np.arange(first, last))
             factor[first:last] = find_blockage(link, people(places, radius_m=Body.radius_m)).factor

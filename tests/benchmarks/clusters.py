@@ -1,10 +1,11 @@
 """Sweeps on a dask cluster: memory of every process over time, the scheduler's load, transfer, and streaming to PyTorch.
 
-A scheduler, workers and the command run as processes of their own, as they do on several machines. One worker is killed
-in between; the tables are compared byte for byte with those of one process.
+Scheduler, workers and the command run as processes of their own, as they do on several machines. One worker is killed
+when half of the data set is made; all tables are compared byte for byte with those of one process.
 """
 
 import hashlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -15,54 +16,59 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
 import psutil
 from tyro.conf import OmitArgPrefixes
 
 from robosim.support.workers import Workers
 from tests.benchmarks.harness import DEFAULT, Options, console
-from tests.benchmarks.results import Results
+from tests.benchmarks.results import Results, read_results
 
-#: The cheapest links: lines of sight between dipoles, so that time goes to moving tables rather than to physics.
-CHEAP = "--estimator pca --max-reflections 0 --no-diffraction --transmitter tag --receiver tag --grid 0.15"
-#: Receivers of a generated home at that step, on average.
-_RECEIVERS = 2900
+#: The cheapest links, lines of sight between dipoles, so that time goes to tables rather than to physics.
+CHEAP = "--estimator pca --max-reflections 0 --no-diffraction --transmitter tag --receiver tag"
+#: Links of the extrapolation, machines, and cores of each.
+LINKS, MACHINES, CORES = 1e9, 50, 16
+#: Result of a task when transfer is measured [bytes].
+_RESULT = 1_000_000
 
 
-class Memory:
-    """Resident memory of processes [MB], sampled each second, with those that they start."""
+class Run(NamedTuple):
+    """A data set that was made on a cluster."""
 
-    def __init__(self, processes: dict[str, int]) -> None:
-        self._processes, self._start = processes, time.monotonic()
-        self.curves: dict[str, list[tuple[float, float]]] = {name: [] for name in processes}
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._sample, daemon=True)
+    curves: dict[str, list[tuple[float, float]]]
+    """Seconds, and resident memory [MB], of each process."""
+    seconds: float
+    rows: int
+    folder: Path
 
-    def __enter__(self) -> "Memory":
-        self._thread.start()
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
+def main(
+    *,
+    homes: int = 350,
+    tx_per_plan: int = 10,
+    grid: float = 0.15,
+    tasks: int = 100_000,
+    options: OmitArgPrefixes[Options] = DEFAULT,
+) -> Results:
+    """Memory, scheduling, transfer and streaming of a large data set, and what they make of a billion links.
 
-    def _sample(self) -> None:
-        while not self._stop.wait(1.0):
-            for name, number in self._processes.items():
-                try:
-                    process = psutil.Process(number)
-                    sizes = [child.memory_info().rss for child in (process, *process.children(recursive=True))]
-                except psutil.Error:
-                    continue
-                self.curves[name].append((time.monotonic() - self._start, max(sizes) / 1e6))
-
-    def peaks(self, name: str) -> tuple[float, float]:
-        """Largest memory in the second quarter of the time, and in the last one."""
-        sizes = np.array([size for _, size in self.curves[name]])
-        quarters = np.array_split(sizes, 4)
-        return float(quarters[1].max()), float(quarters[3].max())
+    Args:
+        homes: Generated homes.
+        tx_per_plan: Transmitters in each.
+        grid: Step between receivers [m].
+        tasks: Trivial tasks that load the scheduler.
+        options: Of every benchmark.
+    """
+    results = Results()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        made = make_on_cluster(folder, homes, tx_per_plan, grid)
+        add_run(results, made, homes, digest(made.folder) == digest(make_alone(folder, homes, tx_per_plan, grid)))
+        add_streams(results, made.folder)
+        add_load(results, folder, tasks)
+    add_extrapolation(results, homes, made)
+    return options.finish("clusters", results)
 
 
 @contextmanager
@@ -70,21 +76,21 @@ def cluster(folder: Path, workers: int, *options: str) -> Iterator[tuple[str, di
     """A scheduler and workers; its address, and their process numbers by name."""
     file = folder / "scheduler.json"
     file.unlink(missing_ok=True)
-    log = (folder / "cluster.log").open("w")
-    quiet: dict[str, Any] = {"stdout": log, "stderr": log, "env": {**os.environ, "OMP_NUM_THREADS": "1"}}
-    common = ("--scheduler-file", str(file))
     with ExitStack() as stack:
+        log = stack.enter_context((folder / "cluster.log").open("w"))
+
         def start(*words: str) -> int:
-            process = subprocess.Popen([sys.executable, "-m", "dask", *words, *common], **quiet)
+            command = [sys.executable, "-m", "dask", *words, "--no-dashboard", "--scheduler-file", str(file)]
+            one_thread = {**os.environ, "OMP_NUM_THREADS": "1"}
+            process = subprocess.Popen(command, stdout=log, stderr=log, env=one_thread)
             stack.callback(process.wait)
             stack.callback(process.terminate)
             return process.pid
 
-        started = {"scheduler": start("scheduler", "--port", "0", "--no-dashboard")}
+        started = {"scheduler": start("scheduler", "--port", "0")}
+        words = options or ("--nthreads", "1")
         for number in range(workers):
-            started[f"worker {number + 1}"] = start(
-                "worker", "--no-dashboard", "--local-directory", str(folder), *(options or ("--nthreads", "1"))
-            )
+            started[f"worker {number + 1}"] = start("worker", "--local-directory", str(folder), *words)
         from distributed import Client
 
         with Client(scheduler_file=str(file)) as client:
@@ -93,32 +99,164 @@ def cluster(folder: Path, workers: int, *options: str) -> Iterator[tuple[str, di
         yield address, started
 
 
+@contextmanager
+def memory(processes: dict[str, int]) -> Iterator[dict[str, list[tuple[float, float]]]]:
+    """Resident memory [MB] of processes over time [s], sampled each second; of those that they start, the largest."""
+    curves: dict[str, list[tuple[float, float]]] = {name: [] for name in processes}
+    begin, stop = time.monotonic(), threading.Event()
+
+    def sample() -> None:
+        while not stop.wait(1.0):
+            for name, number in processes.items():
+                try:
+                    process = psutil.Process(number)
+                    family = (process, *process.children(recursive=True))
+                    size = max(member.memory_info().rss for member in family) / 1e6
+                except psutil.Error:
+                    continue
+                curves[name].append((time.monotonic() - begin, size))
+
+    thread = threading.Thread(target=sample, daemon=True)
+    thread.start()
+    try:
+        yield curves
+    finally:
+        stop.set()
+        thread.join()
+
+
+def make(out: Path, homes: int, tx: int, grid: float, *work: str) -> subprocess.Popen[bytes]:
+    """The command that makes a data set of cheap links."""
+    words = f"dataset --generated {homes} --tx-per-plan {tx} --grid {grid} {CHEAP} --out {out} --quiet"
+    return subprocess.Popen([sys.executable, "-m", "robosim", *words.split(), *work])
+
+
+def make_alone(folder: Path, homes: int, tx: int, grid: float) -> Path:
+    """The same data set by one process."""
+    out = folder / "alone"
+    if make(out, homes, tx, grid, "--workers", "1").wait():
+        raise ValueError("the data set could not be made by one process")
+    return out
+
+
+def make_on_cluster(folder: Path, homes: int, tx: int, grid: float) -> Run:
+    """Make a data set with two workers, of which one is killed when half of it is made."""
+    out, begin, is_killed = folder / "links", time.monotonic(), False
+    with cluster(folder, 2) as (address, processes):
+        command = make(out, homes, tx, grid, "--cluster", address)
+        with memory({**processes, "command": command.pid}) as curves:
+            while command.poll() is None:
+                time.sleep(0.2)
+                if not is_killed and len(list((out / "links").glob("*.parquet"))) > homes * tx / 2:
+                    victim = psutil.Process(processes["worker 1"]).children(recursive=True)[-1]
+                    os.kill(victim.pid, signal.SIGKILL)
+                    is_killed = True
+        if command.returncode or not is_killed:
+            raise ValueError("the data set could not be made, or before a worker could be killed")
+    seconds = time.monotonic() - begin
+    return Run(curves, seconds, sum(_rows(file) for file in (out / "links").glob("*.parquet")), out)
+
+
+def _rows(file: Path) -> int:
+    import pyarrow.parquet as pq
+
+    return int(pq.read_metadata(file).num_rows)
+
+
 def digest(folder: Path) -> str:
-    """A digest of all tables of a data set, by name."""
+    """A digest of all tables of a data set, and of its manifest."""
     whole = hashlib.sha256()
-    for file in sorted((folder / "links").glob("*.parquet")):
+    for file in [*sorted((folder / "links").glob("*.parquet")), folder / "manifest.json"]:
         whole.update(file.name.encode() + hashlib.sha256(file.read_bytes()).digest())
     return whole.hexdigest()
 
 
-def make(out: Path, homes: int, tx: int, *work: str) -> subprocess.Popen[str]:
-    """The command that makes a data set of cheap links."""
-    words = f"dataset --generated {homes} --tx-per-plan {tx} {CHEAP} --out {out} --quiet".split()
-    return subprocess.Popen([sys.executable, "-m", "robosim", *words, *work], text=True)
+def add_run(results: Results, made: Run, homes: int, is_equal: bool) -> None:
+    """Add what the data set took, and the memory of each process."""
+    files = list((made.folder / "links").glob("*.parquet"))
+    size = sum(file.stat().st_size for file in files)
+    row = f"{homes} homes, one worker killed"
+    results.add("data set", row, "links", made.rows, digits=0)
+    results.add("data set", row, "tables", len(files), digits=0)
+    results.add("data set", row, "time", made.seconds / 60, "min", digits=1)
+    results.add("data set", row, "bytes a link", size / made.rows, digits=0)
+    results.add("data set", row, "equal to one process", 100 * is_equal, "%", digits=0)
+    for name, curve in made.curves.items():
+        # Until the tenth of the time libraries are imported; a process that was killed starts again.
+        steady = [(at, megabytes) for at, megabytes in curve if at > 0.1 * made.seconds]
+        halves = [[m for at, m in steady if (at > 0.5 * made.seconds) == late] for late in (False, True)]
+        for half, sizes in zip(("first half, largest", "second half, largest"), halves, strict=True):
+            results.add("memory", name, half, max(sizes), "MB", digits=0)
 
 
-def measure_memory(folder: Path, homes: int, tx: int, *, is_killed: bool) -> tuple[Memory, float]:
-    """Memory while two workers make a data set, and its time [s]; one worker is killed at half of it."""
-    out, begin = folder / f"links-{homes}-{tx}", time.monotonic()
-    with cluster(folder, 2) as (address, processes):
-        command = make(out, homes, tx, "--cluster", address)
-        with Memory({**processes, "command": command.pid}) as memory:
-            while command.poll() is None:
-                time.sleep(0.5)
-                if is_killed and len(list((out / "links").glob("*.parquet"))) > homes * tx / 2:
-                    (victim,) = psutil.Process(processes["worker 1"]).children(recursive=True)[-1:]
-                    os.kill(victim.pid, signal.SIGKILL)
-                    console.print(f"killed a worker after {time.monotonic() - begin:.0f} s")
-                    is_killed = False
-        assert command.returncode == 0
-    return memory, time.monotonic() - begin
+def add_load(results: Results, folder: Path, tasks: int) -> None:
+    """Add the load of trivial tasks, and of results of a megabyte, on scheduler and command."""
+    for row, count, size in ((f"{tasks} trivial tasks", tasks, 0), ("results of 1 MB", tasks // 50, _RESULT)):
+        with cluster(folder, 1, "--nthreads", "16", "--no-nanny") as (address, processes):
+            scheduler = psutil.Process(processes["scheduler"])
+            before, begin = sum(scheduler.cpu_times()[:2]), time.monotonic()
+            first_mb, used = scheduler.memory_info().rss / 1e6, time.process_time()
+            with memory(processes) as curves, Workers(1, address) as pool:
+                for _ in pool.run(bytes, ((size,) for _ in range(count))):
+                    pass
+            seconds = time.monotonic() - begin
+            results.add("load", row, "tasks a second", count / seconds, digits=0)
+            cpu_s = sum(scheduler.cpu_times()[:2]) - before
+            results.add("load", row, "scheduler's CPU", 1e3 * cpu_s / count, "ms", digits=2)
+            results.add("load", row, "command's CPU", 1e3 * (time.process_time() - used) / count, "ms", digits=2)
+            peak = max(megabytes for _, megabytes in curves["scheduler"] or [(0, first_mb)])
+            results.add("load", row, "scheduler's memory, first", first_mb, "MB", digits=0)
+            results.add("load", row, "scheduler's memory, largest", peak, "MB", digits=0)
+
+
+def add_streams(results: Results, folder: Path) -> None:
+    """Add rate and memory of an epoch of `LinkDataset`, in order and shuffled."""
+    for row, seed, workers in (
+        ("in order", None, 0),
+        ("shuffled", 0, 0),
+        ("shuffled, 2 workers", 0, 2),
+    ):
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            links, seconds, more_mb = pool.apply(_stream, (folder, seed, workers))
+        results.add("stream", row, "links", links, digits=0)
+        results.add("stream", row, "links a second", links / seconds, digits=0)
+        results.add("stream", row, "memory, largest of a process", more_mb, "MB", digits=0)
+
+
+def _stream(folder: Path, seed: int | None, workers: int) -> tuple[int, float, float]:
+    """Links of an epoch, its time [s], and the most memory that it adds to a process [MB]."""
+    from torch.utils.data import DataLoader
+
+    from robosim import LinkDataset
+
+    me, links = psutil.Process(), 0
+    before, begin = me.memory_info().rss / 1e6, time.monotonic()
+    data = LinkDataset(folder, seed=seed)
+    loader = DataLoader(data, batch_size=None, num_workers=workers)
+    with memory({"stream": me.pid}) as curves:
+        for batch in loader:
+            links += len(batch["state"])
+    return links, time.monotonic() - begin, max(megabytes for _, megabytes in curves["stream"]) - before
+
+
+def add_extrapolation(results: Results, homes: int, made: Run) -> None:
+    """Add times of a billion links on fifty machines, each from one measured rate."""
+
+    def value(source: Results, table: str, row: str, name: str) -> float:
+        (entry,) = [r for r in source.rows if (r["table"], r["row"], r["name"]) == (table, row, name)]
+        return float(entry["value"])
+
+    rates, loads = read_results("dataset"), [r["row"] for r in results.rows if r["table"] == "load"]
+    trivial, large = dict.fromkeys(loads)
+    units = LINKS / made.rows * len(list((made.folder / "links").glob("*.parquet")))
+    (size,) = [r["value"] for r in results.rows if r["name"] == "bytes a link"]
+    megabytes = LINKS * size / 1e6
+    for estimator in ("sage", "pca"):
+        rate = value(rates, "data sets", estimator, "links a second and core")
+        hours = LINKS / rate / MACHINES / CORES / 3600
+        results.add("billion", f"tracing and estimation, {estimator}, all cores", "time", hours, "h", digits=2)
+    for row, count, load in (("scheduling", units, trivial), ("transfer", megabytes, large)):
+        for process in ("scheduler", "command"):
+            hours = count * value(results, "load", load, f"{process}'s CPU") / 3.6e6
+            results.add("billion", f"{row}, CPU of the {process}", "time", hours, "h", digits=2)
+    console.print(f"{units:.0f} tables, {megabytes / 1e3:.0f} GB, {homes * LINKS / made.rows:.0f} homes")
