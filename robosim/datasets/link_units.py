@@ -5,6 +5,7 @@ order of units changes a byte. The worker process returns its files as bytes, th
 files of mmwRobotNav and DeepMIMO v4 scenarios. The table of links is written last, so a unit with a table is complete.
 """
 
+import gc
 import io
 import pickle
 import time
@@ -274,6 +275,8 @@ def _below(folder: Path, files: Files) -> Files:
 @lru_cache(maxsize=1)
 def prepare_site(site: LinkPlan, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
     """The building and its receivers, cached for the next unit of the same process."""
+    # Meshes and tracers refer to each other: those of earlier buildings would stay until Python looks for them.
+    gc.collect()
     scene = RadioScene(site.plan, config)
     return scene, scene.grid(grid_m)
 

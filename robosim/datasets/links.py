@@ -96,7 +96,9 @@ def _sites(
         for number, prepared[number] in shown:
             for name in (site.name.lower() for site in prepared[number]):
                 if name in names:
-                    raise MapError(f"2 plans are called {name!r}, but files are named after them. Rename them.")
+                    raise MapError(
+                        f"2 plans are called {name!r}, but files are named after them. Rename them."
+                    )
                 names.add(name)
     if not names:
         raise ValueError("plans is empty, expected at least one floor plan.")

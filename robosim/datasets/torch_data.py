@@ -100,7 +100,9 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
         worker = get_worker_info()
         first, step = (worker.id, worker.num_workers) if worker else (0, 1)
         streams = 1 if self._seed is None else _STREAMS
-        order = np.arange(len(self._tables)) if self._seed is None else self._rng().permutation(len(self._tables))
+        order = (
+            np.arange(len(self._tables)) if self._seed is None else self._rng().permutation(len(self._tables))
+        )
         ends = np.cumsum([self._tables[table].rows for table in order])
         # Streams have as many batches as turns; the one of the last batch has the last rows, which may be fewer.
         places = (np.arange(streams) - len(self)) % streams
@@ -146,7 +148,9 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
             "paths": np.nan_to_num(tokens[..., [COLUMNS.index(name) for name in self.columns]]),
             "mask": is_path(tokens),
             "state": np.concatenate([links.state.astype(np.int64) for _, links in blocks]),
-            "building": np.repeat(*zip(*((number, len(links.state)) for number, links in blocks), strict=True)),
+            "building": np.repeat(
+                *zip(*((number, len(links.state)) for number, links in blocks), strict=True)
+            ),
             "position": np.concatenate([links.position for _, links in blocks]),
             "tx_position": np.concatenate([links.tx_position for _, links in blocks]),
         }

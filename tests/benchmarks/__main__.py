@@ -17,7 +17,7 @@ BENCHMARKS = (
     "tracing", "estimation", "labels", "edges", "render", "physics", "episode", "search", "belief",
     "exploration", "mapping", "robot_logs", "localization", "warsaw_flat", "warsaw_powers", "warsaw_places",
     "measured_hall", "endurance", "environment", "live", "plans", "start", "tracer_peer", "mapex", "senses", "people",
-    "blockage", "robots", "learning", "readme",
+    "blockage", "robots", "learning", "clusters", "readme",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
 

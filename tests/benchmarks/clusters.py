@@ -5,6 +5,7 @@ when half of the data set is made; all tables are compared byte for byte with th
 """
 
 import hashlib
+import math
 import multiprocessing
 import os
 import signal
@@ -14,6 +15,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +24,7 @@ import psutil
 from tyro.conf import OmitArgPrefixes
 
 from robosim.support.workers import Workers
-from tests.benchmarks.harness import DEFAULT, Options, console
+from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import Results, read_results
 
 #: The cheapest links, lines of sight between dipoles, so that time goes to tables rather than to physics.
@@ -64,10 +66,12 @@ def main(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         made = make_on_cluster(folder, homes, tx_per_plan, grid)
-        add_run(results, made, homes, digest(made.folder) == digest(make_alone(folder, homes, tx_per_plan, grid)))
+        add_run(
+            results, made, homes, digest(made.folder) == digest(make_alone(folder, homes, tx_per_plan, grid))
+        )
         add_streams(results, made.folder)
         add_load(results, folder, tasks)
-    add_extrapolation(results, homes, made)
+        add_extrapolation(results, bytes_a_link(folder), made)
     return options.finish("clusters", results)
 
 
@@ -180,13 +184,13 @@ def add_run(results: Results, made: Run, homes: int, is_equal: bool) -> None:
     results.add("data set", row, "tables", len(files), digits=0)
     results.add("data set", row, "time", made.seconds / 60, "min", digits=1)
     results.add("data set", row, "bytes a link", size / made.rows, digits=0)
-    results.add("data set", row, "equal to one process", 100 * is_equal, "%", digits=0)
+    results.add("data set", row, "tables equal to one process", 100 * is_equal, "%", digits=0)
     for name, curve in made.curves.items():
         # Until the tenth of the time libraries are imported; a process that was killed starts again.
         steady = [(at, megabytes) for at, megabytes in curve if at > 0.1 * made.seconds]
         halves = [[m for at, m in steady if (at > 0.5 * made.seconds) == late] for late in (False, True)]
         for half, sizes in zip(("first half, largest", "second half, largest"), halves, strict=True):
-            results.add("memory", name, half, max(sizes), "MB", digits=0)
+            results.add("memory", name, half, max(sizes, default=math.nan), "MB", digits=0)
 
 
 def add_load(results: Results, folder: Path, tasks: int) -> None:
@@ -203,7 +207,9 @@ def add_load(results: Results, folder: Path, tasks: int) -> None:
             results.add("load", row, "tasks a second", count / seconds, digits=0)
             cpu_s = sum(scheduler.cpu_times()[:2]) - before
             results.add("load", row, "scheduler's CPU", 1e3 * cpu_s / count, "ms", digits=2)
-            results.add("load", row, "command's CPU", 1e3 * (time.process_time() - used) / count, "ms", digits=2)
+            results.add(
+                "load", row, "command's CPU", 1e3 * (time.process_time() - used) / count, "ms", digits=2
+            )
             peak = max(megabytes for _, megabytes in curves["scheduler"] or [(0, first_mb)])
             results.add("load", row, "scheduler's memory, first", first_mb, "MB", digits=0)
             results.add("load", row, "scheduler's memory, largest", peak, "MB", digits=0)
@@ -216,8 +222,8 @@ def add_streams(results: Results, folder: Path) -> None:
         ("shuffled", 0, 0),
         ("shuffled, 2 workers", 0, 2),
     ):
-        with multiprocessing.get_context("spawn").Pool(1) as pool:
-            links, seconds, more_mb = pool.apply(_stream, (folder, seed, workers))
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            links, seconds, more_mb = pool.submit(_stream, folder, seed, workers).result()
         results.add("stream", row, "links", links, digits=0)
         results.add("stream", row, "links a second", links / seconds, digits=0)
         results.add("stream", row, "memory, largest of a process", more_mb, "MB", digits=0)
@@ -236,11 +242,21 @@ def _stream(folder: Path, seed: int | None, workers: int) -> tuple[int, float, f
     with memory({"stream": me.pid}) as curves:
         for batch in loader:
             links += len(batch["state"])
-    return links, time.monotonic() - begin, max(megabytes for _, megabytes in curves["stream"]) - before
+    peak_mb = max((megabytes for _, megabytes in curves["stream"]), default=math.nan)
+    return links, time.monotonic() - begin, peak_mb - before
 
 
-def add_extrapolation(results: Results, homes: int, made: Run) -> None:
-    """Add times of a billion links on fifty machines, each from one measured rate."""
+def bytes_a_link(folder: Path) -> float:
+    """Size of the tables of a link with default options."""
+    out = folder / "default"
+    words = f"dataset --generated 4 --tx-per-plan 1 --estimator pca --out {out} --quiet".split()
+    subprocess.run([sys.executable, "-m", "robosim", *words], check=True)
+    files = list((out / "links").glob("*.parquet"))
+    return sum(file.stat().st_size for file in files) / sum(map(_rows, files))
+
+
+def add_extrapolation(results: Results, link_bytes: float, made: Run) -> None:
+    """Add hours of a billion links of default size on fifty machines, each from one measured rate."""
 
     def value(source: Results, table: str, row: str, name: str) -> float:
         (entry,) = [r for r in source.rows if (r["table"], r["row"], r["name"]) == (table, row, name)]
@@ -249,14 +265,19 @@ def add_extrapolation(results: Results, homes: int, made: Run) -> None:
     rates, loads = read_results("dataset"), [r["row"] for r in results.rows if r["table"] == "load"]
     trivial, large = dict.fromkeys(loads)
     units = LINKS / made.rows * len(list((made.folder / "links").glob("*.parquet")))
-    (size,) = [r["value"] for r in results.rows if r["name"] == "bytes a link"]
-    megabytes = LINKS * size / 1e6
+    results.add("size", "a billion links", "bytes a link", link_bytes, digits=0)
+    megabytes = LINKS * link_bytes / 1e6
+    results.add("size", "a billion links", "tables", units, digits=0)
+    results.add("size", "a billion links", "all tables", megabytes / 1e3, "GB", digits=0)
     for estimator in ("sage", "pca"):
         rate = value(rates, "data sets", estimator, "links a second and core")
         hours = LINKS / rate / MACHINES / CORES / 3600
-        results.add("billion", f"tracing and estimation, {estimator}, all cores", "time", hours, "h", digits=2)
-    for row, count, load in (("scheduling", units, trivial), ("transfer", megabytes, large)):
-        for process in ("scheduler", "command"):
-            hours = count * value(results, "load", load, f"{process}'s CPU") / 3.6e6
-            results.add("billion", f"{row}, CPU of the {process}", "time", hours, "h", digits=2)
-    console.print(f"{units:.0f} tables, {megabytes / 1e3:.0f} GB, {homes * LINKS / made.rows:.0f} homes")
+        results.add(
+            "billion", f"tracing and estimation, {estimator}, all cores", "time", hours, "h", digits=2
+        )
+    for row, count, load in (("one result after the other", units, trivial), ("transfer", megabytes, large)):
+        hours = count / value(results, "load", load, "tasks a second") / 3600
+        results.add("billion", f"{row}, by the command", "time", hours, "h", digits=2)
+    for process in ("scheduler", "command"):
+        hours = units * value(results, "load", trivial, f"{process}'s CPU") / 3.6e6
+        results.add("billion", f"scheduling, CPU of the {process}", "time", hours, "h", digits=2)
