@@ -61,7 +61,7 @@ def make_dataset(
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Make a data set, or its missing parts, in a folder; returns the content of `manifest.json` with a number of units.
+    """Make a data set, or its missing parts, in a folder; returns `manifest.json` with a number of units.
 
     Plans are read one after the other, and functions that make a plan are called by the processes: of many buildings
     and links this process holds compressed plans and counts.

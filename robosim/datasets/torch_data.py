@@ -79,7 +79,8 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
                     f"buildings has {shown(unknown[0])}, which {shown(data)} has not. It has "
                     f"{', '.join(self.buildings)}."
                 )
-            tables = [table for table in tables if table.building in buildings]
+            chosen = set(buildings)
+            tables = [table for table in tables if table.building in chosen]
         self._tables = tables
         self._batch_size, self._seed = batch_size, seed
         self._buffer_batches = max(1, buffer // batch_size)
@@ -111,15 +112,16 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
         buffers: dict[int, tuple[int, dict[str, Tensor]]] = {}
         for number in range(first, len(self), step):
             turn, stream = divmod(number, streams)
-            part, batch = divmod(turn, self._buffer_batches)
-            if stream not in buffers or buffers[stream][0] != part:
+            fill, batch = divmod(turn, self._buffer_batches)
+            if stream not in buffers or buffers[stream][0] != fill:
                 buffers.pop(stream, None)
-                begin = begins[stream] + part * self._buffer_batches
+                begin = begins[stream] + fill * self._buffer_batches
                 end = min(begin + self._buffer_batches, begins[stream] + turns[stream])
                 rows = range(begin * self._batch_size, min(end * self._batch_size, self.links))
-                buffers[stream] = part, self._read(order, ends, rows, stream, part)
+                buffers[stream] = fill, self._read(order, ends, rows, stream, fill)
             rows = slice(batch * self._batch_size, (batch + 1) * self._batch_size)
-            yield {name: column[rows] for name, column in buffers[stream][1].items()}
+            # Clones, since a loader's worker shares the whole memory of a tensor with the process that it sends it to.
+            yield {name: column[rows].clone() for name, column in buffers[stream][1].items()}
 
     def _rng(self, *key: int) -> np.random.Generator:
         return np.random.default_rng([self._seed or 0, self.epoch, *key])

@@ -1,8 +1,8 @@
 """Worker processes for many calls, on this machine or on a cluster; all sweeps use them.
 
 Each process has one thread, so that results do not depend on the number of processes. The caller receives results as
-they come and writes them: processes of a cluster need no common folder. A result stays with the worker that has it until
-the caller asks for it, so that the memory of each process does not depend on the number of calls.
+they come and writes them: processes of a cluster need no common folder. A result stays with its worker until the
+caller is ready for it, so that the memory of each process does not depend on the number of calls.
 
 - Ctrl-C: running calls are finished, and no others begin. A second Ctrl-C ends the sweep at once.
 - A killed process, as by a machine out of memory, loses its call. The others continue, with a new process, and at the
@@ -72,11 +72,29 @@ class Workers:
 
         Raises:
             KeyboardInterrupt: After Ctrl-C, when all running calls are finished.
-            WorkerLost: At the end, if processes were killed; or at once, if no new one stays alive.
+            WorkerLost: At the end, if processes were killed; or at once, if no new one stays alive, or no scheduler.
             Exception: The first error of a call.
         """
+        try:
+            yield from self._run(function, calls)
+        except BaseException as error:
+            # Without a scheduler distributed raises errors of its own, cancellations, or OSError when it connects again.
+            is_cut_off = self._client is not None and self._client.status != "running"
+            is_theirs = type(error).__module__.partition(".")[0] == "distributed"
+            if not (is_theirs or (is_cut_off and isinstance(error, OSError))):
+                raise
+            raise WorkerLost(
+                f"the dask scheduler at {self._cluster} does not answer ({type(error).__name__}). Finished "
+                "parts are saved: start it and give the same command again."
+            ) from error
+
+    def _run(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]
+    ) -> Iterator[tuple[int, Any]]:
         if self._client is not None:
-            self._arrivals = _arrivals(self._client)
+            from distributed import as_completed
+
+            self._arrivals = as_completed(loop=self._client.loop)
         waiting = enumerate(calls)
         running: dict[Any, int] = {}
         lost = handed = 0
@@ -165,13 +183,6 @@ def _connect(address: str) -> Any:
         return Client(address, timeout="20s")
     except (OSError, ValueError) as error:
         raise ValueError(f"cluster is {address!r}, where no dask scheduler answers ({error}).") from error
-
-
-def _arrivals(client: Any) -> Any:
-    """Calls of a cluster in the order in which they are finished."""
-    from distributed import as_completed
-
-    return as_completed(loop=client.loop)
 
 
 def _call(content: bytes) -> Any:

@@ -1,4 +1,4 @@
-"""Sweeps on a dask cluster: memory of every process over time, the scheduler's load, transfer, and streaming to PyTorch.
+"""Sweeps on a dask cluster: memory of each process over time, scheduling, transfer, and streaming to PyTorch.
 
 Scheduler, workers and the command run as processes of their own, as they do on several machines. One worker is killed
 when half of the data set is made; all tables are compared byte for byte with those of one process.
@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import psutil
 from tyro.conf import OmitArgPrefixes

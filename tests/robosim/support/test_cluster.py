@@ -1,4 +1,4 @@
-"""Sweeps on a dask cluster: the same results, though a worker dies, and nothing left behind. Needs the extra `cluster`."""
+"""Sweeps on a dask cluster: the same results though a worker dies, and nothing is left. Needs the extra `cluster`."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ distributed = pytest.importorskip("distributed", reason="needs the extra cluster
 def cluster():
     """A scheduler in this process, and two workers."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as cluster:
         yield cluster
 
@@ -112,3 +112,25 @@ def test_a_scheduler_holds_no_more_than_running_calls(cluster):
     while cluster.scheduler.tasks and time.monotonic() < end:
         time.sleep(0.05)
     assert not cluster.scheduler.tasks
+
+
+def nap(number):
+    time.sleep(0.2)
+    return number
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_lost_scheduler_is_an_error_of_one_line(cluster):
+    """With its address; finished calls have been handed over."""
+    done = []
+    with (
+        pytest.raises(
+            ChildProcessError, match=r"the dask scheduler at tcp.* does not answer \(.*same command"
+        ),
+        Workers(1, cluster.scheduler_address) as pool,
+    ):
+        for _, number in pool.run(nap, ((n,) for n in range(20))):
+            done.append(number)
+            if len(done) == 3:
+                cluster.close()
+    assert 3 <= len(done) < 20
