@@ -130,20 +130,17 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
         self, order: Int[np.ndarray, " n"], ends: Int[np.ndarray, " n"], rows: range, *key: int
     ) -> dict[str, Tensor]:
         """Links by their rows in all tables, one after the other in an order; shuffled if there is a seed."""
-        blocks, row = [], rows.start
-        for place in range(int(np.searchsorted(ends, row, side="right")), len(order)):
-            if row >= rows.stop:
-                break
-            table = self._tables[order[place]]
-            before, end = int(ends[place]) - table.rows, min(int(ends[place]), rows.stop)
-            links = table.read(range(row - before, end - before))
+        blocks = []
+        first, last = np.searchsorted(ends, (rows.start, rows.stop - 1), side="right")
+        for table, end in zip((self._tables[k] for k in order[first : last + 1]), ends[first:], strict=False):
+            begin = int(end) - table.rows
+            links = table.read(range(max(rows.start - begin, 0), min(rows.stop - begin, table.rows)))
             if links.measured not in ((), self.columns):
                 raise FileError(
                     f"{shown(table.file)}: it has {', '.join(links.measured)} of paths, other files of the data set "
                     f"{', '.join(self.columns)}. Make the data set again."
                 )
             blocks.append((self.buildings.index(table.building), links))
-            row = end
         tokens = np.concatenate([links.tokens for _, links in blocks])
         shuffled = np.arange(len(tokens)) if self._seed is None else self._rng(*key).permutation(len(tokens))
         columns = {

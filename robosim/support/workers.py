@@ -78,7 +78,7 @@ class Workers:
         try:
             yield from self._run(function, calls)
         except BaseException as error:
-            # Without a scheduler distributed raises errors of its own, cancellations, or OSError when it connects again.
+            # Without a scheduler, distributed raises errors of its own, or OSError when it connects again.
             is_cut_off = self._client is not None and self._client.status != "running"
             is_theirs = type(error).__module__.partition(".")[0] == "distributed"
             if not (is_theirs or (is_cut_off and isinstance(error, OSError))):

@@ -111,7 +111,12 @@ def read_links(data: Path) -> Links:
     Raises:
         ValueError: If a file is missing or damaged.
     """
-    units = _data_set(data) if is_data_set(data) else _public(data)
+    if is_data_set(data):
+        with _manifest(data) as file:
+            files = [data / unit["file"] for unit in _units(data, file)]
+        units = [_recorded(path) for path in files]
+    else:
+        units = [_measured(data, name, number) for name, number in find_measurements(data)]
     names, count = tuple(sorted({unit.names[0] for unit in units})), [len(unit.tokens) for unit in units]
     return Links(
         **{name: np.concatenate([getattr(unit, name) for unit in units]) for name in _COLUMNS},
@@ -153,21 +158,11 @@ def _units(data: Path, file: BinaryIO) -> list[dict[str, Any]]:
     return units
 
 
-def _public(data: Path) -> list[Links]:
-    return [_measured(data, name, number) for name, number in find_measurements(data)]
-
-
 def _measured(data: Path, name: str, number: int) -> Links:
     links = read_measurements(data, name, number)
     return _unit(
         links, make_tokens(links.aoa_az, links.snr_db, aod_rad=links.aod_az, peak=links.peak_fraction)
     )
-
-
-def _data_set(data: Path) -> list[Links]:
-    with _manifest(data) as file:
-        files = [data / unit["file"] for unit in _units(data, file)]
-    return [_recorded(file) for file in files]
 
 
 def _recorded(file: Path, rows: range | None = None) -> Links:
