@@ -203,7 +203,7 @@ def _make_dataset() -> None:
     for estimator in ("sage", "pca"):
         config = LinkSetConfig(grid_m=1.0, estimator=estimator, people=3)
         for plan in (_two_rooms(), _two_storeys().storey(0)):
-            make_unit(LinkPlan(plan.digest(), plan, transmitters, 1), 0, config)
+            make_unit(LinkPlan.of(plan, transmitters, 1), 0, config)
 
 
 def _interpret(loop: Loop, *args: Any) -> Any:

@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import fields, replace
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -393,9 +395,10 @@ def dataset(
         sounding=waveform.config(),
     )
     folder = output_folder(out, "dataset")
-    with console.status("reading plans ..."):
-        buildings = [read_place(str(plan), reading) for plan in find_plans(plans)]
-        buildings += [generate_plan(number) for number in range(seed, seed + generated)]
+    buildings = chain(
+        (read_place(str(plan), reading) for plan in find_plans(plans)),
+        (partial(generate_plan, number) for number in range(seed, seed + generated)),
+    )
     with resume_hint(folder):
         made = make_dataset(
             buildings, config, folder, workers=work.count, cluster=work.cluster, console=console
@@ -406,7 +409,7 @@ def dataset(
     details = f": {shares}; {timing['links']} made in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(rows, "link"), "bold"), details))
     console.print(
-        f"Wrote {counted(len(made['units']), 'table')} in {folder / 'links'}, and manifest.json, which describes them"
+        f"Wrote {counted(made['units'], 'table')} in {folder / 'links'}, and manifest.json, which describes them"
     )
     read_all = f"import pyarrow.parquet as p; print(p.read_table({json.dumps(str(folder / 'links'))}))"
     console.print(f"Next: python -c {quote(read_all)}", soft_wrap=True)

@@ -5,8 +5,11 @@ order of units changes a byte. The worker process returns its files as bytes, th
 files of mmwRobotNav and DeepMIMO v4 scenarios. The table of links is written last, so a unit with a table is complete.
 """
 
+import gc
 import io
+import pickle
 import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -15,7 +18,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import cloudpickle
 import numpy as np
+import pyarrow as pa
 from jaxtyping import Float
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TimeRemainingColumn
@@ -125,6 +130,8 @@ Format = Literal["mmwrobotnav", "deepmimo"]
 Headings = Literal["fixed", "random"]
 #: Links that are sounded at once, in 50 MB; results depend on it.
 CHUNK_LINKS = 512
+#: Links that are traced at once, a row group of the table: memory does not grow with the building.
+_BLOCK_LINKS = 32 * CHUNK_LINKS
 #: Number of the random numbers of people in a unit, and their least distance from a receiver [m].
 _PEOPLE, _FROM_RECEIVER_M = 1, 0.3
 LINKS = "links"
@@ -166,16 +173,28 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """A plan, storey or scene with its transmitters; equal if the plans are equal."""
+    """A plan or storey with its transmitters; equal if names and plans are equal."""
 
+    name: str
+    """Name of the plan."""
     digest: str
     """Digest of the plan, see `FloorPlan.digest`."""
-    plan: Any = field(compare=False)
-    """The plan, storey or scene."""
+    packed: bytes = field(compare=False, repr=False)
+    """The plan, pickled and compressed: a data set has thousands, and each unit is sent its own."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Places of transmitters [m]."""
     n_rx: int = field(compare=False)
     """Number of receivers."""
+
+    @classmethod
+    def of(cls, plan: Any, transmitters: Float[np.ndarray, "n 3"], n_rx: int) -> "LinkPlan":
+        """A plan or storey with places of transmitters [m] and a number of receivers."""
+        return cls(plan.name, plan.digest(), zlib.compress(cloudpickle.dumps(plan)), transmitters, n_rx)
+
+    @property
+    def plan(self) -> Any:
+        """The plan or storey."""
+        return pickle.loads(zlib.decompress(self.packed))
 
 
 def stream(seed: int, digest: str, *key: int) -> np.random.Generator:
@@ -190,47 +209,59 @@ def unit_path(out: Path, name: str, tx: int) -> Path:
 
 def make_unit(site: LinkPlan, tx: int, config: LinkSetConfig) -> Files:
     """Trace, sound and estimate all links of a transmitter; files by paths below the data set's, links last."""
+    buffer, files = io.BytesIO(), Files()
+    write_links(buffer, _tables(site, tx, config, files))
+    return {**files, unit_path(Path(), site.name, tx).as_posix(): buffer.getvalue()}
+
+
+def _tables(site: LinkPlan, tx: int, config: LinkSetConfig, files: Files) -> Iterator[pa.Table]:
+    """Yield the links of a transmitter block by block, and add the files of other formats to `files`."""
     scene, grid = prepare_site(site, config.radio, config.grid_m)
-    paths = scene.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
-    rng = stream(config.seed, site.digest, tx)
-    heading = np.zeros(len(grid.position))
-    if config.headings == "random":
-        heading = rng.uniform(-np.pi, np.pi, len(grid.position))
-    received = paths
-    if config.people:
-        received = _among_people(
-            paths, config.people, stream(config.seed, site.digest, tx, _PEOPLE), scene.floor_m
+    rng, n_rx = stream(config.seed, site.digest, tx), len(grid.position)
+    people_rng = stream(config.seed, site.digest, tx, _PEOPLE)
+    feet = grid.position * (1, 1, 0) + (0, 0, scene.floor_m)
+    heading = rng.uniform(-np.pi, np.pi, n_rx) if config.headings == "random" else np.zeros(n_rx)
+    # Each other format has one file for all links of a transmitter.
+    block = n_rx if config.formats else _BLOCK_LINKS
+    for first in range(0, n_rx, block):
+        rows = slice(first, first + block)
+        paths = scene.trace(site.transmitters[tx : tx + 1], grid.position[rows], workers=1)
+        received = paths
+        if config.people:
+            received = _among_people(paths, feet[rows], config.people, people_rng, feet)
+        rays = Rays.from_paths(received, rx_heading_rad=heading[rows])
+        estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading[rows])
+        paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
+        if "mmwrobotnav" in config.formats:
+            files |= _below(Path(MMWROBOTNAV) / site.name, csv_files(scene, grid, paths, tx, estimates))
+        if "deepmimo" in config.formats:
+            files |= _below(deepmimo_folder(Path(), site.name), deepmimo_paths(scene, paths, tx))
+        yield link_table(
+            paths,
+            tx,
+            estimates,
+            grid.cell[rows],
+            plan=site.name,
+            rx_heading_rad=heading[rows],
+            threshold_db=config.radio.threshold_db,
+            first_rx=first,
+            all_rx=n_rx,
         )
-    rays = Rays.from_paths(received, rx_heading_rad=heading)
-    estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
-    paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
-    table = link_table(
-        paths,
-        tx,
-        estimates,
-        grid.cell,
-        plan=site.plan.name,
-        rx_heading_rad=heading,
-        threshold_db=config.radio.threshold_db,
-    )
-    name = site.plan.name
-    files: Files = {}
-    if "mmwrobotnav" in config.formats:
-        files |= _below(Path(MMWROBOTNAV) / name, csv_files(scene, grid, paths, tx, estimates))
-    if "deepmimo" in config.formats:
-        files |= _below(deepmimo_folder(Path(), name), deepmimo_paths(scene, paths, tx))
-    buffer = io.BytesIO()
-    write_links(buffer, table)
-    return {**files, unit_path(Path(), name, tx).as_posix(): buffer.getvalue()}
 
 
-def _among_people(paths: Paths, mean: int, rng: np.random.Generator, floor_m: float) -> Paths:
-    """Paths weakened by people on a floor: for each receiver up to twice the mean, where other receivers are."""
-    factor, feet = np.ones(len(paths), complex), paths.rx_position * (1, 1, 0) + (0, 0, floor_m)
-    ends = np.searchsorted(paths.rx, np.arange(len(feet) + 1))
+def _among_people(
+    paths: Paths,
+    receivers: Float[np.ndarray, "n 3"],
+    mean: int,
+    rng: np.random.Generator,
+    feet: Float[np.ndarray, "n_all 3"],
+) -> Paths:
+    """Paths weakened by people, up to twice the mean for each of the receivers on the floor, at places of `feet`."""
+    factor = np.ones(len(paths), complex)
+    ends = np.searchsorted(paths.rx, np.arange(len(receivers) + 1))
     for k, (first, last) in enumerate(pairwise(ends.tolist())):
         places = feet[rng.integers(len(feet), size=int(rng.integers(2 * mean + 1)))]
-        places = places[np.hypot(*(places - feet[k])[:, :2].T) > _FROM_RECEIVER_M]
+        places = places[np.hypot(*(places - receivers[k])[:, :2].T) > _FROM_RECEIVER_M]
         if last > first and len(places):
             link = paths.select(np.arange(first, last))
             factor[first:last] = find_blockage(link, people(places, radius_m=Body.radius_m)).factor
@@ -244,6 +275,8 @@ def _below(folder: Path, files: Files) -> Files:
 @lru_cache(maxsize=1)
 def prepare_site(site: LinkPlan, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
     """The building and its receivers, cached for the next unit of the same process."""
+    # Meshes and tracers refer to each other: those of earlier buildings would stay until Python looks for them.
+    gc.collect()
     scene = RadioScene(site.plan, config)
     return scene, scene.grid(grid_m)
 

@@ -10,13 +10,14 @@ processes, and an interrupted run writes the missing ones, to the same bytes. Th
     deepmimo_scenarios/NAME/  optional DeepMIMO v4 scenario
 """
 
+import json
 import platform
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 from rich.console import Console
 
 from robosim.datasets.link_units import (
@@ -36,8 +37,9 @@ from robosim.datasets.link_units import (
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.storey_plans import StoreysPlan, storeys_of
 from robosim.radio.scene import Place, RadioScene
-from robosim.support.files import write_files, write_json
+from robosim.support.files import json_bytes, whole_file, write_files
 from robosim.support.installation import package_version
+from robosim.support.processes import reuse_processes
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
@@ -47,10 +49,11 @@ from wireless.paths import LinkState
 #: Spawn key of transmitters' places; spawn keys of units are their numbers.
 _PLACES = 1 << 31
 Unit = tuple[LinkPlan, int]
+Plan = FloorPlan | StoreysPlan
 
 
 def make_dataset(
-    plans: Sequence[FloorPlan | StoreysPlan],
+    plans: Iterable[Plan | Callable[[], Plan]],
     config: LinkSetConfig,
     out: Path,
     *,
@@ -58,8 +61,10 @@ def make_dataset(
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Make a data set, or its missing parts, in a folder; returns the content of `manifest.json`.
+    """Make a data set, or its missing parts, in a folder; returns `manifest.json` with a number of units.
 
+    Plans are read one after the other, and functions that make a plan are called by the processes: of many buildings
+    and links this process holds compressed plans and counts.
     A building of several storeys has units for the receivers of each storey, named NAME_storey_0 and so on; its
     transmitters are spread over all storeys. Under "timing" are links, seconds and links per second of this run.
 
@@ -69,26 +74,39 @@ def make_dataset(
         ValueError: If a setting does not fit a plan.
     """
     out, console = Path(out), console or Console(quiet=True)
-    places = [place for plan in plans for place in storeys_of(plan)]
-    _check_names(places)
-    with tracked(places, "plans", console) as shown:
-        sites = [_site(plan, config) for plan in shown]
-    with run_folder(out, "dataset", _settings(sites, config)):
-        with link_progress(console, sum(len(s.transmitters) * s.n_rx for s in sites), out) as progress:
-            _make_units(sites, config, out, workers, cluster, progress)
-            timing = progress.timing()
-        manifest = _manifest(sites, config, out)
-        _finish_formats(sites, config, out, manifest)
-        write_json(out / "manifest.json", manifest)
+    with reuse_processes():
+        with Workers(workers, cluster, what="plans") as pool:
+            sites = _sites(plans, config, pool, console)
+        with run_folder(out, "dataset", _settings(sites, config)):
+            with link_progress(console, sum(len(s.transmitters) * s.n_rx for s in sites), out) as progress:
+                _make_units(sites, config, out, workers, cluster, progress)
+                timing = progress.timing()
+            _finish_formats(sites, config, out)
+            manifest = _write_manifest(sites, config, out)
     return {**manifest, "timing": {**timing, "links_per_s": timing["links"] / timing["seconds"]}}
 
 
-def _check_names(plans: Sequence[Place]) -> None:
-    if not plans:
+def _sites(
+    plans: Iterable[Plan | Callable[[], Plan]], config: LinkSetConfig, pool: Workers, console: Console
+) -> list[LinkPlan]:
+    """Plans and storeys with their transmitters, in their order."""
+    prepared: dict[int, list[LinkPlan]] = {}
+    names: set[str] = set()
+    with tracked(pool.run(_prepare, ((plan, config) for plan in plans)), "plans", console) as shown:
+        for number, prepared[number] in shown:
+            for name in (site.name.lower() for site in prepared[number]):
+                if name in names:
+                    raise MapError(
+                        f"2 plans are called {name!r}, but files are named after them. Rename them."
+                    )
+                names.add(name)
+    if not names:
         raise ValueError("plans is empty, expected at least one floor plan.")
-    for name, count in Counter(plan.name.lower() for plan in plans).items():
-        if count > 1:
-            raise MapError(f"{count} plans are called {name!r}, but files are named after them. Rename them.")
+    return [site for number in sorted(prepared) for site in prepared[number]]
+
+
+def _prepare(plan: Plan | Callable[[], Plan], config: LinkSetConfig) -> list[LinkPlan]:
+    return [_site(place, config) for place in storeys_of(plan() if callable(plan) else plan)]
 
 
 def _site(plan: Place, config: LinkSetConfig) -> LinkPlan:
@@ -98,7 +116,7 @@ def _site(plan: Place, config: LinkSetConfig) -> LinkPlan:
     transmitters = scene.transmitters(
         config.tx_per_plan, lambda storey: stream(config.seed, whole, _PLACES + storey)
     )
-    return LinkPlan(plan.digest(), plan, transmitters, len(grid.position))
+    return LinkPlan.of(plan, transmitters, len(grid.position))
 
 
 def _settings(sites: list[LinkPlan], config: LinkSetConfig) -> dict[str, Any]:
@@ -107,7 +125,7 @@ def _settings(sites: list[LinkPlan], config: LinkSetConfig) -> dict[str, Any]:
         "version": package_version(),
         "config": plain_config(config),
         "plans": [
-            {"name": site.plan.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.transmitters}
+            {"name": site.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.transmitters}
             for site in sites
         ],
     }
@@ -123,62 +141,64 @@ def _make_units(
 ) -> None:
     """Make the missing units."""
     units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.transmitters))]
-    missing = [(site, tx) for site, tx in units if not unit_path(out, site.plan.name, tx).exists()]
+    missing = [(site, tx) for site, tx in units if not unit_path(out, site.name, tx).exists()]
     total = sum(site.n_rx for site, _ in units)
     done = total - sum(site.n_rx for site, _ in missing)
     progress.report(done, total)
     if not missing:
         return
     with Workers(min(workers, len(missing)), cluster, what="transmitters") as pool:
-        for number, files in pool.run(make_unit, [(site, tx, config) for site, tx in missing]):
+        for number, files in pool.run(make_unit, ((site, tx, config) for site, tx in missing)):
             write_files(out, files)
             done += missing[number][0].n_rx
             progress.report(done, total)
 
 
-def _manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[str, Any]:
-    """Content of `manifest.json`."""
-    units: list[dict[str, Any]] = []
-    for site in sites:
-        for tx in range(len(site.transmitters)):
-            path = unit_path(out, site.plan.name, tx)
-            state = read_columns(path, ["link_state"])["link_state"]
-            counts = np.bincount(state, minlength=len(LinkState))
-            units.append(
-                {
-                    "plan": site.plan.name,
-                    "tx": tx + 1,
-                    "file": path.relative_to(out).as_posix(),
-                    "rows": len(state),
-                    "states": {category.name.lower(): int(counts[category]) for category in LinkState},
-                }
-            )
+def _write_manifest(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> dict[str, Any]:
+    """Write `manifest.json` unit by unit; returns its content with the number of units in their place."""
+    units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.transmitters))]
+    states = np.array([_states(out, *unit) for unit in units])
     libraries = ("numpy", "numba", "pyarrow", "scipy", "shapely")
-    return {
+    manifest = {
         **_settings(sites, config),
         "versions": {
             "python": platform.python_version(),
             **{name: package_version(name) for name in libraries},
         },
-        "rows": sum(unit["rows"] for unit in units),
-        "states": {
-            category.name.lower(): sum(unit["states"][category.name.lower()] for unit in units)
-            for category in LinkState
-        },
-        "units": units,
+        "rows": int(states.sum()),
+        "states": _by_name(states.sum(axis=0)),
+        "units": len(units),
         "columns": {
             name: {"type": str(kind), "unit": unit, "meaning": meaning}
             for name, (kind, unit, meaning) in COLUMNS.items()
         },
     }
+    before, after = json_bytes(manifest).split(b'"units": %d' % len(units))
+    with whole_file(out / "manifest.json") as partial, partial.open("wb") as file:
+        file.write(before + b'"units": [')
+        for number, ((site, tx), counts) in enumerate(zip(units, states, strict=True)):
+            path = unit_path(Path(), site.name, tx).as_posix()
+            unit = {"plan": site.name, "tx": tx + 1, "file": path, "rows": int(counts.sum())}
+            file.write(b",\n    " if number else b"\n    ")
+            file.write(json.dumps({**unit, "states": _by_name(counts)}).encode())
+        file.write(b"\n  ]" + after)
+    return manifest
 
 
-def _finish_formats(
-    sites: list[LinkPlan], config: LinkSetConfig, out: Path, manifest: dict[str, Any]
-) -> None:
+def _states(out: Path, site: LinkPlan, tx: int) -> Int[np.ndarray, "4"]:
+    """Number of links of a unit in each state."""
+    state = read_columns(unit_path(out, site.name, tx), ["link_state"])["link_state"]
+    return np.bincount(state, minlength=len(LinkState))
+
+
+def _by_name(states: Int[np.ndarray, "4"]) -> dict[str, int]:
+    return {state.name.lower(): int(states[state]) for state in LinkState}
+
+
+def _finish_formats(sites: list[LinkPlan], config: LinkSetConfig, out: Path) -> None:
     """Write the files that formats have once per building."""
     for site in sites:
-        name = site.plan.name
+        name = site.name
         if "mmwrobotnav" in config.formats:
             write_files(out / MMWROBOTNAV / name, transmitters_file(name, site.transmitters))
         if "deepmimo" in config.formats:

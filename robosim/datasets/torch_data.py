@@ -1,77 +1,159 @@
-"""Data sets of links and of frames for PyTorch: one dictionary of tensors per example, for any `DataLoader`.
+"""Data sets of links and of frames for PyTorch: dictionaries of tensors, for any `DataLoader`.
 
-Examples are in the order of files and of their rows. Split them by building or home rather than by example, since
-neighbouring links and frames are alike.
+Links come in batches, read from their tables as a stream; frames one by one, in the order of files. Split them by
+building or home rather than by example, since neighbouring links and frames are alike.
 """
 
 from collections import OrderedDict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
 from robosim.datasets.collect import SHARD, read_shard
+from robosim.support.checks import SEED, check_number
 from robosim.support.installation import missing_extra
 from robosim.support.reading import FileError, shown
-from wireless.linkstate.data import read_links
+from wireless.linkstate.data import link_tables
 from wireless.linkstate.tokens import COLUMNS, is_path
 
 try:
     import torch
     from torch import Tensor
-    from torch.utils.data import Dataset
+    from torch.utils.data import Dataset, IterableDataset, get_worker_info
 except ImportError as error:
     raise missing_extra("torch", "A data set for PyTorch") from error
 
+#: Parts of a shuffled data set that take turns; many numbers of workers divide it.
+_STREAMS = 12
 
-class LinkDataset(Dataset[dict[str, Tensor]]):
-    """Links of a data set: estimated paths and true state.
+
+class LinkDataset(IterableDataset[dict[str, Tensor]]):
+    """Batches of links of a data set, estimated paths and true state, read from its tables when they are needed.
 
     | key | shape, type | meaning |
     |---|---|---|
-    | paths | (5, k) float32 | estimated paths, the strongest first, by `columns`; 0 where there is none |
-    | mask | (5,) bool | whether there is a path |
-    | state | () int64 | true `wireless.LinkState`: 0 outage, 1 line of sight, 2 first order, 3 higher order |
-    | building | () int64 | number of the building, index into `buildings` |
-    | position, tx_position | (2,) float32 | places of receiver and transmitter [m] |
+    | paths | (n, 5, k) float32 | estimated paths, the strongest first, by `columns`; 0 where there is none |
+    | mask | (n, 5) bool | whether there is a path |
+    | state | (n,) int64 | true `wireless.LinkState`: 0 outage, 1 line of sight, 2 first order, 3 higher order |
+    | building | (n,) int64 | number of the building, index into `buildings` |
+    | position, tx_position | (n, 2) float32 | places of receiver and transmitter [m] |
+
+    With a seed, tables are shuffled and then divided into 12 streams, which take turns: each gives batches of its
+    buffer, that is shuffled too. The order depends on seed and epoch alone, not on the workers of a `DataLoader`, which
+    needs `batch_size=None`. Each worker reads its streams; only if their number does not divide 12, or there is no
+    seed, are tables read by several. All links come once an epoch, and the last batch may be smaller.
     """
 
-    def __init__(self, data: str | Path, *, buildings: Collection[str] | None = None) -> None:
-        """Read all links: a million of them take a quarter of a gigabyte.
+    def __init__(
+        self,
+        data: str | Path,
+        *,
+        buildings: Collection[str] | None = None,
+        batch_size: int = 256,
+        seed: int | None = None,
+        buffer: int = 32_768,
+    ) -> None:
+        """List the tables. Public measurements are read once to count them.
 
         Args:
             data: Folder of `robosim dataset`, or of the public measurements.
             buildings: Names of the buildings; None for all.
+            batch_size: Links of a batch.
+            seed: Seed of the order; None for the order of the files.
+            buffer: Links that each stream holds and shuffles, 170 bytes each.
 
         Raises:
-            ValueError: If a file is missing or damaged, or there is no such building.
+            ValueError: If a file is missing or damaged, there is no such building, or a number is out of range.
         """
-        links = read_links(Path(data))
-        self.buildings = links.names
+        for name, value in (("batch_size", batch_size), ("buffer", buffer)):
+            check_number(name, value, 1, 10_000_000, "links", whole=True)
+        if seed is not None:
+            check_number("seed", seed, *SEED, whole=True)
+        tables = link_tables(Path(data))
+        self.buildings = tuple(sorted({table.building for table in tables}))
         if buildings is not None:
-            if unknown := sorted(set(buildings) - set(links.names)):
+            if unknown := sorted(set(buildings) - set(self.buildings)):
                 raise ValueError(
-                    f"buildings has {shown(unknown[0])}, which {shown(data)} has not. It has {', '.join(links.names)}."
+                    f"buildings has {shown(unknown[0])}, which {shown(data)} has not. It has "
+                    f"{', '.join(self.buildings)}."
                 )
-            links = links[links.within(tuple(links.names.index(name) for name in buildings))]
-        self.columns = links.measured
+            chosen = set(buildings)
+            tables = [table for table in tables if table.building in chosen]
+        self._tables = tables
+        self._batch_size, self._seed = batch_size, seed
+        self._buffer_batches = max(1, buffer // batch_size)
+        self.epoch = 0
+        """Number of the epoch, which changes the order; set it before each one."""
+        self.links = sum(table.rows for table in tables)
+        """Number of links."""
+        # Tables whose links have no path at all do not say what was measured.
+        measured = (table.read(range(table.rows)).measured for table in tables)
+        self.columns = next(filter(None, measured), ())
         """Quantities of a path: aoa and aod [rad], snr [dB], delay [s], peak; only measured ones."""
-        tokens = links.tokens[..., [COLUMNS.index(name) for name in self.columns]]
-        self._columns = {
-            "paths": torch.from_numpy(np.nan_to_num(tokens)),
-            "mask": torch.from_numpy(is_path(links.tokens)),
-            "state": torch.from_numpy(links.state.astype(np.int64)),
-            "building": torch.from_numpy(links.building.astype(np.int64)),
-            "position": torch.from_numpy(links.position),
-            "tx_position": torch.from_numpy(links.tx_position),
-        }
 
     def __len__(self) -> int:
-        return len(self._columns["state"])
+        """Return the number of batches."""
+        return -(-self.links // self._batch_size)
 
-    def __getitem__(self, index: int) -> dict[str, Tensor]:
-        """Return the tensors of a link."""
-        return {name: column[index] for name, column in self._columns.items()}
+    def __iter__(self) -> Iterator[dict[str, Tensor]]:
+        worker = get_worker_info()
+        first, step = (worker.id, worker.num_workers) if worker else (0, 1)
+        streams = 1 if self._seed is None else _STREAMS
+        order = (
+            np.arange(len(self._tables)) if self._seed is None else self._rng().permutation(len(self._tables))
+        )
+        ends = np.cumsum([self._tables[table].rows for table in order])
+        # Streams have as many batches as turns; the one of the last batch has the last rows, which may be fewer.
+        places = (np.arange(streams) - len(self)) % streams
+        turns = -(-(len(self) - np.arange(streams)) // streams)
+        begins = np.array([turns[places < place].sum() for place in places])
+        buffers: dict[int, tuple[int, dict[str, Tensor]]] = {}
+        for number in range(first, len(self), step):
+            turn, stream = divmod(number, streams)
+            fill, batch = divmod(turn, self._buffer_batches)
+            if stream not in buffers or buffers[stream][0] != fill:
+                buffers.pop(stream, None)
+                begin = begins[stream] + fill * self._buffer_batches
+                end = min(begin + self._buffer_batches, begins[stream] + turns[stream])
+                rows = range(begin * self._batch_size, min(end * self._batch_size, self.links))
+                buffers[stream] = fill, self._read(order, ends, rows, stream, fill)
+            rows = slice(batch * self._batch_size, (batch + 1) * self._batch_size)
+            # Clones, since a loader's worker shares the whole memory of a tensor with the process that it sends it to.
+            yield {name: column[rows].clone() for name, column in buffers[stream][1].items()}
+
+    def _rng(self, *key: int) -> np.random.Generator:
+        return np.random.default_rng([self._seed or 0, self.epoch, *key])
+
+    def _read(
+        self, order: Int[np.ndarray, " n"], ends: Int[np.ndarray, " n"], rows: range, *key: int
+    ) -> dict[str, Tensor]:
+        """Links by their rows in all tables, one after the other in an order; shuffled if there is a seed."""
+        blocks = []
+        first, last = np.searchsorted(ends, (rows.start, rows.stop - 1), side="right")
+        for table, end in zip((self._tables[k] for k in order[first : last + 1]), ends[first:], strict=False):
+            begin = int(end) - table.rows
+            links = table.read(range(max(rows.start - begin, 0), min(rows.stop - begin, table.rows)))
+            if links.measured not in ((), self.columns):
+                raise FileError(
+                    f"{shown(table.file)}: it has {', '.join(links.measured)} of paths, other files of the data set "
+                    f"{', '.join(self.columns)}. Make the data set again."
+                )
+            blocks.append((self.buildings.index(table.building), links))
+        tokens = np.concatenate([links.tokens for _, links in blocks])
+        shuffled = np.arange(len(tokens)) if self._seed is None else self._rng(*key).permutation(len(tokens))
+        columns = {
+            "paths": np.nan_to_num(tokens[..., [COLUMNS.index(name) for name in self.columns]]),
+            "mask": is_path(tokens),
+            "state": np.concatenate([links.state.astype(np.int64) for _, links in blocks]),
+            "building": np.repeat(
+                *zip(*((number, len(links.state)) for number, links in blocks), strict=True)
+            ),
+            "position": np.concatenate([links.position for _, links in blocks]),
+            "tx_position": np.concatenate([links.tx_position for _, links in blocks]),
+        }
+        return {name: torch.from_numpy(column[shuffled]) for name, column in columns.items()}
 
 
 class FrameDataset(Dataset[dict[str, Tensor]]):

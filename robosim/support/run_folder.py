@@ -19,6 +19,8 @@ from robosim.support.reading import FileError, one_line, shown
 from robosim.support.text_in import read_json
 
 SETTINGS = "settings.json"
+#: 1 kB for each building of a data set with ten transmitters.
+_MOST_SETTINGS = 500_000_000
 
 
 class FolderError(ValueError):
@@ -134,7 +136,8 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
 def _stored(folder: Path) -> dict[str, Any] | None:
     """Return the content of `settings.json`, if this package wrote it."""
     try:
-        there = read_json(folder / SETTINGS, "settings", keys=("command", "settings"))
+        keys = ("command", "settings")
+        there = read_json(folder / SETTINGS, "settings", keys=keys, most_bytes=_MOST_SETTINGS)
         return there if isinstance(there["command"], str) and isinstance(there["settings"], dict) else None
     except FileError:
         return None

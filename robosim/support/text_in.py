@@ -42,10 +42,15 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
 
 
 def read_json(
-    path: str | Path, what: str, remedy: str = "Copy or export it again.", *, keys: tuple[str, ...] = ()
+    path: str | Path,
+    what: str,
+    remedy: str = "Copy or export it again.",
+    *,
+    keys: tuple[str, ...] = (),
+    most_bytes: int = MOST_JSON,
 ) -> dict[str, Any]:
-    """The dictionary of a JSON file with some `keys`; `what` and `remedy` as in `reading`."""
-    with reading(path, what, remedy, most_bytes=MOST_JSON) as file:
+    """The dictionary of a JSON file with some `keys`; `what`, `remedy` and `most_bytes` as in `reading`."""
+    with reading(path, what, remedy, most_bytes=most_bytes) as file:
         return check_object(parse_json(file.read()), keys)
 
 

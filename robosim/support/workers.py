@@ -1,7 +1,8 @@
 """Worker processes for many calls, on this machine or on a cluster; all sweeps use them.
 
 Each process has one thread, so that results do not depend on the number of processes. The caller receives results as
-they come and writes them: processes of a cluster need no common folder.
+they come and writes them: processes of a cluster need no common folder. A result stays with its worker until the
+caller is ready for it, so that the memory of each process does not depend on the number of calls.
 
 - Ctrl-C: running calls are finished, and no others begin. A second Ctrl-C ends the sweep at once.
 - A killed process, as by a machine out of memory, loses its call. The others continue, with a new process, and at the
@@ -11,7 +12,7 @@ they come and writes them: processes of a cluster need no common folder.
 
 import signal
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from types import TracebackType
@@ -41,8 +42,9 @@ class Workers:
         if count < 1:
             raise ValueError(f"workers is {count}, expected at least one process.")
         self._count, self._cluster, self._what, self._resumable = count, cluster, what, resumable
-        self._executor: Executor | None = None
+        self._executor: Processes | None = None
         self._client: Any = None
+        self._arrivals: Any = None
         self._until_end = ExitStack()
 
     def __enter__(self) -> "Workers":
@@ -70,23 +72,46 @@ class Workers:
 
         Raises:
             KeyboardInterrupt: After Ctrl-C, when all running calls are finished.
-            WorkerLost: At the end, if processes were killed; or at once, if no new one stays alive.
+            WorkerLost: At the end, if processes were killed; or at once, if no new one stays alive, or no scheduler.
             Exception: The first error of a call.
         """
+        try:
+            yield from self._run(function, calls)
+        except BaseException as error:
+            # Without a scheduler, distributed raises errors of its own, or OSError when it connects again.
+            is_cut_off = self._client is not None and self._client.status != "running"
+            is_theirs = type(error).__module__.partition(".")[0] == "distributed"
+            if not (is_theirs or (is_cut_off and isinstance(error, OSError))):
+                raise
+            raise WorkerLost(
+                f"the dask scheduler at {self._cluster} does not answer ({type(error).__name__}). Finished "
+                "parts are saved: start it and give the same command again."
+            ) from error
+
+    def _run(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]
+    ) -> Iterator[tuple[int, Any]]:
+        if self._client is not None:
+            from distributed import as_completed
+
+            self._arrivals = as_completed(loop=self._client.loop)
         waiting = enumerate(calls)
-        running: dict[Future[Any], int] = {}
+        running: dict[Any, int] = {}
         lost = handed = 0
         handed_before = -1
         while True:
             broken = False
-            while not self._interrupt.is_requested and len(running) < self._window():
+            window = self._window()
+            while not self._interrupt.is_requested and len(running) < window:
                 call = next(waiting, None)
                 if call is None:
                     break
                 running[self._submit(function, call[1])] = call[0]
             if not running:
                 break
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            finished = self._finished(running)
+            while finished:
+                future = finished.pop()
                 number = running.pop(future)
                 try:
                     result = future.result()
@@ -119,21 +144,29 @@ class Workers:
         """Number of calls in progress: they take seconds, so that none has to wait in a process."""
         return self._count if self._client is None else 2 * max(1, sum(self._client.ncores().values()))
 
-    def _submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
+    def _finished(self, running: dict[Any, int]) -> list[Any]:
+        """Calls that are finished, at least one."""
+        if self._client is None:
+            return list(wait(running, return_when=FIRST_COMPLETED).done)
+        return list(self._arrivals.next_batch())
+
+    def _submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
         content = cloudpickle.dumps((function, arguments))
         if self._client is not None:
-            self._executor = self._executor or self._client.get_executor(pure=False)
-            return self._executor.submit(_call, content)
+            future = self._client.submit(_call, content, pure=False)
+            self._arrivals.add(future)
+            return future
         if self._executor is None:
             self._executor = Processes(self._count)
         return self._executor.submit(_call, content)
 
     def _close(self, *, at_once: bool) -> None:
         executor, self._executor = self._executor, None
-        if isinstance(executor, Processes) and at_once:
+        if executor is None:
+            return
+        if at_once:
             executor.kill()
-        if executor is not None:
-            executor.shutdown(wait=self._client is None)
+        executor.shutdown()
 
 
 def _is_loss(error: Exception) -> bool:

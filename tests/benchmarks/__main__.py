@@ -16,8 +16,8 @@ import tyro
 BENCHMARKS = (
     "tracing", "estimation", "labels", "edges", "render", "physics", "episode", "search", "belief",
     "exploration", "mapping", "robot_logs", "localization", "warsaw_flat", "warsaw_powers", "warsaw_places",
-    "measured_hall", "endurance", "environment", "live", "plans", "start", "tracer_peer", "map_errors", "mapex",
-    "senses", "people", "blockage", "robots", "learning", "readme",
+    "measured_hall", "endurance", "environment", "live", "plans", "start", "tracer_peer", "map_errors",
+    "mapex", "senses", "people", "blockage", "robots", "learning", "readme", "clusters",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
 

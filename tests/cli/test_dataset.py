@@ -1,5 +1,6 @@
 """`robosim dataset`: what it writes, that it goes on after a kill to the same bytes, and how it fails."""
 
+import gc
 import json
 import os
 import signal
@@ -8,16 +9,19 @@ import sys
 import time
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from robosim.cli import main
-from robosim.datasets.link_units import LinkSetConfig
+from robosim.datasets import link_units
+from robosim.datasets.link_units import CHUNK_LINKS, LinkSetConfig, prepare_site
 from robosim.datasets.links import make_dataset
 from robosim.plans.files import read_plan
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from robosim.radio.scene import RadioScene
 from tests.plans import room
+from wireless import Tracer
 from wireless.estimates import wrapped
 from wireless.formats.link_records import COLUMNS, read_links, read_rays
 from wireless.formats.mmwrobotnav_measurements import find_measurements, read_measurements
@@ -129,6 +133,57 @@ def test_people_stand_on_the_storey_of_the_receiver(tmp_path):
         alone, crowded = (read_links(tmp_path / name / file) for name in ("without", "among"))
         loss_db = (alone.estimates.snr_db - crowded.estimates.snr_db)[:, 0]
         assert np.mean(loss_db > 3) > 0.1, f"storey {storey}"
+
+
+def test_blocks_of_links_make_the_table_of_all_links(tmp_path, monkeypatch):
+    """Traced in blocks: the same rows, a group for each block; any rows of them are read."""
+    config = LinkSetConfig(tx_per_plan=2, grid_m=0.08, estimator="pca", headings="random", people=1)
+    for name in ("whole", "blocks"):
+        make_dataset([room()], config, tmp_path / name)
+        monkeypatch.setattr(link_units, "_BLOCK_LINKS", CHUNK_LINKS)
+    whole, blocks = (tmp_path / name / "links" / "room_Tx_2.parquet" for name in ("whole", "blocks"))
+    rows = pq.read_metadata(blocks).num_rows
+    assert pq.read_metadata(blocks).num_row_groups == -(-rows // CHUNK_LINKS) >= 3
+    assert pq.read_metadata(whole).num_row_groups == 1
+    expected, links = pq.read_table(whole), pq.read_table(blocks)
+    for name, column in zip(COLUMNS, links.columns, strict=True):
+        flat = [c.combine_chunks() for c in (expected[name], column)]
+        if pa.types.is_list(column.type):
+            assert flat[0].offsets.equals(flat[1].offsets), name
+            flat = [c.flatten() for c in flat]
+        np.testing.assert_array_equal(*(c.to_numpy(zero_copy_only=False) for c in flat), err_msg=name)
+    for span in (range(0, 1), range(CHUNK_LINKS - 1, 2 * CHUNK_LINKS + 1), range(CHUNK_LINKS, rows)):
+        links = read_links(blocks, span)
+        np.testing.assert_array_equal(
+            links.rx_position, read_links(whole).rx_position[span.start : span.stop]
+        )
+    with pytest.raises(ValueError, match=rf"room_Tx_2\.parquet.*it has {rows} rows, expected {rows + 1}"):
+        read_links(blocks, range(rows, rows + 1))
+
+
+def test_buildings_of_earlier_units_are_released(tmp_path):
+    """Of five buildings at most that of the last unit and the one before, though Python does not look for cycles."""
+    rooms = [room(width_m=4.0 + n, name=f"room{n}") for n in range(5)]
+    gc.collect()
+    gc.disable()
+    try:
+        make_dataset(rooms, LinkSetConfig(tx_per_plan=1, grid_m=1.0, estimator="pca"), tmp_path)
+        alive = sum(type(item) is Tracer for item in gc.get_objects())
+    finally:
+        gc.enable()
+    prepare_site.cache_clear()
+    gc.collect()
+    assert alive - sum(type(item) is Tracer for item in gc.get_objects()) <= 2
+
+
+def test_plans_of_one_content_have_files_of_their_names(tmp_path):
+    """Also in additional formats, and the same links."""
+    config = LinkSetConfig(tx_per_plan=1, grid_m=1.0, estimator="pca", formats=("mmwrobotnav",))
+    make_dataset([room(name="a"), room(name="b")], config, tmp_path)
+    for name in ("a", "b"):
+        assert (tmp_path / "mmwrobotnav" / name / f"{name}_Tx_1.csv").is_file()
+    states = [read_links(tmp_path / "links" / f"{name}_Tx_1.parquet").state for name in ("a", "b")]
+    np.testing.assert_array_equal(*states)
 
 
 def test_formats_hold_the_same_links(made):

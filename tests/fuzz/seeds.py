@@ -368,7 +368,7 @@ def links(folder: Path) -> None:
     (home / "links").mkdir()
     names = [f"links/pair_Tx_{tx + 1}.parquet" for tx in range(2)]
     for tx, name in enumerate(names):
-        write_links(home / name, link_table(_paths(), tx, _estimates(), cell, plan="pair"))
+        write_links(home / name, [link_table(_paths(), tx, _estimates(), cell, plan="pair")])
     write_json(
         home / "manifest.json", {"rows": 6, "units": [{"plan": "pair", "file": name} for name in names]}
     )

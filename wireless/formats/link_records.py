@@ -18,7 +18,7 @@ not resolve. True paths are those between vertically polarised isotropic antenna
 (`read_rays`). Left out: points of interaction, horizontal polarisation (`wireless.paths.Paths.write_parquet` has them).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
@@ -116,6 +116,8 @@ def link_table(
     plan: str,
     rx_heading_rad: float | Float[np.ndarray, " n_rx"] = 0.0,
     threshold_db: float = -np.inf,
+    first_rx: int = 0,
+    all_rx: int | None = None,
 ) -> pa.Table:
     """Links of one transmitter as a table of `COLUMNS`.
 
@@ -127,6 +129,8 @@ def link_table(
         plan: Name of the building.
         rx_heading_rad: Azimuth of each receiver's own +x.
         threshold_db: Paths of less power gain do not count for the link state, but are written.
+        first_rx: Number of the first receiver, if the table is a block of a transmitter's links.
+        all_rx: Number of receivers of all blocks; None if the table holds all links.
     """
     tx_paths = paths.select(paths.tx == tx)
     n_paths = tx_paths.count()[tx]
@@ -134,8 +138,8 @@ def link_table(
     filled: dict[str, np.ndarray | pa.Array] = {
         "plan": pa.DictionaryArray.from_arrays(pa.array(np.zeros(n, np.int32)), pa.array([plan])),
         "tx": np.full(n, tx + 1),
-        "rx": np.arange(n),
-        "link": tx * n + np.arange(n),
+        "rx": first_rx + np.arange(n),
+        "link": tx * (all_rx or n) + first_rx + np.arange(n),
         "rx_row": cell[:, 0],
         "rx_column": cell[:, 1],
         "rx_heading_rad": np.broadcast_to(np.asarray(rx_heading_rad, float), n),
@@ -166,20 +170,22 @@ def link_table(
     )
 
 
-def write_links(path: str | PathLike[str] | BytesIO, table: pa.Table) -> None:
-    """Write a table of `link_table`."""
-    pq.write_table(table, path, compression="zstd")
+def write_links(path: str | PathLike[str] | BytesIO, blocks: Iterable[pa.Table]) -> None:
+    """Write tables of `link_table`, one or more blocks of a transmitter's links; each is a group of rows."""
+    with pq.ParquetWriter(path, _schema(), compression="zstd") as writer:
+        for table in blocks:
+            writer.write_table(table)
 
 
-def read_links(path: str | PathLike[str]) -> LinkRecords:
-    """Read a file of links, without the true paths.
+def read_links(path: str | PathLike[str], rows: range | None = None) -> LinkRecords:
+    """Read a file of links, or some of its rows, without the true paths.
 
     Raises:
         FileError: If the file is of another kind, or damaged.
     """
     names = [name for name in COLUMNS if not name.startswith("path_")]
     with reading(Path(path), _WHAT, _REMEDY) as file:
-        table = _table(file, names)
+        table = _table(file, names, rows)
         column = {name: values(table, name, COLUMNS[name][0]) for name in names}
         check_within(column["link_state"], "link_state", 0, max(LinkState))
         check_within(column["n_estimates"], "n_estimates", 0, N_ESTIMATES)
@@ -259,8 +265,8 @@ def read_rays(path: str | PathLike[str]) -> Rays:
         )
 
 
-def _table(file: BinaryIO, names: Sequence[str]) -> pa.Table:
-    table = parquet_table(file, names)
+def _table(file: BinaryIO, names: Sequence[str], rows: range | None = None) -> pa.Table:
+    table = parquet_table(file, names, rows=rows)
     if not len(table):
         raise ValueError("it has no rows")
     return table

@@ -10,19 +10,21 @@ import os
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
-from robosim.support.reading import reading
+from robosim.support.reading import FileError, reading, shown
 from wireless.estimates import measured
 from wireless.formats.link_records import LinkRecords
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import Measurements, find_measurements, read_measurements
 from wireless.linkstate.tokens import COLUMNS, make_tokens
 
-_MOST_MANIFEST = 50_000_000
+_MOST_MANIFEST = 500_000_000
+#: Columns that tables of several transmitters have in common.
+_COLUMNS = ("tokens", "state", "position", "tx_position")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,8 +46,8 @@ class Links:
     names: tuple[str, ...]
     """Names of the buildings, sorted."""
 
-    def __getitem__(self, rows: Bool[np.ndarray, " n"]) -> "Links":
-        """Return the links of a mask."""
+    def __getitem__(self, rows: Bool[np.ndarray, " n"] | slice) -> "Links":
+        """Return the links of a mask or slice."""
         return Links(
             **{name: values if name == "names" else values[rows] for name, values in vars(self).items()}
         )
@@ -60,12 +62,47 @@ class Links:
         return np.isin(self.building, buildings)
 
 
-class _Unit(NamedTuple):
-    """Links of one transmitter."""
+class LinkTable(NamedTuple):
+    """Links of one transmitter that are read when they are needed."""
 
     building: str
-    tokens: Float32[np.ndarray, "n 5 5"]
-    links: LinkRecords | Measurements
+    """Name of the building."""
+    rows: int
+    """Number of links."""
+    file: Path
+    """File of a data set, or folder of public measurements."""
+    number: int | None = None
+    """Number of the transmitter in public measurements."""
+
+    def read(self, rows: range) -> Links:
+        """Read the links of some rows; FileError if the file is damaged, or is not as the manifest says."""
+        if self.number is not None:
+            return _measured(self.file, self.building, self.number)[slice(rows.start, rows.stop)]
+        links = _recorded(self.file, rows)
+        if links.names != (self.building,):
+            raise FileError(
+                f"{shown(self.file)}: links of {links.names[0]!r}, but manifest.json lists {self.building!r}. Make the "
+                "data set again."
+            )
+        return links
+
+
+def link_tables(data: Path) -> list[LinkTable]:
+    """Tables of a data set by its manifest, or of a folder of public measurements, which are read to be counted.
+
+    Raises:
+        ValueError: If a file is missing or damaged.
+    """
+    if not is_data_set(data):
+        return [
+            LinkTable(name, len(_measured(data, name, number).state), data, number)
+            for name, number in find_measurements(data)
+        ]
+    with _manifest(data) as file:
+        units = _units(data, file)
+        if wrong := [unit for unit in units if not (isinstance(unit["rows"], int) and unit["rows"] > 0)]:
+            raise ValueError(f"rows of {wrong[0]['file']} is {wrong[0]['rows']!r}, expected 1 or more")
+        return [LinkTable(str(unit["plan"]), unit["rows"], data / unit["file"]) for unit in units]
 
 
 def read_links(data: Path) -> Links:
@@ -74,17 +111,17 @@ def read_links(data: Path) -> Links:
     Raises:
         ValueError: If a file is missing or damaged.
     """
-    units = _data_set(data) if is_data_set(data) else _public(data)
-    names, count = tuple(sorted({unit.building for unit in units})), [len(unit.tokens) for unit in units]
+    if is_data_set(data):
+        with _manifest(data) as file:
+            files = [data / unit["file"] for unit in _units(data, file)]
+        units = [_recorded(path) for path in files]
+    else:
+        units = [_measured(data, name, number) for name, number in find_measurements(data)]
+    names, count = tuple(sorted({unit.names[0] for unit in units})), [len(unit.tokens) for unit in units]
     return Links(
-        tokens=np.concatenate([unit.tokens for unit in units]),
-        state=np.concatenate([unit.links.state for unit in units]),
-        building=np.repeat([names.index(unit.building) for unit in units], count),
+        **{name: np.concatenate([getattr(unit, name) for unit in units]) for name in _COLUMNS},
+        building=np.repeat([names.index(unit.names[0]) for unit in units], count),
         transmitter=np.repeat(np.arange(len(units)), count),
-        position=np.concatenate([unit.links.rx_position[:, :2].astype(np.float32) for unit in units]),
-        tx_position=np.repeat(
-            [unit.links.tx_position[:2].astype(np.float32) for unit in units], count, axis=0
-        ),
         names=names,
     )
 
@@ -111,27 +148,39 @@ def _manifest(data: Path) -> AbstractContextManager[BinaryIO]:
     return reading(path, what, "Make it again.", most_bytes=_MOST_MANIFEST)
 
 
-def _public(data: Path) -> list[_Unit]:
-    units = []
-    for name, number in find_measurements(data):
-        links = read_measurements(data, name, number)
-        tokens = make_tokens(links.aoa_az, links.snr_db, aod_rad=links.aod_az, peak=links.peak_fraction)
-        units.append(_Unit(name, tokens, links))
+def _units(data: Path, file: BinaryIO) -> list[dict[str, Any]]:
+    """Units of a manifest, whose tables exist."""
+    units: list[dict[str, Any]] = json.loads(file.read())["units"]
+    if not units:
+        raise ValueError("it lists no links")
+    if missing := [unit["file"] for unit in units if not (data / unit["file"]).is_file()]:
+        raise ValueError(f"it lists {Path(missing[0]).name}, which is not there")
     return units
 
 
-def _data_set(data: Path) -> list[_Unit]:
-    with _manifest(data) as file:
-        files = [data / unit["file"] for unit in json.loads(file.read())["units"]]
-        if not files:
-            raise ValueError("it lists no links")
-        if missing := [file for file in files if not file.is_file()]:
-            raise ValueError(f"it lists {missing[0].name}, which is not there")
-    units = []
-    for unit in files:
-        links = read_records(unit)
-        paths = links.estimates
-        resolved = measured(aod_rad=paths.aod_rad, delay_s=paths.delay_s)
-        tokens = make_tokens(paths.aoa_rad, paths.snr_db, **resolved)
-        units.append(_Unit(links.plan, tokens, links))
-    return units
+def _measured(data: Path, name: str, number: int) -> Links:
+    links = read_measurements(data, name, number)
+    return _unit(
+        links, make_tokens(links.aoa_az, links.snr_db, aod_rad=links.aod_az, peak=links.peak_fraction)
+    )
+
+
+def _recorded(file: Path, rows: range | None = None) -> Links:
+    links = read_records(file, rows)
+    paths = links.estimates
+    resolved = measured(aod_rad=paths.aod_rad, delay_s=paths.delay_s)
+    return _unit(links, make_tokens(paths.aoa_rad, paths.snr_db, **resolved))
+
+
+def _unit(links: LinkRecords | Measurements, tokens: Float32[np.ndarray, "n 5 5"]) -> Links:
+    """Links of one transmitter."""
+    name = links.plan if isinstance(links, LinkRecords) else links.building
+    return Links(
+        tokens=tokens,
+        state=links.state,
+        building=np.zeros(len(tokens), int),
+        transmitter=np.zeros(len(tokens), int),
+        position=links.rx_position[:, :2].astype(np.float32),
+        tx_position=np.tile(links.tx_position[:2].astype(np.float32), (len(tokens), 1)),
+        names=(name,),
+    )

@@ -1,6 +1,10 @@
 """Data sets for PyTorch: every example is what the files say, in their order, whatever loads them."""
 
+import json
+import shutil
 from dataclasses import replace
+from itertools import zip_longest
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,11 +13,13 @@ from rich.console import Console
 from torch.utils.data import DataLoader
 
 from robosim import FrameDataset, LinkDataset
+from robosim.datasets import torch_data
 from robosim.datasets.collect import CollectConfig, collect
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.datasets.links import make_dataset
 from tests.plans import room, two_rooms
 from wireless.formats.link_records import read_links
+from wireless.linkstate.data import LinkTable
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +37,31 @@ def shards(tmp_path_factory):
     return collect(CollectConfig(homes=2, steps=5), folder, workers=1, console=Console(quiet=True))
 
 
+def rows_of(batches):
+    """Links of batches one by one, as (building, position, position of the transmitter)."""
+    keys = ("building", "position", "tx_position")
+    return [
+        (int(building), *position.tolist(), *tx_position.tolist())
+        for batch in batches
+        for building, position, tx_position in zip(*(batch[key] for key in keys), strict=True)
+    ]
+
+
 def test_links_are_those_of_the_files(links):
-    """Row by row: estimated paths with their mask, sorted by SNR, and the true state."""
-    data = LinkDataset(links)
+    """Row by row: estimated paths with their mask, sorted by SNR, and the true state; no NaN; batches of the size."""
+    data = LinkDataset(links, batch_size=7)
     assert data.columns == ("aoa", "aod", "snr", "delay") and data.buildings == ("a", "b")
+    batches = list(data)
+    assert len(batches) == len(data) == -(-data.links // 7)
+    assert [len(batch["state"]) for batch in batches[:-1]] == [7] * (len(data) - 1)
+    column = {name: torch.cat([batch[name] for batch in batches]) for name in batches[0]}
+    assert torch.isfinite(column["paths"]).all() and column["paths"].shape == (data.links, 5, 4)
     row = 0
     for name in ("b", "a"):
         for tx in (1, 2):
             records = read_links(links / "links" / f"{name}_Tx_{tx}.parquet")
             for i in range(len(records.state)):
-                link, count = data[row], int(records.estimates.count[i])
+                link, count = {key: c[row] for key, c in column.items()}, int(records.estimates.count[i])
                 assert int(link["state"]) == records.state[i]
                 assert data.buildings[int(link["building"])] == name
                 assert link["mask"].tolist() == [True] * count + [False] * (5 - count)
@@ -53,26 +74,88 @@ def test_links_are_those_of_the_files(links):
                 )
                 np.testing.assert_allclose(link["position"], records.rx_position[i, :2], rtol=1e-6)
                 row += 1
-    assert row == len(data)
+    assert row == data.links
 
 
 def test_links_of_some_buildings_can_be_held_out(links):
     """Parts by building are apart, and make up the whole; an unknown one is named."""
     whole, a, b = LinkDataset(links), LinkDataset(links, buildings=["a"]), LinkDataset(links, buildings=["b"])
-    assert len(a) + len(b) == len(whole) and 0 < len(a) < len(whole)
-    assert {int(link["building"]) for link in a} == {0}
+    assert a.links + b.links == whole.links and 0 < a.links < whole.links
+    assert {building for building, *_ in rows_of(a)} == {0}
     with pytest.raises(ValueError, match=r"buildings has c, which .* has not\. It has a, b"):
         LinkDataset(links, buildings=["c"])
+    with pytest.raises(ValueError, match="batch_size is 0, expected"):
+        LinkDataset(links, batch_size=0)
 
 
-def test_a_loader_gives_links_in_batches(links):
-    """Stacked along a new first axis, in order, all of them, no NaN."""
-    data = LinkDataset(links)
-    batches = list(DataLoader(data, batch_size=7))
-    assert batches[0]["paths"].shape == (7, 5, 4) and batches[0]["mask"].dtype == torch.bool
-    assert torch.isfinite(torch.cat([batch["paths"] for batch in batches])).all()
-    states = torch.cat([batch["state"] for batch in batches])
-    assert states.tolist() == [int(link["state"]) for link in data]
+@pytest.mark.parametrize("batch_size", [1, 3, 5])
+@pytest.mark.parametrize("buffer", [1, 6, 1000])
+def test_links_are_shuffled_by_seed_and_epoch(links, batch_size, buffer):
+    """All links once, in an order that seed and epoch change; only the last batch is smaller."""
+    data = LinkDataset(links, batch_size=batch_size, seed=4, buffer=buffer)
+    in_order, first = rows_of(LinkDataset(links)), rows_of(data)
+    assert sorted(first) == sorted(in_order) and first != in_order
+    assert rows_of(data) == first
+    data.epoch = 1
+    second = rows_of(data)
+    assert sorted(second) == sorted(in_order) and second != first
+    assert rows_of(LinkDataset(links, batch_size=batch_size, seed=5, buffer=buffer)) not in (first, second)
+    sizes = [len(batch["state"]) for batch in data]
+    assert sizes[:-1] == [batch_size] * (len(data) - 1) and 1 <= sizes[-1] <= batch_size
+
+
+def batches_of(data, worker, workers, monkeypatch):
+    """Batches that one of several workers of a loader gives."""
+    info = SimpleNamespace(id=worker, num_workers=workers)
+    with monkeypatch.context() as patch:
+        patch.setattr(torch_data, "get_worker_info", lambda: info)
+        return list(data)
+
+
+@pytest.mark.parametrize("seed", [None, 7])
+def test_links_come_in_one_order_with_any_number_of_workers(links, seed, monkeypatch):
+    """From a real loader, and as one takes turns with others; also where that number does not divide the streams."""
+    data = LinkDataset(links, batch_size=3, seed=seed, buffer=6)
+    loader = DataLoader(data, batch_size=None, num_workers=2)
+    assert len(loader) == len(data) and rows_of(loader) == rows_of(data)
+    for workers in (3, 5, 24):
+        each = [batches_of(data, worker, workers, monkeypatch) for worker in range(workers)]
+        turns = [batch for turn in zip_longest(*each) for batch in turn if batch is not None]
+        assert rows_of(turns) == rows_of(data)
+
+
+def test_links_are_read_when_they_are_needed(links, monkeypatch):
+    """Each row is read once, by three workers too; before the first batch no more than a buffer."""
+    reads, read = [], LinkTable.read
+
+    def counted(table, rows):
+        reads.append((table.file.name, rows))
+        return read(table, rows)
+
+    data = LinkDataset(links, batch_size=2, seed=1, buffer=4)
+    monkeypatch.setattr(LinkTable, "read", counted)
+    batches = iter(data)
+    next(batches)
+    assert sum(len(rows) for _, rows in reads) == 4
+    list(batches)
+    assert sum(len(rows) for _, rows in reads) == data.links
+    reads.clear()
+    for worker in range(3):
+        batches_of(data, worker, 3, monkeypatch)
+    assert sum(len(rows) for _, rows in reads) == data.links
+
+
+def test_tables_that_differ_from_their_manifest_are_named(links, tmp_path):
+    """A table of another building, and one of fewer rows than listed."""
+    folder = shutil.copytree(links, tmp_path / "links")
+    shutil.copy(folder / "links" / "a_Tx_1.parquet", folder / "links" / "b_Tx_1.parquet")
+    with pytest.raises(ValueError, match=r"b_Tx_1\.parquet.*(rows|links of 'a')"):
+        list(LinkDataset(folder))
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["units"][0]["rows"] = 0
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(ValueError, match=r"manifest\.json.*rows of links/b_Tx_1\.parquet is 0"):
+        LinkDataset(folder)
 
 
 def test_frames_are_those_of_the_files(shards):

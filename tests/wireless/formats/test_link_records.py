@@ -1,5 +1,7 @@
 """Tables of links and CSV files of estimates: what is written is what is read."""
 
+import gc
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -36,7 +38,7 @@ def test_a_table_gives_back_links_estimates_and_paths(paths, estimates, tmp_path
     """To single precision; places without an estimate hold NaN in the file."""
     write_links(
         tmp_path / "a.parquet",
-        link_table(paths, 1, estimates, CELL, plan="ring", rx_heading_rad=np.arange(3.0)),
+        [link_table(paths, 1, estimates, CELL, plan="ring", rx_heading_rad=np.arange(3.0))],
     )
     table = pq.read_table(tmp_path / "a.parquet")
     assert table.column_names == list(COLUMNS)
@@ -49,6 +51,9 @@ def test_a_table_gives_back_links_estimates_and_paths(paths, estimates, tmp_path
     assert links.rx_position.tolist() == RX.tolist()
     assert links.rx_cell.tolist() == CELL.tolist()
     assert links.rx_heading.tolist() == [0, 1, 2]
+    gc.collect()
+    read_links(tmp_path / "a.parquet")
+    assert gc.collect() == 0  # a reader of thousands of tables would hold their metadata for a while
     assert links.state.tolist() == paths.link_state()[1].tolist()
     assert links.n_paths.tolist() == paths.count()[1].tolist()
     for name, value in vars(estimates).items():

@@ -30,7 +30,7 @@ def folder(tmp_path, extruded, ring):
         )
         file = f"links/{plan}_Tx_{tx + 1}.parquet"
         (tmp_path / "links").mkdir(exist_ok=True)
-        write_links(tmp_path / file, link_table(paths, tx, estimates, np.zeros((2, 2), int), plan=plan))
+        write_links(tmp_path / file, [link_table(paths, tx, estimates, np.zeros((2, 2), int), plan=plan)])
         units.append({"file": file})
     (tmp_path / "manifest.json").write_text(json.dumps({"units": units}))
     return tmp_path
