@@ -33,6 +33,8 @@ from wireless.geometry.tolerance import NEAR_M
 
 #: Steps of the sequence: powers of the number whose cube is itself and one (the plane's golden ratio).
 _STEPS = 0.7548776662466927, 0.5698402909980532
+#: Step along triangles of a patch.
+_GOLDEN = 0.6180339887498949
 #: How far before a patch a mirrored ray starts, so that in single precision it does not meet that patch again [m].
 _LIFT_M = 1e-4
 #: Directions that are tried at each point of an edge.
@@ -289,11 +291,13 @@ def directions(n: int) -> Points:
 
 
 def aimed_at(ground: Ground, point: Point, patch: Int[np.ndarray, " p"], rays: int) -> Points:
-    """Unit vectors from a point to places that fill each patch, its triangles in turn: so many for each."""
-    k = np.arange(rays)
-    triangle = ground.triangle[ground.start[patch, None] + k * np.diff(ground.start)[patch, None] // rays]
-    u, v = (np.modf((k + 1) * step)[0][:, None] for step in _STEPS)
-    u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
+    """Unit vectors from a point to places spread over the triangles of each patch: the first n of one sequence."""
+    k = np.arange(1, rays + 1)
+    share, u, v = (np.modf(k * step)[0] for step in (_GOLDEN, *_STEPS))
+    triangle = ground.triangle[
+        ground.start[patch, None] + (share * np.diff(ground.start)[patch, None]).astype(np.int64)
+    ]
+    u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))[..., None]
     sides = triangle[:, :, 1:] - triangle[:, :, :1]
     away = (triangle[:, :, 0] + u * sides[:, :, 0] + v * sides[:, :, 1] - point).reshape(-1, 3)
     return away / np.maximum(np.linalg.norm(away, axis=1), NEAR_M)[:, None]
