@@ -173,7 +173,7 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class LinkPlan:
-    """A plan or storey with its transmitters; equal if names and plans are equal."""
+    """A plan, storey or scene with its transmitters; equal if names and plans are equal."""
 
     name: str
     """Name of the plan."""
@@ -188,12 +188,13 @@ class LinkPlan:
 
     @classmethod
     def of(cls, plan: Any, transmitters: Float[np.ndarray, "n 3"], n_rx: int) -> "LinkPlan":
-        """A plan or storey with places of transmitters [m] and a number of receivers."""
-        return cls(plan.name, plan.digest(), zlib.compress(cloudpickle.dumps(plan)), transmitters, n_rx)
+        """A plan, storey or scene with places of transmitters [m] and a number of receivers."""
+        digest = plan.digest() if callable(plan.digest) else plan.digest
+        return cls(plan.name, digest, zlib.compress(cloudpickle.dumps(plan)), transmitters, n_rx)
 
     @property
     def plan(self) -> Any:
-        """The plan or storey."""
+        """The plan, storey or scene."""
         return pickle.loads(zlib.decompress(self.packed))
 
 

@@ -119,9 +119,9 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
                 end = min(begin + self._buffer_batches, begins[stream] + turns[stream])
                 rows = range(begin * self._batch_size, min(end * self._batch_size, self.links))
                 buffers[stream] = fill, self._read(order, ends, rows, stream, fill)
-            rows = slice(batch * self._batch_size, (batch + 1) * self._batch_size)
+            chosen = slice(batch * self._batch_size, (batch + 1) * self._batch_size)
             # Clones, since a loader's worker shares the whole memory of a tensor with the process that it sends it to.
-            yield {name: column[rows].clone() for name, column in buffers[stream][1].items()}
+            yield {name: column[chosen].clone() for name, column in buffers[stream][1].items()}
 
     def _rng(self, *key: int) -> np.random.Generator:
         return np.random.default_rng([self._seed or 0, self.epoch, *key])
@@ -148,7 +148,7 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
             "mask": is_path(tokens),
             "state": np.concatenate([links.state.astype(np.int64) for _, links in blocks]),
             "building": np.repeat(
-                *zip(*((number, len(links.state)) for number, links in blocks), strict=True)
+                [number for number, _ in blocks], [len(links.state) for _, links in blocks]
             ),
             "position": np.concatenate([links.position for _, links in blocks]),
             "tx_position": np.concatenate([links.tx_position for _, links in blocks]),

@@ -53,7 +53,6 @@ from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
 from wireless.sounding.sounder import SoundingConfig
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
-from wireless.tracing.mitsuba_scene import MitsubaScene
 
 PATHS, UNITS = "paths.parquet", "units"
 #: Receivers of a unit, as many as the tracer handles at once.
@@ -94,8 +93,7 @@ def trace_grid(
         ]
         done = total - sum(len(txs) * (ends[first] - first) for txs, first in calls)
         report(done, total)
-        digest = plan.digest if isinstance(plan, MitsubaScene) else plan.digest()
-        site = LinkPlan(digest, plan, tx, len(rx))
+        site = LinkPlan.of(plan, tx, len(rx))
         with Workers(workers, cluster, what="links") as pool:
             arguments = [(site, config, txs, rx[first : ends[first]], bodies) for txs, first in calls]
             for number, tables in pool.run(_trace_unit, arguments):
