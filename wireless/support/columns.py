@@ -28,11 +28,12 @@ def parquet_table(
         ValueError: If a column or a row is missing, or there are more rows than any table has.
         Exception: Whatever damage makes its reader raise.
     """
-    # FileMetaData.schema is not used: it makes a cycle of objects, each 100 kB until Python looks for them.
-    parquet = pq.ParquetFile(file)
-    metadata, there = parquet.metadata, parquet.schema_arrow.names
+    metadata = pq.read_metadata(file)
     if metadata.num_rows > _MOST_ROWS or metadata.num_columns > _MOST_COLUMNS:
         raise ValueError(f"it declares {metadata.num_rows} rows and {metadata.num_columns} columns")
+    # FileMetaData.schema is not used: it makes a cycle of objects, each 100 kB until Python looks for them.
+    parquet = pq.ParquetFile(file, metadata=metadata)
+    there = parquet.schema_arrow.names
     if missing := [name for name in names or () if name not in there]:
         raise ValueError(f"column {missing[0]} is missing; there are {', '.join(there[:20])}")
     if filters is not None:
