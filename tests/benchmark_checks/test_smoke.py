@@ -276,7 +276,7 @@ def test_map_errors_of_a_peer_that_is_1_db_stronger(tmp_path, monkeypatch):
     """It has an error of 1 dB; more points of a cell leave less, a map of all orders reaches all cells."""
 
     def peer(cells, python, samples):
-        dense, _ = map_errors.own_powers(cells, map_errors.config_of(4, 100), map_errors.DENSE)
+        dense, _ = map_errors.own_powers(cells, tracer_peer.specular(4, 100), map_errors.DENSE)
         return {"version": "2", "gain_1000": 10**0.1 * dense.mean(axis=2), "cpu_s_1000": 1.0}
 
     monkeypatch.setattr(map_errors, "ask_peer", peer)

@@ -27,7 +27,16 @@ from robosim.building.building import BuildingConfig, make_building
 from robosim.building.mesh_export import export_mitsuba
 from tests.benchmarks.harness import DEFAULT, Options, console, free_places, plans_of
 from tests.benchmarks.results import Results
-from tests.benchmarks.tracer_peer import ALL, FIND_SCENES, FREQUENCY_HZ, HEIGHT_M, MATERIALS, SCENE_HZ, TX_M
+from tests.benchmarks.tracer_peer import (
+    ALL,
+    FREQUENCY_HZ,
+    HEIGHT_M,
+    MATERIALS,
+    SCENE_HZ,
+    TX_M,
+    find_scenes,
+    specular,
+)
 from wireless.geometry.array_types import Point, Points
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -98,19 +107,15 @@ def main(
         options: Of every benchmark.
     """
     results = Results()
-    try:
-        scenes = subprocess.run(
-            [python, "-c", FIND_SCENES], capture_output=True, text=True, check=True
-        ).stdout
-    except (OSError, subprocess.CalledProcessError):
-        console.print(f"map_errors is skipped: {python} has no Sionna RT. Give --python one that has.")
+    scenes = find_scenes(python, "map_errors")
+    if scenes is None:
         return results
     with tempfile.TemporaryDirectory() as folder:
         places = [
             of_plan(plan, cell_m, options.seed, Path(folder) / str(i))
             for i, plan in enumerate(plans_of(plans))
         ]
-        munich = Path(scenes.strip()) / "munich" / "munich.xml"
+        munich = scenes / "munich" / "munich.xml"
         for cells in [*places, *([_of_munich(munich)] if munich.exists() else [])]:
             measure(cells, python, samples, results)
     results.figures["map_errors"] = draw(results)
@@ -119,7 +124,7 @@ def main(
 
 def measure(cells: Cells, python: str, samples: tuple[int, ...], results: Results) -> None:
     """Errors and CPU times of all maps of a scene."""
-    complete = config_of(ORDER, ALL)
+    complete = specular(ORDER, ALL)
     dense, _ = own_powers(cells, complete, DENSE)
     truth, middle, inside = dense.mean(axis=2), dense[..., DENSE**2 // 2], _inside(cells)
     wanted = inside & (dense > 0).all(axis=2)
@@ -127,15 +132,15 @@ def measure(cells: Cells, python: str, samples: tuple[int, ...], results: Result
     console.print(f"{cells.name}: {wanted.sum()} cells; {partly.sum()} that are reached in part are left out")
     rows: list[tuple[str, Float[np.ndarray, "ny nx"], float]] = []
     for order in range(1, ORDER + 1):
-        rows.append((f"all paths, order {order}", *_map(cells, config_of(order, ALL), 1)))
+        rows.append((f"all paths, order {order}", *_map(cells, specular(order, ALL), 1)))
     for paths in (1, 5, 25, 200):
-        rows.append((f"{paths} paths, order {ORDER}", *_map(cells, config_of(ORDER, paths), 1)))
+        rows.append((f"{paths} paths, order {ORDER}", *_map(cells, specular(ORDER, paths), 1)))
     for side in (2, 3):
         rows.append((f"all paths, order {ORDER}, {side**2} points", *_map(cells, complete, side)))
-    found = ask_peer(cells, python, samples)
+    peer = ask_peer(cells, python, samples)
     for count in samples:
-        name = f"Sionna RT {found['version']}, {count:.0e} samples".replace("e+0", "e")
-        rows.append((name, found[f"gain_{count}"], float(found[f"cpu_s_{count}"])))
+        name = f"Sionna RT {peer['version']}, {count:.0e} samples".replace("e+0", "e")
+        rows.append((name, peer[f"gain_{count}"], float(peer[f"cpu_s_{count}"])))
     for name, gain, seconds in rows:
         error, at_middle = _error_db(gain, truth, wanted), _error_db(gain, middle, wanted)
         results.add(cells.name, name, "CPU", seconds, "s", cases=int(wanted.sum()))
@@ -184,13 +189,6 @@ def _map(cells: Cells, config: TracerConfig, per_side: int) -> tuple[Float[np.nd
     return power.mean(axis=2), seconds
 
 
-def config_of(order: int, paths: int) -> TracerConfig:
-    """Specular paths in a building or a street, without transmission."""
-    return TracerConfig(
-        max_reflections=order, max_paths=paths, floor_ceiling=True, diffraction=False, max_transmissions=0
-    )
-
-
 def of_plan(plan: Any, cell_m: float, seed: int, folder: Path) -> Cells:
     """A storey of half-spaces, which both programs know."""
     building = make_building(plan, config=BuildingConfig(height_m=HEIGHT_M, **MATERIALS))
@@ -210,7 +208,7 @@ def of_plan(plan: Any, cell_m: float, seed: int, folder: Path) -> Cells:
         free=building.free,
     )
     options = [replace(cells, tx=np.array([*place, TX_M])) for place in places]
-    return max(options, key=lambda option: int((_map(option, config_of(1, 1), 1)[0] > 0).sum()))
+    return max(options, key=lambda option: int((_map(option, specular(1, 1), 1)[0] > 0).sum()))
 
 
 def _of_munich(scene: Path) -> Cells:

@@ -9,7 +9,6 @@ Reference: Sionna RT (Aoudia et al., arXiv:2504.21719).
 
 import subprocess
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,18 +68,31 @@ def main(
         options: Of every benchmark.
     """
     results = Results()
-    try:
-        scenes = subprocess.run(
-            [python, "-c", FIND_SCENES], capture_output=True, text=True, check=True
-        ).stdout
-    except (OSError, subprocess.CalledProcessError):
-        console.print(f"tracer_peer is skipped: {python} has no Sionna RT. Give --python one that has.")
+    scenes = find_scenes(python, "tracer_peer")
+    if scenes is None:
         return results
     for plan in plans_of(plans):
         measure(plan, python, receivers, order, options.seed, results)
-    for scene in sorted(Path(scenes.strip()).glob("*/*.xml")):
+    for scene in sorted(scenes.glob("*/*.xml")):
         measure_scene(scene, python, receivers, options.seed, results)
     return options.finish("tracer_peer", results)
+
+
+def find_scenes(python: str, benchmark: str) -> Path | None:
+    """Folder of the scenes of Sionna RT; None, with a line that the benchmark is skipped, if a Python has none."""
+    try:
+        run = subprocess.run([python, "-c", FIND_SCENES], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        console.print(f"{benchmark} is skipped: {python} has no Sionna RT. Give --python one that has.")
+        return None
+    return Path(run.stdout.strip())
+
+
+def specular(order: int, paths: int) -> TracerConfig:
+    """Lines of sight and reflections on all surfaces, at most so many paths of a link."""
+    return TracerConfig(
+        max_reflections=order, max_paths=paths, floor_ceiling=True, diffraction=False, max_transmissions=0
+    )
 
 
 def measure(plan: FloorPlan, python: str, receivers: int, order: int, seed: int, results: Results) -> None:
@@ -89,9 +101,8 @@ def measure(plan: FloorPlan, python: str, receivers: int, order: int, seed: int,
     place = free_places(building.free, 1 + receivers, np.random.default_rng(seed))
     tx = np.array([[*place[0], TX_M]])
     rx = np.column_stack([place[1:], np.full(receivers, RX_M)])
-    specular = TracerConfig(max_reflections=order, floor_ceiling=True, diffraction=False, max_transmissions=0)
     tracers = {
-        count: Tracer(building, frequency_hz=FREQUENCY_HZ, config=replace(specular, max_paths=count))
+        count: Tracer(building, frequency_hz=FREQUENCY_HZ, config=specular(order, count))
         for count in (25, ALL)
     }
     trace = {
@@ -130,9 +141,7 @@ def measure(plan: FloorPlan, python: str, receivers: int, order: int, seed: int,
 
 def measure_scene(scene: Path, python: str, receivers: int, seed: int, results: Results) -> None:
     """Lines of sight and first reflections of a shipped scene, by both programs."""
-    config = TracerConfig(
-        max_reflections=1, floor_ceiling=True, diffraction=False, max_transmissions=0, max_paths=ALL
-    )
+    config = specular(1, ALL)
     mesh = read_mitsuba(scene).mesh
     places = scene_places(mesh.bounds, TRIED + receivers, np.random.default_rng(seed))
     rx = places[TRIED:]
