@@ -224,9 +224,8 @@ def _parts_of_outline(plan: FloorPlan, free: shapely.Geometry, hull: Hull) -> In
     inner = _on(plan, plan.free, free.buffer(-hull.inner_m))
     open_floor = inner & _on(plan, inner, free.buffer(-hull.turning_m))  # there it fits at every heading
     node, n_open = ndimage.label(open_floor)
-    starts = np.flatnonzero(
-        np.diff(np.maximum.accumulate(node.ravel()), prepend=0)
-    )  # numbers rise by first cells
+    # Pieces are numbered in the order of their first cells.
+    starts = np.flatnonzero(np.diff(np.maximum.accumulate(node.ravel()), prepend=0))
     n_cells = np.bincount(node.ravel())
     # Pieces of open floor are nodes of a graph, and each tight cell is one, at each heading.
     is_tight = inner & ~open_floor

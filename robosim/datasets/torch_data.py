@@ -101,9 +101,7 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
         worker = get_worker_info()
         first, step = (worker.id, worker.num_workers) if worker else (0, 1)
         streams = 1 if self._seed is None else _STREAMS
-        order = (
-            np.arange(len(self._tables)) if self._seed is None else self._rng().permutation(len(self._tables))
-        )
+        order = self._order(len(self._tables))
         ends = np.cumsum([self._tables[table].rows for table in order])
         # Streams have as many batches as turns; the one of the last batch has the last rows, which may be fewer.
         places = (np.arange(streams) - len(self)) % streams
@@ -123,8 +121,11 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
             # Clones, since a loader's worker shares the whole memory of a tensor with the process that it sends it to.
             yield {name: column[chosen].clone() for name, column in buffers[stream][1].items()}
 
-    def _rng(self, *key: int) -> np.random.Generator:
-        return np.random.default_rng([self._seed or 0, self.epoch, *key])
+    def _order(self, count: int, *key: int) -> Int[np.ndarray, " n"]:
+        """Numbers from 0, in an order of the seed, the epoch and a key; rising without a seed."""
+        if self._seed is None:
+            return np.arange(count)
+        return np.random.default_rng([self._seed, self.epoch, *key]).permutation(count)
 
     def _read(
         self, order: Int[np.ndarray, " n"], ends: Int[np.ndarray, " n"], rows: range, *key: int
@@ -142,7 +143,7 @@ class LinkDataset(IterableDataset[dict[str, Tensor]]):
                 )
             blocks.append((self.buildings.index(table.building), links))
         tokens = np.concatenate([links.tokens for _, links in blocks])
-        shuffled = np.arange(len(tokens)) if self._seed is None else self._rng(*key).permutation(len(tokens))
+        shuffled = self._order(len(tokens), *key)
         columns = {
             "paths": np.nan_to_num(tokens[..., [COLUMNS.index(name) for name in self.columns]]),
             "mask": is_path(tokens),

@@ -222,7 +222,8 @@ def _uncovered(
         if m >= 0:
             cover = find_cover(space.tree, work.layout.point, m)
             free[j] = cover < 0
-            edges.cover[q] = cover if cover >= 0 else edges.cover[q]
+            if cover >= 0:
+                edges.cover[q] = cover
     return free
 
 
