@@ -136,7 +136,7 @@ def make(out: Path, homes: int, tx: int, grid: float, *work: str) -> subprocess.
 
 
 def make_alone(folder: Path, homes: int, tx: int, grid: float) -> Path:
-    """The same data set by one process."""
+    """Make the data set with one process; returns its folder."""
     out = folder / "alone"
     if make(out, homes, tx, grid, "--workers", "1").wait():
         raise ValueError("the data set could not be made by one process")

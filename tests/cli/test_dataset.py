@@ -162,7 +162,7 @@ def test_blocks_of_links_make_the_table_of_all_links(tmp_path, monkeypatch):
 
 
 def test_buildings_of_earlier_units_are_released(tmp_path):
-    """Of five buildings at most that of the last unit and the one before, though Python does not look for cycles."""
+    """At most two of five buildings stay in memory, those of the last two units, without a search for cycles."""
     rooms = [room(width_m=4.0 + n, name=f"room{n}") for n in range(5)]
     gc.collect()
     gc.disable()

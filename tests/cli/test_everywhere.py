@@ -143,7 +143,7 @@ def test_traced_links_as_json(plan_file, tmp_path, capsys):
 
 @pytest.mark.usefixtures("in_process")
 def test_a_data_set_as_json(plan_file, tmp_path, capsys):
-    """The same as in manifest.json, but for the number of units in their place, and how long it took."""
+    """Entries of manifest.json, with the number of units in their place, and the time that the run took."""
     printed = answer(f"dataset {plan_file} --tx-per-plan 1 --grid 1 --workers 1 --out {tmp_path}", capsys)
     stored = json.loads((tmp_path / "manifest.json").read_text())
     assert printed["units"] == len(stored.pop("units"))

@@ -100,12 +100,12 @@ def test_a_data_set_is_the_same_of_one_process_two_and_a_cluster(tmp_path, clust
 
 def test_a_scheduler_holds_no_more_than_running_calls(cluster):
     """Two for each worker, of a hundred, whatever the caller has received; none after an error."""
-    most = 0
+    peak = 0
     with Workers(1, cluster.scheduler_address) as pool:
         for number, result in pool.run(bytes, ((n,) for n in range(100))):
             assert result == bytes(number)
-            most = max(most, len(cluster.scheduler.tasks))
-    assert 2 <= most <= 5
+            peak = max(peak, len(cluster.scheduler.tasks))
+    assert 2 <= peak <= 5
     with pytest.raises(ZeroDivisionError), Workers(1, cluster.scheduler_address) as pool:
         list(pool.run(divmod, ((1, n) for n in range(9, -1, -1))))
     end = time.monotonic() + 60
