@@ -43,15 +43,14 @@ class SurfaceGrid:
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows before the old."""
-        old_iy, old_ix = self._cell[: self._used].T
-        self._cell += np.array([below, left], np.int32)
-        iy, ix = self._cell[: self._used].T
+        cells = self._cell[: self._used]
+        fronts = self.front_m[tuple(cells.T)] if self._fronts else None
+        cells += np.array([below, left], np.int32)
         self._row, self.frame = zeros(frame.shape, np.int32), frame
-        self._row[iy, ix] = np.arange(1, self._used + 1, dtype=np.int32)
-        if self._fronts:
-            fronts = self.front_m[old_iy, old_ix]
+        self._row[tuple(cells.T)] = np.arange(1, self._used + 1, dtype=np.int32)
+        if fronts is not None:
             self.front_m = zeros((*frame.shape, 2), np.float32)
-            self.front_m[iy, ix] = fronts
+            self.front_m[tuple(cells.T)] = fronts
 
     def make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
         """Grow until points (x, y) [m] lie inside."""
