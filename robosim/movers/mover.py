@@ -18,7 +18,7 @@ from robosim.support.checks import Range, checked
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Body:
-    """A moving body; by default a person, with the mean of half breadth and half depth of the body."""
+    """A moving body. The default radius is the mean of half the breadth and half the depth of a person."""
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.17
     """Radius of the cylinder that stops a robot [m]."""

@@ -3,7 +3,7 @@
 MSI: `GAIN` in dBd, or with its unit dBi or dBd; `HORIZONTAL n` and `VERTICAL n`, each followed by n lines of angle
 [degrees] and attenuation [dB]. Horizontal angles count clockwise from ahead as seen from above, vertical ones from the
 horizon ahead downwards. Other lines, such as the electrical tilt, which the cuts contain, are ignored. Cuts are summed
-in decibels, so that both are met exactly: at azimuth a in [-180, 180] and elevation e, the attenuation is
+in decibels, and the pattern equals each cut on it: at azimuth a in [-180, 180] and elevation e, the attenuation is
 
     H(a) + (1 - |a| / 180) (V(e) - H(0)) + |a| / 180 (V(180 - e) - H(180)).
 

@@ -9,7 +9,7 @@ from slam.matching.surfaces import SurfaceGrid
 
 @pytest.mark.parametrize(("left", "below"), [(0, 0), (7, 0), (0, 9), (7, 9), (30, 40)])
 def test_grown_surfaces_keep_their_places_and_fronts(left, below):
-    """Wherever cells are added, a surface begins where it did, and none appears elsewhere."""
+    """Wherever cells are added, a surface begins where it did, and no other cell gets any."""
     frame = GridFrame(origin_xy=(0.0, 0.0), shape=(20, 30))
     rng = np.random.default_rng(0)
     angle = rng.uniform(-np.pi, np.pi, 40)
