@@ -24,7 +24,7 @@ def test_large_buildings_close_the_outside_and_draw_six_tasks_of_a_floor(tmp_pat
     rooms = np.zeros(free.shape, int)
     rooms[4:44, 4:84] = 1
     write_floor(tmp_path, free, rooms)
-    large_buildings.main(tmp_path, options=Options(out=tmp_path / "large"))
+    large_buildings.main(tmp_path, count=0, options=Options(out=tmp_path / "large"))
     suite = read_suite(tmp_path / "large" / "campus.yaml")
     plan = read_plan(suite.plans["hall"])
     rows, columns = np.nonzero(plan.free)
@@ -35,7 +35,7 @@ def test_large_buildings_close_the_outside_and_draw_six_tasks_of_a_floor(tmp_pat
 
 def test_campus_tasks_are_those_that_were_published(shared, tmp_path, in_process):
     """First tasks of two floors, by the description of the floors; angles rounded as there."""
-    large_buildings.main(shared / "maps" / "kth", options=Options(out=tmp_path))
+    large_buildings.main(shared / "maps" / "kth", count=0, options=Options(out=tmp_path))
     first = {task.plan: task for task in read_suite(tmp_path / "campus.yaml").tasks if task.number == 0}
     assert len(first) == 7
     for name, start, target in (
@@ -43,6 +43,18 @@ def test_campus_tasks_are_those_that_were_published(shared, tmp_path, in_process
         ("50052749", (9.225, 25.475, 95.82), (18.625, 5.525)),
     ):
         assert first[name].start == pytest.approx(start) and first[name].target == pytest.approx(target)
+
+
+def test_large_buildings_have_three_tasks_in_each_generated_building(tmp_path, in_process, monkeypatch):
+    """A building of two styles, of seeds that follow each other."""
+    monkeypatch.setattr(large_buildings, "LARGE_STYLES", ("school", "hall"))
+    free = np.pad(np.ones((40, 80), bool), 2)
+    write_floor(tmp_path, free, free)
+    large_buildings.main(tmp_path, count=1, options=Options(out=tmp_path / "large"))
+    suite = read_suite(tmp_path / "large" / "generated.yaml")
+    assert set(suite.plans) == {"school-40000000", "hall-40000001"}
+    assert len(suite.tasks) == 6
+    assert read_plan(suite.plans["hall-40000001"]).free.sum() * 0.05**2 > 700
 
 
 def test_large_buildings_without_floors_is_an_error(tmp_path):
