@@ -127,9 +127,9 @@ def generate(
     *,
     seed: Annotated[int, SEED] = 0,
     count: Annotated[int, Range(1, 100_000, "plans")] = 1,
-    style: Literal["home", "office"] = "home",
-    area_m2: Annotated[float | None, Range(4, 2000, "m2")] = None,
-    rooms: Annotated[int | None, Range(1, 100, "rooms")] = None,
+    style: Literal["home", "office", "campus", "school", "hospital", "hall"] = "home",
+    area_m2: Annotated[float | None, Range(4, 5000, "m2")] = None,
+    rooms: Annotated[int | None, Range(1, 400, "rooms")] = None,
     heights: bool = False,
     navigable: bool = False,
     out: Path | None = None,
@@ -144,9 +144,10 @@ def generate(
     Args:
         seed: Seed of the first plan; the others count up from it.
         count: Number of plans.
-        style: Kind of building.
+        style: Kind of building. Campus (offices), school, hospital and hall have 1,000 to 5,000 m2, with several
+            corridors or great halls.
         area_m2: Floor area of all rooms together [m2]; by default drawn from the seed.
-        rooms: Number of rooms, corridors included; by default drawn from the seed.
+        rooms: Number of rooms of a home or an office, corridors included; by default drawn from the seed.
         heights: Whether furniture has its true height, instead of cells up to the ceiling.
         navigable: Whether to write the area navigable for a robot of 0.1 m, like the published grids.
         out: Output folder; by default a new one under runs/.

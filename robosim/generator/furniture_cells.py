@@ -54,8 +54,8 @@ def structure(kind: str) -> list[Entry]:
 
 
 def movables(kind: str) -> list[Entry]:
-    """The entries that are not part of the building."""
-    return _BY_KIND[kind] + _SMALL
+    """The entries that are not part of the building; halls have no small ones."""
+    return _BY_KIND[kind] + (_SMALL if kind != "great hall" else [])
 
 
 def turn(angle: float) -> Float[np.ndarray, "2 2"]:
@@ -225,6 +225,12 @@ _BY_KIND = {
         Entry("shelf", "wall", per_10_m2=1),
         Entry("column", "free", per_10_m2=0.33),
     ],
+    "classroom": [
+        Entry("desks", "free", per_10_m2=1.6),
+        Entry("sideboard", "wall", each=1),
+        Entry("shelf", "wall", per_10_m2=0.5),
+    ],
+    "great hall": [Entry("island", "free", per_10_m2=0.5), Entry("shelf", "wall", per_10_m2=0.5)],
 }
 
 
@@ -273,8 +279,9 @@ class Space:
         self._free = canvas.free[self._window]  # a view: cells made solid here are so on the canvas
         self._region = canvas.cells(floors, self._window) & self._free
         self._doorways = canvas.cells(thresholds, self._window)
-        self._gates = [canvas.cells([hole], self._window) & self._free for hole in holes]
-        self._places = fits(self._free, self._radius) & np.logical_or.reduce([self._region, *self._gates])
+        gates = [canvas.cells([hole], self._window) & self._free for hole in holes]
+        self._gates = [np.flatnonzero(gate) for gate in gates]
+        self._places = fits(self._free, self._radius) & np.logical_or.reduce([self._region, *gates])
         self._n_parts = _parts(self._places)[0]
         self._least_places = LEAST_SHARE * self._places.sum()
 
@@ -315,7 +322,7 @@ class Space:
         n_parts, parts = _parts(places)
         if n_parts > self._n_parts or places.sum() < max(self._least_places, 1):
             return False
-        through = [set(parts[gate & places].tolist()) for gate in self._gates]
+        through = [set(parts.ravel()[gate].tolist()) - {0} for gate in self._gates]
         return all(through) and len(set().union(*through)) <= 1
 
 

@@ -1,6 +1,6 @@
 """Floor plans of generated buildings, from a seed.
 
-Size and number of rooms are drawn from distributions fitted to scanned homes, rooms are laid out and
+Size and number of rooms of homes are drawn from distributions fitted to scanned ones, rooms are laid out and
 furnished, the whole is turned by an angle and put on a grid. Places that no robot can enter are closed at the end,
 so that the free space is connected, also for the centre of the robot's hull. Furniture is cells, or with
 ``heights=True`` meshes of true height (`FloorPlan.furnishings`), which leave the same passages.
@@ -22,6 +22,7 @@ from robosim.generator.furniture_cells import furnish, structure
 from robosim.generator.layout import Layout, lay_out
 from robosim.generator.place_groups import place_pieces
 from robosim.generator.subdivision import STYLES
+from robosim.generator.wings import AREA_M2, LARGE_STYLES
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.support.checks import SEED, Range, check_choice, check_number, checked
 
@@ -33,17 +34,21 @@ OUTER_WALL_M = 0.25
 RASTER_M = 0.06
 
 
+_STYLES = {**STYLES, **LARGE_STYLES}
+
+
 @dataclass(frozen=True, kw_only=True)
 @checked
 class GeneratorConfig:
     """Kind of a generated building. Values of None are drawn from the seed."""
 
-    style: Literal["home", "office"] = "home"
-    """Home, or office: larger, with wide corridors and desks."""
-    area_m2: Annotated[float | None, Range(4, 2000, "m2")] = None
+    style: Literal["home", "office", "campus", "school", "hospital", "hall"] = "home"
+    """Home, or office: larger, with a wide corridor and desks. Campus (offices), school, hospital and hall: 1,000 to
+    5,000 m2 along several corridors."""
+    area_m2: Annotated[float | None, Range(4, 5000, "m2")] = None
     """Floor area of all rooms together, before furniture [m2]."""
-    rooms: Annotated[int | None, Range(1, 100)] = None
-    """Number of rooms, corridors included."""
+    rooms: Annotated[int | None, Range(1, 400)] = None
+    """Number of rooms, corridors included; for homes and offices only: large buildings have as many as fit."""
     furniture: Annotated[float | None, Range(0, 5)] = None
     """Share of the usual furniture: 0 for an empty building, 1 for the usual, 2 for a crowded one."""
     rotation_deg: Annotated[float | None, Range(-360, 360, "degrees")] = None
@@ -61,7 +66,14 @@ class GeneratorConfig:
     """Free is where an agent of 0.1 m radius may stand, as in the published grids, rather than all floor."""
 
     def __post_init__(self) -> None:
-        check_choice("style", self.style, STYLES)
+        check_choice("style", self.style, _STYLES)
+        if self.style in LARGE_STYLES:
+            if self.area_m2 is not None:
+                check_number(f"area_m2 of style {self.style}", self.area_m2, *AREA_M2, "m2")
+            if self.rooms is not None:
+                raise ValueError(
+                    f"rooms is {self.rooms}, but style {self.style} has as many rooms as fit. Set area_m2 instead."
+                )
         if self.heights and self.navigable:
             raise ValueError(
                 "heights is True and navigable too, expected one of them: a navigable area is one for all heights."
@@ -90,7 +102,7 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     check_number("seed", seed, *SEED, whole=True)
     rng = np.random.default_rng(seed)
     area_m2, rooms, furniture, yaw = _draft(rng, config)
-    style = STYLES[config.style]
+    style = _STYLES[config.style]
     layout = lay_out(rng, area_m2=area_m2, rooms=rooms, door_m=config.door_width_m, style=style)
     canvas = Canvas(layout.bounds(), yaw, config.resolution_m)
     _paint(canvas, layout)
@@ -114,7 +126,9 @@ def _draft(rng: np.random.Generator, config: GeneratorConfig) -> tuple[float, in
         rng.random(),
         rng.random(),
     )
-    if config.style == "office":
+    if config.style in LARGE_STYLES:
+        area_m2, typical_m2 = AREA_M2[0] * (AREA_M2[1] / AREA_M2[0]) ** size, 18.0
+    elif config.style == "office":
         area_m2, typical_m2 = 120 + 280 * size, 18.0
     else:
         area_m2, typical_m2 = 76 * (-np.log1p(-np.clip(size, 0.01, 0.98))) ** (1 / 2.3), 12.0

@@ -21,6 +21,7 @@ from robosim.generator.subdivision import (
     shared_walls,
     to_area,
 )
+from robosim.generator.wings import LargeStyle, cut_wings, draw_posts
 
 
 def draw_recesses(
@@ -95,7 +96,7 @@ def draw_wedges(
 #: Least length of wall next to a door [m].
 JAMB_M = 0.08
 #: Kinds of room that are often one open space.
-SOCIAL = {"living", "dining", "kitchen", "hall", "open office"}
+SOCIAL = {"living", "dining", "kitchen", "hall", "open office", "great hall"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +144,7 @@ class Layout:
     recesses: list[tuple[int, Polygon]]
     """Alcoves and bays: the room that they widen, and their floor."""
     wedges: list[tuple[int, Polygon]]
-    """Solid wedges with a slanted side: the room that they narrow, and their plan."""
+    """Solid wedges with a slanted side, and posts: the room that they narrow, and their plan."""
 
     def bounds(self) -> Rect:
         """Around all floor."""
@@ -159,12 +160,18 @@ def lay_out(
     """Draw the rooms of a building at random.
 
     `area_m2` is the floor of all rooms without bays, before furniture. There are fewer `rooms`, which include
-    corridors, if the area is too small. `door_m` are least and largest clear widths.
+    corridors, if the area is too small; in a large building their number follows from their uses. `door_m` are least
+    and largest clear widths.
     """
-    spare = round(rng.uniform(0, style.left_out) * rooms) if rooms > 2 else 0
-    cells, is_hall = cut(rng, area_m2, rooms + spare, style)
-    rest = leave_out(rng, cells, is_hall, spare)
-    cells, is_hall = [cells[i] for i in rest], [is_hall[i] for i in rest]
+    uses: list[str] = []
+    if isinstance(style, LargeStyle):
+        cells, uses = cut_wings(rng, area_m2, style)
+        is_hall = [use == "hall" for use in uses]
+    else:
+        spare = round(rng.uniform(0, style.left_out) * rooms) if rooms > 2 else 0
+        cells, is_hall = cut(rng, area_m2, rooms + spare, style)
+        rest = leave_out(rng, cells, is_hall, spare)
+        cells, is_hall = [cells[i] for i in rest], [is_hall[i] for i in rest]
     wall_m = rng.uniform(0.1, 0.2)
     cells = to_area(cells, area_m2, wall_m)
     door_and_jambs_m = door_m[1] + wall_m + 2 * JAMB_M
@@ -172,18 +179,21 @@ def lay_out(
     cells, is_hall = [cells[i] for i in rest], [is_hall[i] for i in rest]
     walls = shared_walls(cells, door_and_jambs_m)
     floors = [cell.grown(-wall_m / 2) for cell in cells]
-    kinds = _kinds(rng, floors, is_hall, walls, office=style is OFFICE)
+    kinds = [uses[i] for i in rest] if uses else _kinds(rng, floors, is_hall, walls, office=style is OFFICE)
     openings = [
         _opening(rng, pair, wall, wall_m, door_m, wide=wide)
         for pair, wall, wide in _joints(rng, kinds, walls, style)
     ]
     recesses = draw_recesses(rng, floors, wall_m, style)
     doorways = [(i, opening.threshold(0.7)) for opening in openings for i in opening.rooms]
+    wedges = draw_wedges(rng, floors, doorways, recesses, style)
+    if uses:
+        wedges += [(i, post) for i, floor in enumerate(floors) for post in draw_posts(rng, floor)]
     return Layout(
         rooms=[Room(floor=floor, kind=kind) for floor, kind in zip(floors, kinds, strict=True)],
         openings=openings,
         recesses=recesses,
-        wedges=draw_wedges(rng, floors, doorways, recesses, style),
+        wedges=wedges,
     )
 
 
@@ -246,11 +256,11 @@ def _joints(
     chosen = []
     for a, b in sorted(cost, key=lambda pair: cost[pair]):
         tree = group[a] != group[b]
-        both_social = {kinds[a], kinds[b]} <= SOCIAL
+        both_social, are_corridors = {kinds[a], kinds[b]} <= SOCIAL, kinds[a] == kinds[b] == "hall"
         extra = rng.random() < style.loops * (2 if both_social else 1)
         wide = both_social and rng.random() < style.open_plan
-        if tree or extra:
-            chosen.append(((a, b), neighbours[a, b], wide))
+        if tree or extra or are_corridors:
+            chosen.append(((a, b), neighbours[a, b], wide or are_corridors))
             group = [group[a] if g == group[b] else g for g in group]
     return chosen
 

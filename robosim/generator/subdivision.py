@@ -22,9 +22,9 @@ from robosim.generator.canvas import Rect
 class Style:
     """Layout and furniture of a kind of building."""
 
-    aspect: tuple[float, float]
+    aspect: tuple[float, float] = (1.0, 1.0)
     """Long over short side of the building, least and most."""
-    corridor_chance: float
+    corridor_chance: float = 1.0
     """Chance that a building of four rooms or more has a corridor."""
     corridor_m: tuple[float, float]
     """Width of corridors."""
@@ -32,15 +32,15 @@ class Style:
     """Smallest side of a room, between wall axes."""
     uneven: float
     """Spread of room sizes: standard deviation of their logarithm."""
-    left_out: float
+    left_out: float = 0.0
     """Largest share of pieces that are no rooms."""
     loops: float
     """Chance of a second door where two rooms are neighbours."""
     open_plan: float
     """Chance that two social rooms share a wide opening instead of a door."""
-    recess: float
+    recess: float = 0.0
     """Chance of an alcove or bay, for each free side of a room."""
-    slanted: float
+    slanted: float = 0.0
     """Chance of a slanted wall, for each room."""
     crowding: float
     """Number of pieces of the usual furniture, relative to the lists of pieces."""
@@ -131,16 +131,16 @@ def _halves(rng: np.random.Generator, piece: Rect, narrowest_m: float) -> list[R
 def leave_out(rng: np.random.Generator, cells: list[Rect], is_hall: list[bool], n: int) -> list[int]:
     """Drop up to n pieces so that the others stay connected; returns the remaining ones."""
     rest = list(range(len(cells)))
-    touching = shared_walls(cells, 1.0)
-    for i in rng.permutation(len(cells)):
-        candidate = [k for k in rest if k != i]
-        links = [pair for pair in touching if set(pair) <= set(candidate)]
+    touching = list(shared_walls(cells, 1.0))
+    for i in rng.permutation(len(cells)).tolist():
+        links = [pair for pair in touching if i not in pair]
         if (
             len(rest) + n > len(cells)
             and not is_hall[i]
-            and len(largest_connected(links, len(cells))) == len(candidate)
+            and len(largest_connected(links, len(cells))) == len(rest) - 1
         ):
-            rest = candidate
+            rest.remove(i)
+            touching = links
     return rest
 
 

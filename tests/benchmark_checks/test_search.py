@@ -7,7 +7,8 @@ from robosim.building.building import BuildingConfig
 from robosim.evaluation.suite import Suite
 from robosim.plans.files import write_ros
 from tests import stored_episodes
-from tests.benchmarks.search import EXPLORED, progress
+from tests.benchmarks.results import Results
+from tests.benchmarks.search import EXPLORED, add_spl_ratios, progress
 from tests.plans import room
 from tests.steps import write_episode
 from wireless.paths import LinkState
@@ -62,3 +63,18 @@ def test_only_what_was_followed_counts_and_exploring_is_listed(counted):
     found = count()
     assert set(found) == {EXPLORED}
     assert len(found[EXPLORED]) == STEPS
+
+
+def test_add_spl_ratios_divides_means_of_common_tasks():
+    """0.4 and 0.6 over 0.8 and 1.0 is 5/9; a task without `shortest` does not count."""
+    rows = [
+        {"policy": policy, "plan": "hall", "task": task, "difficulty": "easy", "spl": spl}
+        for policy, scores in {"snr": (0.4, 0.6, 0.1), "shortest": (0.8, 1.0)}.items()
+        for task, spl in enumerate(scores)
+    ]
+    results = Results()
+    add_spl_ratios(rows, results)
+    assert {row["name"] for row in results.rows} == {"all", "easy"}
+    assert [row["value"] for row in results.rows] == pytest.approx([5 / 9] * 2)
+    low, high = results.rows[0]["spread"]
+    assert low == pytest.approx(0.5) and high == pytest.approx(0.6)

@@ -72,7 +72,7 @@ def main(
         steps: Steps of a run.
         options: Of every benchmark.
     """
-    names = floors or tuple(sorted(path.name[:-8] for path in folder.glob("*_occ.png")))
+    names = floors or floor_names(folder)
     rows = (PUBLISHED, *explorers)
     units = {
         f"{row}, {name}, {start}": (row, folder, name, start, steps)
@@ -139,20 +139,36 @@ class Floor(NamedTuple):
 
 def read_floor(folder: Path, name: str) -> Floor:
     """Read a floor from pictures of 0.05 m per pixel; a cell of four pixels with any wall is a wall."""
-    occupied, rooms = (
-        np.asarray(cv2.imread(str(folder / f"{name}_{part}.png"), cv2.IMREAD_GRAYSCALE))
-        for part in ("occ", "rooms")
-    )
-    drawn, rooms = _halved(np.equal(occupied, 0)), _halved(np.greater(rooms, 0))
-    # The outside is what is free and connected to the border, unless the outline leaks into rooms.
-    free = np.pad(~drawn, 1, constant_values=True).astype(np.uint8)
-    part = cv2.connectedComponents(free, connectivity=4)[1]
-    outside = (part == part[0, 0])[1:-1, 1:-1]
-    wall = drawn | outside if (outside & rooms).mean() <= 0.01 else drawn
+    drawn, rooms = (_halved(mask) for mask in read_pictures(folder, name))
+    wall = drawn | outside_of(drawn, rooms)
     starts = STARTS.get(name) or _corners(rooms & ~wall)
     wall, drawn, rooms = (np.ascontiguousarray(mask[::-1]) for mask in (wall, drawn, rooms))
     upwards = tuple((len(wall) - 1 - row, column) for row, column in starts)
     return Floor(wall=wall, drawn=drawn, rooms=rooms, starts=upwards)
+
+
+def floor_names(folder: Path) -> tuple[str, ...]:
+    """Names of the floors of a folder of NAME_occ.png and NAME_rooms.png."""
+    return tuple(sorted(path.name[:-8] for path in folder.glob("*_occ.png")))
+
+
+def read_pictures(folder: Path, name: str) -> tuple[Bool[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"]]:
+    """Read which pixels of 0.05 m of a floor are drawn walls, and which are rooms, rows from the top."""
+    occupied, rooms = (
+        np.asarray(cv2.imread(str(folder / f"{name}_{part}.png"), cv2.IMREAD_GRAYSCALE))
+        for part in ("occ", "rooms")
+    )
+    return np.equal(occupied, 0), np.greater(rooms, 0)
+
+
+def outside_of(
+    drawn: Bool[np.ndarray, "ny nx"], rooms: Bool[np.ndarray, "ny nx"]
+) -> Bool[np.ndarray, "ny nx"]:
+    """Cells that are free and connected to the border; none if the outline leaks into rooms."""
+    free = np.pad(~drawn, 1, constant_values=True).astype(np.uint8)
+    component = cv2.connectedComponents(free, connectivity=4)[1]
+    outside = (component == component[0, 0])[1:-1, 1:-1]
+    return outside if (outside & rooms).mean() <= 0.01 else np.zeros_like(outside)
 
 
 def _halved(mask: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "my mx"]:

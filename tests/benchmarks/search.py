@@ -10,6 +10,7 @@ Reference: arXiv 2110.14789. Its numbers come from other plans and tasks.
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,7 @@ def main(evaluation: Positional[Path], *, options: OmitArgPrefixes[Options] = DE
         for place, difficulty in enumerate(CLASSES):
             results.add(name, "published, los-or-first", difficulty, PUBLISHED_TIMES[place][column], digits=2)
     add_ratios(scored, results)
+    add_spl_ratios(scored, results)
     settings = read_json(evaluation / SETTINGS, "settings of an evaluation")["settings"]["episode"]
     building = from_dict(BuildingConfig, settings["building"], "building")
     robot = from_dict(RobotConfig, settings["simulator"]["robot"], "robot")
@@ -144,6 +146,27 @@ def add_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
                         spread=(low, high),
                         cases=len(ratios),
                     )
+
+
+def add_spl_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
+    """Mean SPL over the mean of `shortest` on the same tasks, by difficulty; intervals by bootstrap over tasks."""
+    spl: dict[str, dict[tuple[str, int], list[float]]] = defaultdict(lambda: defaultdict(list))
+    for row in scored:
+        spl[row["policy"]][row["plan"], row["task"]].append(row["spl"])
+    classes = {(row["plan"], row["task"]): row["difficulty"] for row in scored}
+    for policy, name in product(spl, ("all", *CLASSES)):
+        keys = [
+            key for key in spl[policy] if key in spl.get("shortest", {}) and name in ("all", classes[key])
+        ]
+        if policy == "shortest" or not keys:
+            continue
+        means, limits = (np.array([np.mean(spl[of][key]) for key in keys]) for of in (policy, "shortest"))
+        drawn = np.random.default_rng(0).integers(len(keys), size=(2000, len(keys)))
+        spread = np.quantile(means[drawn].sum(axis=1) / limits[drawn].sum(axis=1), (0.025, 0.975))
+        value = means.sum() / limits.sum()
+        results.add(
+            "SPL over shortest", policy, name, value, digits=2, spread=tuple(spread.tolist()), cases=len(keys)
+        )
 
 
 def progress(
