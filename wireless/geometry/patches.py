@@ -21,6 +21,8 @@ from wireless.geometry.tolerance import NEAR_M
 PATCH_CORNERS = 8
 #: Outlines that fill their convex hull but for cracks thinner than this are convex [m].
 _CRACK_M = 1e-12
+#: Rounding of areas, as a fraction of them.
+_ROUNDING = 1e-14
 #: Corners nearer to the line between their neighbours are none [m].
 _STRAIGHT_M = 1e-10
 #: Facets of more triangles than this are joined one by one.
@@ -58,8 +60,10 @@ def find_patches(surfaces: Surfaces) -> Patches:
     missing_m2 = shapely.area(hull) - shapely.area(whole)
     filled = missing_m2 <= max(_CRACK_M, crack_m) * shapely.length(hull)
     if crack_m:
-        missing = shapely.difference(hull[filled], whole[filled])
-        filled[filled] = shapely.is_empty(shapely.buffer(missing, -crack_m / 2))
+        # What is missing is no crack if a disc as wide as a crack fits in, which is larger than the area here.
+        rough = np.flatnonzero(filled & (missing_m2 > crack_m**2 / 2 - _ROUNDING * shapely.area(hull)))
+        missing = shapely.difference(hull[rough], whole[rough])
+        filled[rough] = shapely.is_empty(shapely.buffer(missing, -crack_m / 2))
     corners = shapely.get_num_coordinates(outline) - 1
     irregular = (corners < 3) | (corners > PATCH_CORNERS)
     outline[irregular], filled[irregular] = shapely.oriented_envelope(hull[irregular]), False
@@ -115,11 +119,11 @@ def _pieces(
         joined = shapely.buffer(joined, crack_m / 2, join_style="mitre")
     whole, facet_of = shapely.get_parts(joined, return_index=True)
     piece = np.searchsorted(facet_of, facet)
-    centre = shapely.centroid(flat)
     first = np.searchsorted(facet_of, np.arange(len(axes) + 1))
     for f in np.flatnonzero(np.diff(first) > 1):
         inside = slice(*surfaces.facet_start[f : f + 2])
-        piece[inside] += shapely.STRtree(whole[first[f] : first[f + 1]]).nearest(centre[inside])
+        tree = shapely.STRtree(whole[first[f] : first[f + 1]])
+        piece[inside] += tree.nearest(shapely.centroid(flat[inside]))
     used, piece = np.unique(piece, return_inverse=True)
     return whole[used], facet_of[used], piece
 

@@ -11,7 +11,7 @@ from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.geometry.cones import SLACK_M, Walls, may_see
 from wireless.geometry.facets import Surfaces
 from wireless.geometry.occlusion import Tree, depth_in, inward_of, leaf_around, make_tree
-from wireless.geometry.patches import find_patches
+from wireless.geometry.patches import Patches, find_patches
 
 #: Patches of more triangles have the one that holds a point looked up in the tree.
 FEW_TRIANGLES = 8
@@ -101,9 +101,14 @@ class Space(NamedTuple):
     """Edges, sorted into boxes."""
 
 
-def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool[np.ndarray, " f"]) -> Space:
-    """Prepare what does not depend on antennas."""
-    patches = find_patches(surfaces)
+def make_space(
+    surfaces: Surfaces,
+    mirrors: Bool[np.ndarray, " f"],
+    passes: Bool[np.ndarray, " f"],
+    patches: Patches | None = None,
+) -> Space:
+    """Prepare what does not depend on antennas; `patches` are those of the surfaces, None to find them."""
+    patches = patches or find_patches(surfaces)
     tree = make_tree(surfaces.triangle, surfaces.plane[surfaces.triangle_facet], surfaces.near_m)
     patch = np.empty(len(surfaces.triangle), np.int64)
     patch[patches.triangle] = np.repeat(np.arange(len(patches.facet)), np.diff(patches.start))

@@ -195,22 +195,26 @@ def _collect(
     """Append what lies in a plane or on a line, is in part within a box, and is neither grouped nor rejected."""
     (low, high), (point, axis) = around, fit
     stack, depth, line = np.empty(64, np.int64), 1, corner.shape[1] == 2
+    # A line meets a box from its last entry between opposite sides to its first exit; twice as near covers rounding.
+    inverse, wide = np.empty(3), 2 * near_m
+    for i in range(3):
+        inverse[i] = 1 / axis[i] if axis[i] != 0 else 1e300
     stack[0] = 0
     while depth > 0:
         depth -= 1
         box = stack[depth]
-        apart, along, reach, radius = False, 0.0, near_m, near_m
+        apart, along, reach, enter, leave = False, 0.0, near_m, -np.inf, np.inf
         for i in range(3):
-            half = (boxes.high[box, i] - boxes.low[box, i]) / 2
-            apart = apart or boxes.low[box, i] > high[i] or boxes.high[box, i] < low[i]
-            along += axis[i] * (boxes.low[box, i] + half - point[i])
-            reach += abs(axis[i]) * half
-            radius += half
-        off = 0.0
-        for i in range(3):
-            middle = (boxes.low[box, i] + boxes.high[box, i]) / 2
-            off += (middle - point[i] - along * axis[i]) ** 2
-        if apart or (off > radius * radius if line else abs(along) > reach):
+            least, greatest = boxes.low[box, i], boxes.high[box, i]
+            apart = apart or least > high[i] or greatest < low[i]
+            if line:
+                a, b = (least - wide - point[i]) * inverse[i], (greatest + wide - point[i]) * inverse[i]
+                enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+            else:
+                half = (greatest - least) / 2
+                along += axis[i] * (least + half - point[i])
+                reach += abs(axis[i]) * half
+        if apart or enter > leave or abs(along) > reach:
             continue
         first, other = boxes.child[box]
         if first >= 0:

@@ -10,12 +10,11 @@ import io
 import logging
 import os
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from itertools import accumulate
 from pathlib import Path
 
-import llvmlite.binding
-import numba
 import numpy as np
 
 from robosim.support.compiled import cache_folders, writable_folder
@@ -24,14 +23,26 @@ logger = logging.getLogger(__name__)
 
 #: Most arrays of one name on disk, for different values, processors and states of the source.
 MAX_FILES = 16
+#: Most bytes of the files of one name; larger arrays are computed each time.
+MAX_BYTES = 256_000_000
 
 
 def cached_array(
     name: str, made_of: Iterable[bytes], code: Iterable[Path], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
     """An array from disk, or computed and stored there."""
+    return cached_arrays(name, made_of, code, lambda: [make()])[0]
+
+
+def cached_arrays(
+    name: str, made_of: Iterable[bytes], code: Iterable[Path], make: Callable[[], Sequence[np.ndarray]]
+) -> Sequence[np.ndarray]:
+    """Arrays that are computed together, from disk, or computed and stored there in one file."""
+    import llvmlite.binding
+    import numba
+
     key = hashlib.sha256()
-    machine = (np.__version__, numba.__version__, llvmlite.binding.get_host_cpu_name())
+    machine = ("npz", np.__version__, numba.__version__, llvmlite.binding.get_host_cpu_name())
     for source in (*made_of, *(file.read_bytes() for file in code), repr(machine).encode()):
         key.update(hashlib.sha256(source).digest())
     folder = writable_folder(cache_folders())
@@ -42,20 +53,23 @@ def cached_array(
         content = file.read_bytes()
         if hashlib.sha256(content[32:]).digest() == content[:32]:
             os.utime(file)
-            array: np.ndarray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
-            return array
+            with np.load(io.BytesIO(content[32:]), allow_pickle=False) as arrays:
+                return list(arrays.values())
     made = make()
     packed = io.BytesIO()
-    np.save(packed, made)
+    np.savez(packed, *made)
     data = packed.getvalue()
+    if len(data) > MAX_BYTES:
+        return made
     partial = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
         partial.write_bytes(hashlib.sha256(data).digest() + data)
         partial.replace(file)
-        for old in sorted(folder.glob(f"{name}-*.cached"), key=lambda path: path.stat().st_mtime)[
-            :-MAX_FILES
-        ]:
-            old.unlink(missing_ok=True)
+        files = sorted(folder.glob(f"{name}-*.cached"), key=lambda path: -path.stat().st_mtime)
+        sizes = accumulate(path.stat().st_size for path in files)
+        for number, (old, size) in enumerate(zip(files, sizes, strict=True)):
+            if number >= MAX_FILES or size > MAX_BYTES:
+                old.unlink(missing_ok=True)
     except OSError as error:  # a full disk costs the next process a second
         partial.unlink(missing_ok=True)
         logger.info("%s cannot be cached: %s", file, error)

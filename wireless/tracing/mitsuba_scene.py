@@ -39,6 +39,14 @@ _SMALL_M = 1.0
 _RADIO = ("radio-material", "itu-radio-material", "radio_material", "itu_radio_material")
 _PROPERTIES = ("type", "relative_permittivity", "conductivity", "thickness", "scattering_coefficient")
 _LEFT_OUT = ("xpd_coefficient", "scattering_pattern", "color")
+#: Vertices [m] of a mesh, and vertices of its faces.
+_Arrays = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
+#: Header of the PLY files of Sionna RT, and of others whose faces are triangles.
+_TRIANGLES = re.compile(
+    rb"ply\nformat binary_little_endian 1\.0\n(?:comment[^\n]*\n)*"
+    rb"element vertex (\d+)\nproperty (float|double) x\nproperty \2 y\nproperty \2 z\n"
+    rb"element face (\d+)\nproperty list uchar (u?)int vertex_ind(?:ex|ices)\nend_header\n"
+)
 
 
 class MitsubaScene(NamedTuple):
@@ -101,23 +109,27 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
                 raise ValueError(f"there are two materials {bsdf.get('id')!r}, expected one")
         names: list[str] = []
         shapes: list[tuple[str, int, str]] = []
-        meshes: list[trimesh.Trimesh] = []
+        meshes: list[_Arrays] = []
         of_mesh: list[int] = []
         for number, shape in enumerate(root.iter("shape"), 1):
             name = shape.get("id") or f"number {number}"
-            meshes.append(_mesh(shape, path.parent, name))
+            meshes.append(_arrays(shape, path.parent, name))
             material = _material_name(shape, name, bsdfs)
             if material not in names:
                 names.append(material)
             of_mesh.append(names.index(material))
-            shapes.append((name, len(meshes[-1].faces), material))
+            shapes.append((name, len(meshes[-1][1]), material))
         if not meshes:
             raise ValueError("there is no shape in it")
         if unknown := sorted(set(replacements) - set(names)):
             raise ValueError(f"there is no material {unknown[0]!r} in it, expected one of {', '.join(names)}")
-        mesh = trimesh.Trimesh(
-            *append_faces([each.vertices for each in meshes], [each.faces for each in meshes]), process=False
-        )
+        mesh = trimesh.Trimesh(*append_faces(*zip(*meshes, strict=True)), process=False)
+        n_faces = np.array([count for _, count, _ in shapes])
+        area_m2 = np.add.reduceat(mesh.area_faces, np.cumsum(n_faces) - n_faces)
+        for wrong in np.flatnonzero(~(area_m2 > 0))[:1]:
+            raise FileError(
+                f"shape {shapes[wrong][0]} has an area of {area_m2[wrong]:g} m2. Check its mesh and its transforms."
+            )
         check_mesh(mesh, 0.0)
         notes: list[str] = []
         if (span_m := float(mesh.extents.max())) < _SMALL_M:
@@ -129,7 +141,7 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         scene = MitsubaScene(
             mesh=mesh,
             materials=tuple(made),
-            face_material=np.repeat(of_mesh, [len(each.faces) for each in meshes]),
+            face_material=np.repeat(of_mesh, n_faces),
             shapes=tuple(shapes),
             notes=tuple(notes),
             name=path.stem,
@@ -147,7 +159,7 @@ def _read_root(path: Path, folder: Path, chain: tuple[Path, ...]) -> ET.Element:
         raise ValueError(f"it begins with <{root.tag}>, expected <scene>")
     if path.resolve() in chain:
         raise ValueError(f"{path} includes itself, expected no cycle")
-    for element in root.iter("string"):
+    for element in root.iter("string") if path.parent != folder else ():
         here, there = (at / element.get("value", "") for at in (path.parent, folder))
         if element.get("name") == "filename" and here.exists() and not there.exists():
             element.set("value", str(here.absolute()))
@@ -159,8 +171,8 @@ def _read_root(path: Path, folder: Path, chain: tuple[Path, ...]) -> ET.Element:
     return root
 
 
-def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
-    """The triangles of a shape, in the scene."""
+def _arrays(shape: ET.Element, folder: Path, name: str) -> _Arrays:
+    """Vertices and faces of a shape, in the scene."""
     kind = shape.get("type")
     if kind in ("ply", "obj"):
         file = next(
@@ -169,46 +181,78 @@ def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
         )
         try:
             with reading(folder / file, "a mesh of a scene") as content:
-                mesh = _loaded(content.read(), kind)
+                arrays = _loaded(content.read(), kind)
         except FileError as error:
             raise FileError(f"shape {name}: {error}") from error
     elif kind == "rectangle":
         corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-        mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+        arrays = corners, np.array([[0, 1, 2], [0, 2, 3]])
     elif kind == "cube":
-        mesh = trimesh.creation.box((2, 2, 2))
+        arrays = _arrays_of(trimesh.creation.box((2, 2, 2)))
     else:
         raise FileError(
             f"shape {name} is of type {kind!r}, expected ply, obj, rectangle or cube. Export it as a mesh."
         )
-    for transform in shape.findall("transform"):
-        for step in transform:
+    if steps := [step for transform in shape.findall("transform") for step in transform]:
+        mesh = trimesh.Trimesh(*arrays, process=False)
+        for step in steps:
             mesh.apply_transform(_matrix(step, name))
-    if not mesh.area > 0:
-        raise FileError(f"shape {name} has an area of {mesh.area:g} m2. Check its mesh and its transforms.")
-    return mesh
+        arrays = _arrays_of(mesh)
+    return arrays
 
 
-def _loaded(content: bytes, kind: str) -> trimesh.Trimesh:
-    """The mesh of a file; ValueError if it lacks faces, or a vertex is not finite."""
+def _arrays_of(mesh: trimesh.Trimesh) -> _Arrays:
+    """Vertices and faces of a mesh."""
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _loaded(content: bytes, kind: str) -> _Arrays:
+    """Vertices and faces of a file; ValueError if there are no faces, or a vertex is missing or not finite."""
     if kind == "ply":
-        header, _, data = content.partition(b"end_header")
-        counts = {name: int(count) for name, count in re.findall(rb"element\s+(\w+)\s+(\d+)", header)}
-        lines = sum(bool(line.strip()) for line in data.splitlines())
-        if b"format ascii" in header and lines < sum(counts.values()):
-            raise ValueError(f"it announces {sum(counts.values())} vertices and faces, but has {lines} lines")
-        # Without the colours, which `trimesh.load_mesh` copies several times.
-        arrays = load_ply(io.BytesIO(content))
-        mesh = trimesh.Trimesh(arrays.get("vertices"), arrays.get("faces"), process=False)
+        vertices, faces = _triangles(content) or _polygons(content)
     else:
         mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        vertices, faces = _arrays_of(mesh) if isinstance(mesh, trimesh.Trimesh) else ((), ())
+    if not len(faces):
         raise ValueError("it has no faces, expected triangles")
-    if kind == "ply" and len(mesh.faces) < counts.get(b"face", 0):
-        raise ValueError(f"it announces {counts[b'face']} faces, but has {len(mesh.faces)}")
-    if not np.isfinite(mesh.vertices).all():
+    if not np.isfinite(vertices).all():
         raise ValueError("a vertex is not finite, expected numbers")
-    return mesh
+    if (least := faces.min()) < 0 or faces.max() >= len(vertices):
+        wrong = least if least < 0 else faces.max()
+        raise ValueError(f"a face has vertex {wrong}, expected 0 to {len(vertices) - 1}")
+    return vertices, faces
+
+
+def _triangles(content: bytes) -> _Arrays | None:
+    """Vertices and faces of a binary PLY file of nothing but triangles; None for any other."""
+    # Scenes of cities have thousands of files, and `load_ply` takes half a millisecond for each.
+    header = _TRIANGLES.match(content)
+    if header is None:
+        return None
+    n_vertices, number, n_faces, unsigned = header.groups()
+    corner = np.dtype(("<f8" if number == b"double" else "<f4", 3))
+    face = np.dtype([("n", "u1"), ("corner", "<u4" if unsigned else "<i4", 3)])
+    middle = header.end() + int(n_vertices) * corner.itemsize
+    if len(content) != middle + int(n_faces) * face.itemsize:
+        return None
+    vertices = np.frombuffer(content, corner.base, 3 * int(n_vertices), header.end()).reshape(-1, 3)
+    faces = np.frombuffer(content, face, offset=middle)
+    return (vertices.astype(float), faces["corner"].astype(np.int64)) if (faces["n"] == 3).all() else None
+
+
+def _polygons(content: bytes) -> _Arrays:
+    """Vertices and faces of any PLY file, which may be text; ValueError if it lacks faces."""
+    header, _, data = content.partition(b"end_header")
+    counts = {name: int(count) for name, count in re.findall(rb"element\s+(\w+)\s+(\d+)", header)}
+    lines = sum(bool(line.strip()) for line in data.splitlines())
+    if b"format ascii" in header and lines < sum(counts.values()):
+        raise ValueError(f"it announces {sum(counts.values())} vertices and faces, but has {lines} lines")
+    # Without the colours, which `trimesh.load_mesh` copies several times.
+    arrays = load_ply(io.BytesIO(content))
+    mesh = trimesh.Trimesh(arrays.get("vertices"), arrays.get("faces"), process=False)
+    if 0 < len(mesh.faces) < counts.get(b"face", 0):
+        raise ValueError(f"it announces {counts[b'face']} faces, but has {len(mesh.faces)}")
+    return _arrays_of(mesh)
 
 
 def _matrix(step: ET.Element, name: str) -> Float[np.ndarray, "4 4"]:

@@ -17,9 +17,10 @@ from wireless.geometry.array_types import Point, Points
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.closed_surfaces import Sides
 from wireless.geometry.extruded import Extruded
-from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, is_floor_plan, without_rims
+from wireless.geometry.facets import at_heights, floor_and_ceiling, is_floor_plan, without_rims
 from wireless.geometry.layers import Layers, one_storey
 from wireless.geometry.plan import Locator, make_plan, regions
+from wireless.geometry.prepared_surfaces import prepare_surfaces
 from wireless.geometry.space import make_space
 from wireless.geometry.view_steps import Limits
 from wireless.geometry.visibility import Visibility, find_visibility, views_onto
@@ -186,7 +187,7 @@ class SpaceScene:
     ):
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
         local = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
-        surfaces = find_surfaces(local, face_material, snap_m)
+        surfaces, patches = prepare_surfaces(local, face_material, snap_m)
         ground = slabs = floor_and_ceiling(surfaces)
         if level_m is not None:
             level_m = level_m - self.origin[2]
@@ -196,7 +197,7 @@ class SpaceScene:
         mirrors = ~slabs | self.floor_ceiling
         self.setting = setting(surfaces.facet_face)
         passes = self.setting.walls[:, 1].real > 0
-        self.space = make_space(surfaces, mirrors, passes)
+        self.space = make_space(surfaces, mirrors, passes, patches)
         if not passes.any():
             self.setting = self.setting._replace(max_through=0)
         self._sides = None

@@ -68,16 +68,22 @@ def test_find_patches_joins_rectangles_whose_sides_meet_in_part(divisions):
         assert _area(result.wall[0], result.wall_corners[0]) == pytest.approx(18)
 
 
+@pytest.mark.parametrize("hole_m", [2.0, 0.002])
 @pytest.mark.parametrize("divisions", [0, 3])
 @pytest.mark.parametrize("rounded", [False, True])
-def test_find_patches_leaves_a_hole_open(divisions, rounded):
+def test_find_patches_leaves_a_hole_open(divisions, rounded, hole_m):
+    """A hole of 2 mm takes less area than cracks along all sides may, but is wider than a crack."""
+    side, rest = 1 + hole_m, 4 - 1 - hole_m
     frame = _sheet(
-        _rectangle(0, 0, 1, 3), _rectangle(3, 0, 1, 3), _rectangle(1, 0, 2, 1), _rectangle(1, 2, 2, 1)
+        _rectangle(0, 0, 1, 4),
+        _rectangle(side, 0, rest, 4),
+        _rectangle(1, 0, hole_m, 1),
+        _rectangle(1, side, hole_m, rest),
     )
     patches = _patches(frame, divisions, rounded)
     assert len(patches.facet) == 1
     assert len(patches.wall) == len(patches.triangle)
-    assert sum(map(_area, patches.wall, patches.wall_corners)) == pytest.approx(10, abs=1e-3)
+    assert sum(map(_area, patches.wall, patches.wall_corners)) == pytest.approx(16 - hole_m**2, abs=1e-3)
 
 
 def test_find_patches_separates_sheets_apart_in_one_plane():

@@ -1,10 +1,12 @@
 """Arrays cached on disk: computed once for all that they depend on, and again when damaged."""
 
+import os
+
 import numpy as np
 import pytest
 
 from wireless.support import cached_array as module
-from wireless.support.cached_array import cached_array
+from wireless.support.cached_array import cached_array, cached_arrays
 
 
 @pytest.fixture
@@ -55,3 +57,26 @@ def test_without_a_folder_it_is_computed(monkeypatch):
     for _ in range(2):
         assert cached_array("it", [b"a"], [], make).size == 4
     assert make.made == 2
+
+
+def test_cached_arrays_returns_arrays_of_all_types_in_their_order(folder):
+    made = [np.arange(12.0).reshape(4, 3), np.array(0.1), np.array([True, False]), np.empty((0, 2), np.int64)]
+    for _ in range(2):
+        arrays = cached_arrays("they", [b"a"], [], lambda: made)
+        assert [array.dtype for array in arrays] == [array.dtype for array in made]
+        assert all(map(np.array_equal, arrays, made))
+    arrays = cached_arrays("they", [b"a"], [], lambda: pytest.fail("made again"))
+    assert all(array.flags.writeable and array.flags.c_contiguous for array in arrays)
+
+
+def test_cached_array_bounds_the_files_of_a_name(folder, monkeypatch):
+    """Files of 32 kB: the newest remain, of 70 kB in all; a single array above that is not stored."""
+    monkeypatch.setattr(module, "MAX_BYTES", 70_000)
+    for key in range(3):
+        cached_array("it", [bytes([key])], [], lambda: np.zeros(4000))
+        for age, file in enumerate(sorted(folder.glob("it-*"), key=lambda path: -path.stat().st_mtime)):
+            os.utime(file, (1e9 - age, 1e9 - age))
+    cached_array("it", [b"large"], [], lambda: np.zeros(9000))
+    assert len(list(folder.glob("it-*.cached"))) == 2
+    for key in (1, 2):
+        cached_array("it", [bytes([key])], [], lambda: pytest.fail("made again"))

@@ -215,6 +215,68 @@ def test_read_mitsuba_takes_what_the_scene_states_of_a_material(tmp_path, kind, 
     assert 10 * np.log10(paths.power[1]) == pytest.approx(-70.12, abs=0.02)
 
 
+def binary_ply(path, face, *, number="f4", index="i4", order="<", comment="", more=(), cut=0):
+    """Five corners and faces as a binary PLY file; `more` are properties of vertices other than x, y, z."""
+    names = {"f4": "float", "f8": "double", "i4": "int", "u4": "uint"}
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 2, 0), (0, 2, 0), (0, 0, 3)], float)
+    header = (
+        f"ply\nformat binary_{'little' if order == '<' else 'big'}_endian 1.0\n{comment}element vertex 5\n"
+    )
+    header += "".join(f"property {names[number]} {name}\n" for name in (*"xyz", *more))
+    header += f"element face {len(face)}\nproperty list uchar {names[index]} vertex_indices\nend_header\n"
+    content = header.encode() + np.pad(corners, ((0, 0), (0, len(more)))).astype(order + number).tobytes()
+    for corner in face:
+        content += bytes([len(corner)]) + np.array(corner).astype(order + index).tobytes()
+    path.write_bytes(content[: len(content) - cut])
+    return corners
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        {},
+        {"number": "f8", "index": "u4"},
+        {"comment": "comment by hand\ncomment element vertex 7\n"},
+        {"order": ">"},
+        {"more": ("nx", "ny", "nz")},
+        {"more": ("s", "t")},
+        {"face": [(0, 1, 2, 3), (0, 1, 4, 4)]},
+    ],
+)
+def test_read_mitsuba_reads_binary_ply_of_each_layout(tmp_path, layout):
+    layout = {"face": [(0, 1, 2), (0, 4, 3)], **layout}
+    corners = binary_ply(tmp_path / "mesh.ply", **layout)
+    path = scene_of(tmp_path)
+    path.write_text(path.read_text().replace("<shape", PLY_SHAPE.format("mesh.ply") + "<shape", 1))
+    scene = read_mitsuba(path)
+    fans = [corner[:1] + corner[k : k + 2] for corner in layout["face"] for k in range(1, len(corner) - 1)]
+    assert scene.shapes[0] == ("p", len(fans), "m")
+    triangles = {tuple(map(tuple, np.sort(corners[list(fan)], axis=0))) for fan in fans}
+    assert {
+        tuple(map(tuple, np.sort(each, axis=0))) for each in scene.mesh.triangles[: len(fans)]
+    } == triangles
+
+
+@pytest.mark.parametrize(
+    ("layout", "message"),
+    [
+        ({"face": [(0, 1, 5)]}, "a face has vertex 5, expected 0 to 4"),
+        ({"face": [(0, 1, -1)]}, "a face has vertex -1, expected 0 to 4"),
+        ({"face": [(0, 1, -1)], "order": ">"}, "a face has vertex -1, expected 0 to 4"),
+        ({"face": [(0, 1, 5)], "more": ("nx", "ny", "nz")}, "a face has vertex 5, expected 0 to 4"),
+        ({"face": [(0, 1, 2)], "cut": 1}, "not readable as a mesh"),
+        ({"face": []}, "it has no faces"),
+        ({"face": [(0, 1, 1)]}, "shape p has an area of 0 m2"),
+    ],
+)
+def test_read_mitsuba_rejects_damaged_binary_ply(tmp_path, layout, message):
+    binary_ply(tmp_path / "mesh.ply", **layout)
+    path = scene_of(tmp_path)
+    path.write_text(path.read_text().replace("</scene", PLY_SHAPE.format("mesh.ply") + "</scene", 1))
+    with pytest.raises(FileError, match=message):
+        read_mitsuba(path)
+
+
 def test_read_mitsuba_follows_includes_with_shapes(tmp_path):
     (tmp_path / "part").mkdir()
     write_square(tmp_path / "part" / "wall.ply")
