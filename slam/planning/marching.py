@@ -18,7 +18,7 @@ from robosim.support.compiled import compiled
 #: Places of cells that are not in the heap: not reached yet, and accepted or of no speed.
 _AHEAD, _CLOSED = -1, -2
 #: Indices are unsigned: numba would check signed ones for negative values at each access, a quarter of the time.
-_ZERO, _ONE, _TWO = (np.uint64(value) for value in (0, 1, 2))
+ZERO, ONE, TWO = (np.uint64(value) for value in (0, 1, 2))
 
 
 def march(
@@ -74,9 +74,9 @@ def _upwind(time: np.ndarray, i: np.uint64, step: np.uint64) -> tuple[float, flo
     """Weight and time of the upwind difference along an axis; weight 0 if no neighbour is accepted."""
     before, after = time[i - step], time[i + step]
     if after < before:
-        before, far = after, time[i + _TWO * step]
+        before, far = after, time[i + TWO * step]
     elif before < np.inf:
-        far = time[i - _TWO * step]
+        far = time[i - TWO * step]
     else:
         return 0.0, 0.0
     if far <= before:
@@ -89,8 +89,8 @@ def _rise(
     heap: np.ndarray, times: np.ndarray, place: np.ndarray, at: np.uint64, cell: np.uint64, time: float
 ) -> None:
     """Put a cell into the heap at an entry, or above it where its time belongs."""
-    while at > _ZERO:
-        parent = (at - _ONE) >> _ONE
+    while at > ZERO:
+        parent = (at - ONE) >> ONE
         if times[parent] <= time:
             break
         heap[at], times[at] = heap[parent], times[parent]
@@ -103,17 +103,17 @@ def _rise(
 @compiled
 def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: np.uint64) -> None:
     """Put the entry behind the heap's last one into the place of the first, or below it where its time belongs."""
-    cell, time, at, child = heap[size], times[size], _ZERO, _ONE
+    cell, time, at, child = heap[size], times[size], ZERO, ONE
     times[size] = np.inf
     while child < size:
         # A sum instead of a branch, which no processor can predict.
-        child += np.uint64(times[child + _ONE] < times[child])
+        child += np.uint64(times[child + ONE] < times[child])
         if times[child] >= time:
             break
         heap[at], times[at] = heap[child], times[child]
         place[heap[at]] = at
         at = child
-        child = _TWO * at + _ONE
+        child = TWO * at + ONE
     heap[at], times[at] = cell, time
     place[cell] = at
 
@@ -130,22 +130,22 @@ def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, widt
     for k in range(len(time)):
         place[k] = _AHEAD if speed[k] > 0 else _CLOSED
     accepted, count = np.empty(len(time), np.uint32), 0
-    heap[0], times[0], place[source], size = source, 0.0, 0, _ONE
-    while size > _ZERO:
+    heap[0], times[0], place[source], size = source, 0.0, 0, ONE
+    while size > ZERO:
         here = np.uint64(heap[0])
         time[here], place[here], accepted[count] = times[0], _CLOSED, here
         count += 1
-        size -= _ONE
-        if size > _ZERO:
+        size -= ONE
+        if size > ZERO:
             _sink(heap, times, place, size)
-        for i in (here - width, here - _ONE, here + _ONE, here + width):
+        for i in (here - width, here - ONE, here + ONE, here + width):
             at = place[i]
             if at == _CLOSED:
                 continue
             t = _arrival(time, cell_m / speed[i], i, width)
             if at == _AHEAD:
                 _rise(heap, times, place, size, i, t)
-                size += _ONE
+                size += ONE
             elif t < times[at]:
                 _rise(heap, times, place, np.uint64(at), i, t)
     return accepted[:count]
@@ -155,7 +155,7 @@ def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, widt
 def _arrival(time: np.ndarray, cost: float, i: np.uint64, width: np.uint64) -> float:
     """Time of the front at a cell, from its accepted neighbours."""
     ay, ty = _upwind(time, i, width)
-    ax, tx = _upwind(time, i, _ONE)
+    ax, tx = _upwind(time, i, ONE)
     # Solve ay (t - ty)^2 + ax (t - tx)^2 = cost^2 for the later t.
     a, b = ay + ax, ay * ty + ax * tx
     inside = b * b - a * (ay * ty * ty + ax * tx * tx - cost * cost)
