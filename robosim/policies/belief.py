@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Float32
 from scipy.special import expit
 
 from robosim.policies.likelihood import Likelihood, normalise, range_density
-from robosim.policies.route_directions import MapSurvey, cell_shares, filled_share
+from robosim.policies.route_directions import MapSurvey
 from robosim.policies.sightlines import in_sight
 from robosim.radio.measurement import Measurement, free_path_m
 from robosim.support.checks import FREQUENCY_HZ, Range, checked
@@ -165,7 +165,7 @@ class TargetBelief:
         distance = np.hypot(offset[..., 0], offset[..., 1])
         around = Around(surely, offset, distance)
         self._exclude_seen(float(measurement.pose[2]), around)
-        self._prior = self._log_prior(estimate)
+        self._prior = self._log_prior(survey)
         if c.silence and not len(measurement.aoa_rad):
             routes = survey.routes(place)
             straight_m = distance[routes.rows, routes.columns]
@@ -221,14 +221,15 @@ class TargetBelief:
             angle = np.abs(wrap(np.arctan2(offset[near, 1], offset[near, 0]) - yaw))
             self._empty[near] |= angle <= math.radians(c.look_deg) / 2
 
-    def _log_prior(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:
+    def _log_prior(self, survey: MapSurvey) -> Float32[np.ndarray, "ny nx"]:
         """Logarithm of the prior of each cell, up to a constant."""
-        unseen = (cell_shares(estimate.explored, estimate, self.frame) == 0).astype(np.uint8)
+        explored, filled = survey.shares(self.frame)
+        unseen = (explored == 0).astype(np.uint8)
         distance_m = self.config.cell_m * cv2.distanceTransform(unseen, cv2.DIST_L2, 5)
         if unseen.all():
             distance_m[:] = 0
         prior = np.maximum(-distance_m / np.float32(self.config.beyond_m), np.float32(math.log(_LEAST_PRIOR)))
-        prior[self._empty | (filled_share(estimate, self.frame) > _FULL)] += np.float32(math.log(_EMPTY))
+        prior[self._empty | (filled > _FULL)] += np.float32(math.log(_EMPTY))
         return prior
 
     def _grow(self, points: Float[np.ndarray, "n 2"]) -> None:

@@ -147,14 +147,17 @@ class Likelihood:
     def _straight(self, arrival_rad: float, power_db: float, reach_m: float) -> Float32[np.ndarray, "ny nx"]:
         """Likelihood in line of sight."""
         cell_m = self._frame.resolution_m
-        near = np.maximum(self._distance, 0.5 * cell_m)
         c, s = math.cos(self._m.aoa_rad[0]), math.sin(self._m.aoa_rad[0])
         lateral = self._offset[..., 1] * c - self._offset[..., 0] * s
         ahead = self._offset[..., 0] * c + self._offset[..., 1] * s
+        near = np.maximum(self._distance, 0.5 * cell_m)
+        # Elsewhere the density is too small for a number.
+        beam = (np.abs(lateral) < 15 * (arrival_rad * near + 0.5 * cell_m)) & (ahead >= -cell_m)
+        near = near[beam]
         spread = np.hypot(arrival_rad * near, 0.5 * cell_m)
         power = 20 * np.log10(near / self._free_m) / np.hypot(power_db, 8.7 * 0.5 * cell_m / near)
-        density = np.exp(-0.5 * ((lateral / spread) ** 2 + power**2)).astype(np.float32)
-        density[ahead < -cell_m] = 0
+        density = np.zeros(self._frame.shape, np.float32)
+        density[beam] = np.exp(-0.5 * ((lateral[beam] / spread) ** 2 + power**2))
         if not self._is_opaque:
             return density
         far_m = min(2 * self._free_m + 1, reach_m)

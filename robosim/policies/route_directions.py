@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Float32, Int, Int32
 from robosim.policies.sightlines import Knowledge, knowledge
 from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
-from slam.planning.marching import march
+from slam.planning.marching import ONE, ZERO, march_in_order
 
 #: Free cells this near to an obstacle may bend or reflect a wave [m].
 _NEXT_TO_M = 0.2
@@ -54,8 +54,9 @@ class MapSurvey:
 
     def __init__(self, estimate: MapEstimate, frame: GridFrame, beyond_m: float = 5.0) -> None:
         """To be used before the map changes; routes lead so far beyond its edge."""
-        self.estimate, self.frame, self._beyond_m = estimate, frame, beyond_m
+        self.estimate, self.frame, self.beyond_m = estimate, frame, beyond_m
         self._routes: tuple[bytes, RouteDirections] | None = None
+        self._shares: tuple[GridFrame, Float32[np.ndarray, "2 ny nx"]] | None = None
 
     @cached_property
     def known(self) -> Knowledge:
@@ -66,30 +67,35 @@ class MapSurvey:
         """Routes between a place [m] and the cells; routes of the last place are cached."""
         key = np.asarray(place, float).tobytes()
         if self._routes is None or self._routes[0] != key:
-            self._routes = key, route_directions(self.estimate, place, self.frame, self._beyond_m)
+            self._routes = key, route_directions(self, place)
         return self._routes[1]
 
+    def shares(self, frame: GridFrame) -> Float32[np.ndarray, "2 ny nx"]:
+        """Explored and filled share of each cell of a part of the grid; those of the last part are cached."""
+        if self._shares is None or self._shares[0] != frame:
+            explored = cell_shares(self.estimate.explored, self.estimate, frame)
+            self._shares = frame, np.stack([explored, filled_share(self.estimate, frame)])
+        return self._shares[1]
 
-def route_directions(
-    estimate: MapEstimate, place: Float[np.ndarray, "2"], onto: GridFrame, beyond_m: float = 5.0
-) -> RouteDirections:
-    """Routes between a place [m] and the cells of a coarser grid, on the map and some metres beyond its edge."""
-    frame = estimate.frame
-    low = np.array(frame.origin_xy) - beyond_m
-    high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + beyond_m
-    rows, columns, frame = onto.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
-    blocked = filled_share(estimate, frame) >= _FILLED
+
+def route_directions(survey: MapSurvey, place: Float[np.ndarray, "2"]) -> RouteDirections:
+    """Routes between a place [m] and the cells of the survey's grid, on the map and some metres beyond its edge."""
+    frame = survey.estimate.frame
+    low = np.array(frame.origin_xy) - survey.beyond_m
+    high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + survey.beyond_m
+    rows, columns, frame = survey.frame.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+    explored, filled = survey.shares(frame)
+    blocked = filled >= _FILLED
     # A robot beyond the largest grid of a belief counts as at its edge.
     iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(frame.index(place), frame.shape, strict=True))
     # The robot's own cells are free, whatever the map contains.
     blocked[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
-    time = march(~blocked, (iy, ix), frame.resolution_m)
+    time, reached = march_in_order(~blocked, (iy, ix), frame.resolution_m)
     out, back = (np.zeros((*frame.shape, 2), np.float32) for _ in range(2))
-    unexplored = cell_shares(estimate.explored, estimate, frame) < _SEEN
-    entry = np.where(unexplored, np.int32(0), np.int32(-1))
-    reached = np.flatnonzero(np.isfinite(time))
-    reached = reached[np.argsort(time.ravel()[reached], kind="stable")]
-    _propagate(time, reached, iy, ix, frame.resolution_m, out, back, entry)
+    entry = np.where(explored < _SEEN, np.int32(0), np.int32(-1))
+    flat = (out.reshape(-1, 2), back.reshape(-1, 2), entry.ravel())
+    shape = np.uint64(frame.shape[0]), np.uint64(frame.shape[1])
+    _propagate(time.ravel(), reached, shape, (iy, ix), frame.resolution_m, *flat)
     is_closed = ~np.isfinite(time)
     is_adjacent = cv2.dilate(is_closed.astype(np.uint8), np.ones((3, 3), np.uint8)).ravel() > 0
     _fill_neighbours(time, reached[is_adjacent[reached]], out, back)
@@ -141,54 +147,54 @@ def _inside(index: Int[np.ndarray, " n"], size: int) -> slice:
 def _propagate(
     time: np.ndarray,
     reached: np.ndarray,
-    row: int,
-    column: int,
+    shape: tuple[np.uint64, np.uint64],
+    source: tuple[int, int],
     cell_m: float,
     out: np.ndarray,
     back: np.ndarray,
     entry: np.ndarray,
 ) -> None:
-    """Propagate the directions in which routes begin from cell to cell, in the order of the front."""
-    ny, nx = time.shape
-    for i in reached:
-        iy, ix = i // nx, i % nx
-        dx, dy = (ix - column) * cell_m, (iy - row) * cell_m
+    """Propagate the directions in which routes begin from cell to cell, in the order of the front; flat arrays."""
+    ny, nx = shape
+    for cell in reached:
+        i = np.uint64(cell)
+        iy = i // nx
+        ix = i - iy * nx
+        dx, dy = (np.int64(ix) - source[1]) * cell_m, (np.int64(iy) - source[0]) * cell_m
         distance = math.hypot(dx, dy)
         if distance == 0.0:
-            entry[iy, ix] = -1
+            entry[i] = -1
             continue
-        least, parent = time[iy, ix], i
-        for jy, jx in ((iy, ix - 1), (iy, ix + 1), (iy - 1, ix), (iy + 1, ix)):
-            if 0 <= jy < ny and 0 <= jx < nx and time[jy, jx] < least:
-                least, parent = time[jy, jx], jy * nx + jx
-        before = entry[parent // nx, parent % nx]
-        entry[iy, ix] = before if before >= 0 else (i if entry[iy, ix] >= 0 else -1)
-        if time[iy, ix] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * distance):
-            out[iy, ix, 0], out[iy, ix, 1] = dx / distance, dy / distance
-            back[iy, ix, 0], back[iy, ix, 1] = -dx / distance, -dy / distance
+        west = time[i - ONE] if ix > ZERO else np.inf
+        east = time[i + ONE] if ix + ONE < nx else np.inf
+        below = time[i - nx] if iy > ZERO else np.inf
+        above = time[i + nx] if iy + ONE < ny else np.inf
+        # The side from which the front comes on each axis, and how much earlier it is there.
+        beside, fall_x = (i - ONE, time[i] - west) if west <= east else (i + ONE, time[i] - east)
+        astride, fall_y = (i - nx, time[i] - below) if below <= above else (i + nx, time[i] - above)
+        if fall_x > 0 or fall_y > 0:
+            before = entry[beside if min(west, east) <= min(below, above) else astride]
+            entry[i] = before if before >= 0 else (cell if entry[i] >= 0 else -1)
+        if time[i] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * distance):
+            x, y = dx / distance, dy / distance
+            out[i, 0], out[i, 1] = x, y
+            back[i, 0], back[i, 1] = -x, -y
             continue
-        fall_x = fall_y = out_x = out_y = 0.0
-        for across in (True, False):
-            best, side = np.inf, 0
-            for step in (-1, 1):
-                jy, jx = (iy, ix + step) if across else (iy + step, ix)
-                if 0 <= jy < ny and 0 <= jx < nx and time[jy, jx] < best:
-                    best, side = time[jy, jx], step
-            fall = time[iy, ix] - best
-            if fall > 0:
-                jy, jx = (iy, ix + side) if across else (iy + side, ix)
-                if across:
-                    fall_x = side * fall
-                else:
-                    fall_y = side * fall
-                out_x += fall * out[jy, jx, 0]
-                out_y += fall * out[jy, jx, 1]
-        size = math.hypot(fall_x, fall_y)
+        out_x = out_y = back_x = back_y = 0.0
+        if fall_x > 0:
+            back_x = fall_x if beside > i else -fall_x
+            out_x += fall_x * out[beside, 0]
+            out_y += fall_x * out[beside, 1]
+        if fall_y > 0:
+            back_y = fall_y if astride > i else -fall_y
+            out_x += fall_y * out[astride, 0]
+            out_y += fall_y * out[astride, 1]
+        size = math.hypot(back_x, back_y)
         if size > 0:
-            back[iy, ix, 0], back[iy, ix, 1] = fall_x / size, fall_y / size
+            back[i, 0], back[i, 1] = back_x / size, back_y / size
         size = math.hypot(out_x, out_y)
         if size > 0:
-            out[iy, ix, 0], out[iy, ix, 1] = out_x / size, out_y / size
+            out[i, 0], out[i, 1] = out_x / size, out_y / size
 
 
 @compiled

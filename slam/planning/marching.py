@@ -11,9 +11,14 @@ Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int32
 
 from robosim.support.compiled import compiled
+
+#: Places of cells that are not in the heap: not reached yet, and accepted or of no speed.
+_AHEAD, _CLOSED = -1, -2
+#: Indices are unsigned: numba would check signed ones for negative values at each access, a quarter of the time.
+ZERO, ONE, TWO = (np.uint64(value) for value in (0, 1, 2))
 
 
 def march(
@@ -33,6 +38,25 @@ def march(
         ValueError: If the source lies outside, or the front cannot leave it.
     """
     ny, nx = speed.shape
+    return _marched(speed, source, cell_m)[0].reshape(ny + 4, nx + 4)[2:-2, 2:-2]
+
+
+def march_in_order(
+    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
+) -> tuple[Float[np.ndarray, "ny nx"], Int32[np.ndarray, " n"]]:
+    """`march`, and the flat indices of the cells that the front reaches, by rising time and then by index."""
+    ny, nx = speed.shape
+    time, cells = _marched(speed, source, cell_m)
+    _sort(cells, time)
+    times = np.ascontiguousarray(time.reshape(ny + 4, nx + 4)[2:-2, 2:-2])
+    return times, cells - 4 * (cells // (nx + 4)) - 2 * nx - 2
+
+
+def _marched(
+    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
+) -> tuple[Float[np.ndarray, " m"], Int32[np.ndarray, " n"]]:
+    """Times on the grid with a rim of two cells, flat, and its cells in the order in which they were accepted."""
+    ny, nx = speed.shape
     row, column = source
     if not (0 <= row < ny and 0 <= column < nx):
         raise ValueError(f"source is {source}, expected a cell of the {ny} x {nx} grid.")
@@ -41,32 +65,32 @@ def march(
     # A rim that stops the front avoids bounds checks in the loop.
     padded = np.zeros((ny + 4, nx + 4), speed.dtype)
     padded[2:-2, 2:-2] = speed
-    time = np.full(padded.shape, np.inf)
-    _march(padded.ravel(), float(cell_m), time.ravel(), (row + 2) * (nx + 4) + column + 2, nx + 4)
-    return time[2:-2, 2:-2]
+    time = np.full(padded.size, np.inf)
+    return time, _march(padded.ravel(), float(cell_m), time, (row + 2) * (nx + 4) + column + 2, np.uint64(nx + 4))
 
 
 @compiled
-def _upwind(time: np.ndarray, i: int, step: int) -> tuple[float, float]:
+def _upwind(time: np.ndarray, i: np.uint64, step: np.uint64) -> tuple[float, float]:
     """Weight and time of the upwind difference along an axis; weight 0 if no neighbour is accepted."""
     before, after = time[i - step], time[i + step]
     if after < before:
-        step = -step
-        before = after
-    if before == np.inf:
+        before, far = after, time[i + TWO * step]
+    elif before < np.inf:
+        far = time[i - TWO * step]
+    else:
         return 0.0, 0.0
-    far = time[i - 2 * step]
     if far <= before:
         return 2.25, (4.0 * before - far) / 3.0
     return 1.0, before
 
 
 @compiled
-def _rise(heap: np.ndarray, times: np.ndarray, place: np.ndarray, at: int) -> None:
-    """Move an entry of the heap up to where its time belongs."""
-    cell, time = heap[at], times[at]
-    while at > 0:
-        parent = (at - 1) >> 1
+def _rise(
+    heap: np.ndarray, times: np.ndarray, place: np.ndarray, at: np.uint64, cell: np.uint64, time: float
+) -> None:
+    """Put a cell into the heap at an entry, or above it where its time belongs."""
+    while at > ZERO:
+        parent = (at - ONE) >> ONE
         if times[parent] <= time:
             break
         heap[at], times[at] = heap[parent], times[parent]
@@ -77,57 +101,61 @@ def _rise(heap: np.ndarray, times: np.ndarray, place: np.ndarray, at: int) -> No
 
 
 @compiled
-def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: int) -> None:
-    """Move the heap's first entry down to where its time belongs."""
-    cell, time, at = heap[0], times[0], 0
-    while True:
-        child = 2 * at + 1
-        if child >= size:
-            break
-        if child + 1 < size and times[child + 1] < times[child]:
-            child += 1
+def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: np.uint64) -> None:
+    """Put the entry behind the heap's last one into the place of the first, or below it where its time belongs."""
+    cell, time, at, child = heap[size], times[size], ZERO, ONE
+    times[size] = np.inf
+    while child < size:
+        # A sum instead of a branch, which no processor can predict.
+        child += np.uint64(times[child + ONE] < times[child])
         if times[child] >= time:
             break
         heap[at], times[at] = heap[child], times[child]
         place[heap[at]] = at
         at = child
+        child = TWO * at + ONE
     heap[at], times[at] = cell, time
     place[cell] = at
 
 
 @compiled
-def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, width: int) -> None:
-    """The march on flat arrays with a rim of two cells; `time` becomes that of accepted cells, infinite at first."""
-    heap = np.empty(len(time), np.int32)  # a binary heap of cells by time
+def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, width: np.uint64) -> np.ndarray:
+    """The march on flat arrays with a rim of two cells; `time` becomes that of accepted cells, infinite at first.
+
+    Returns the accepted cells in their order.
+    """
+    heap = np.empty(len(time), np.uint32)  # a binary heap of cells by time
     times = np.empty(len(time))  # of its entries, contiguous in memory
-    place = np.full(len(time), -1, np.int32)  # where a cell stands in it
-    heap[0], times[0], place[source], size = source, 0.0, 0, 1
-    while size:
-        here = heap[0]
-        time[here] = times[0]
-        size -= 1
-        if size:
-            heap[0], times[0] = heap[size], times[size]
+    place = np.empty(len(time), np.int32)  # where a cell stands in it
+    for k in range(len(time)):
+        place[k] = _AHEAD if speed[k] > 0 else _CLOSED
+    accepted, count = np.empty(len(time), np.uint32), 0
+    heap[0], times[0], place[source], size = source, 0.0, 0, ONE
+    while size > ZERO:
+        here = np.uint64(heap[0])
+        time[here], place[here], accepted[count] = times[0], _CLOSED, here
+        count += 1
+        size -= ONE
+        if size > ZERO:
             _sink(heap, times, place, size)
-        for step in (-width, -1, 1, width):
-            i = here + step
-            if time[i] < np.inf or not speed[i] > 0:
+        for i in (here - width, here - ONE, here + ONE, here + width):
+            at = place[i]
+            if at == _CLOSED:
                 continue
             t = _arrival(time, cell_m / speed[i], i, width)
-            if place[i] < 0:
-                heap[size], place[i] = i, size
-                size += 1
-            elif times[place[i]] <= t:
-                continue
-            times[place[i]] = t
-            _rise(heap, times, place, place[i])
+            if at == _AHEAD:
+                _rise(heap, times, place, size, i, t)
+                size += ONE
+            elif t < times[at]:
+                _rise(heap, times, place, np.uint64(at), i, t)
+    return accepted[:count]
 
 
 @compiled
-def _arrival(time: np.ndarray, cost: float, i: int, width: int) -> float:
+def _arrival(time: np.ndarray, cost: float, i: np.uint64, width: np.uint64) -> float:
     """Time of the front at a cell, from its accepted neighbours."""
     ay, ty = _upwind(time, i, width)
-    ax, tx = _upwind(time, i, 1)
+    ax, tx = _upwind(time, i, ONE)
     # Solve ay (t - ty)^2 + ax (t - tx)^2 = cost^2 for the later t.
     a, b = ay + ax, ay * ty + ax * tx
     inside = b * b - a * (ay * ty * ty + ax * tx * tx - cost * cost)
@@ -135,3 +163,21 @@ def _arrival(time: np.ndarray, cost: float, i: int, width: int) -> float:
         return (b + np.sqrt(inside)) / a
     # Neighbours too far apart for one plane front: it comes along one axis.
     return min(ty + cost / np.sqrt(ay), tx + cost / np.sqrt(ax))
+
+
+@compiled
+def _sort(cells: np.ndarray, time: np.ndarray) -> None:
+    """Sort cells by time, equal ones by number; fast where few are far from their places."""
+    last = 0.0
+    for k in range(len(cells)):
+        cell, at = cells[k], k
+        if time[cell] > last:
+            last = time[cell]
+            continue
+        while at > 0:
+            before = cells[at - 1]
+            if time[before] < time[cell] or (time[before] == time[cell] and before < cell):
+                break
+            cells[at] = before
+            at -= 1
+        cells[at] = cell
