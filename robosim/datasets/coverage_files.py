@@ -10,6 +10,7 @@ from robosim.drawing.radio_pictures import plot_coverage
 from robosim.radio.scene import RadioSite
 from robosim.support.files import npz_bytes, whole_file, write_whole
 from wireless.coverage import CoverageMap, ReceiverGrid
+from wireless.motion.bodies import Bodies
 
 
 def write_coverage(
@@ -20,6 +21,7 @@ def write_coverage(
     tx: Float[np.ndarray, "n_tx 3"],
     *,
     noise_dbm: float,
+    bodies: Bodies | None = None,
     plots: bool,
 ) -> CoverageMap:
     """Write and return the map of the values of links from transmitters [m] (`wireless.coverage.link_values`)."""
@@ -36,5 +38,5 @@ def write_coverage(
         pq.write_table(coverage.to_table(), partial, compression="zstd")
     write_whole(folder / "coverage.npz", npz_bytes(coverage.to_arrays()))
     if plots:
-        plot_coverage(folder / "coverage.png", site.section(grid), coverage)
+        plot_coverage(folder / "coverage.png", site.section(grid), coverage, bodies)
     return coverage

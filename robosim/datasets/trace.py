@@ -218,7 +218,9 @@ def trace_plan(
             )
             timing = progress.timing()
         states, links = _write_formats(scene, transmitters, grid, path, out, antennas, console)
-        coverage = write_coverage(out, scene, grid, links, transmitters, noise_dbm=noise_dbm, plots=plots)
+        coverage = write_coverage(
+            out, scene, grid, links, transmitters, noise_dbm=noise_dbm, bodies=bodies, plots=plots
+        )
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
@@ -270,7 +272,7 @@ def trace_link(
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
         for i in range(len(transmitters)):
-            plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i))
+            plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i), bodies)
     return paths
 
 
@@ -425,6 +427,7 @@ def _plot(
         paths,
         tx,
         link=link,
+        bodies=bodies,
         tx_power_dbm=scene.config.tx_power_dbm,
         threshold_db=scene.config.threshold_db,
     )
