@@ -193,15 +193,19 @@ class RadioSite(ABC):
 
 
 def radio_site(
-    place: AnyPlace | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
+    place: AnyPlace | Path,
+    config: RadioConfig,
+    materials: Mapping[str, str | Material] | None = None,
+    *,
+    allow_large: bool = False,
 ) -> RadioSite:
     """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file.
 
-    `materials` replace those of a scene, by their names in it.
+    `materials` replace those of a scene, by their names in it; `allow_large` as for `read_mitsuba`.
     """
     match place:
         case Path():
-            return MeshScene(read_mitsuba(place, materials), config)
+            return MeshScene(read_mitsuba(place, materials, allow_large=allow_large), config)
         case MitsubaScene():
             return MeshScene(place, config)
     return RadioScene(place, config)

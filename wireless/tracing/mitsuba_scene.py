@@ -13,6 +13,7 @@ import logging
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
@@ -23,14 +24,17 @@ from jaxtyping import Float, Int
 from trimesh.exchange.ply import load_ply
 from trimesh.util import append_faces
 
-from robosim.support.reading import FileError, reading
+from robosim.support.reading import MOST_BYTES, FileError, reading
 from wireless.em.materials import MATERIALS, Layer, Material
 from wireless.tracing.mesh_check import check_mesh, surfaces_digest
+from wireless.tracing.scene_size import check_size
 
 logger = logging.getLogger(__name__)
 
 #: Thickness of a slab that the scene does not give [m], as in Sionna RT.
 THICK_M = 0.1
+#: Bytes of a mesh file of a large scene, and of the header of one.
+_LARGEST_BYTES, _HEADER_BYTES = 1 << 40, 16_000
 _REMEDY = "Give a Mitsuba 3 scene with shapes and ITU radio materials."
 _AXES = ("x", "y", "z")
 #: Smaller scenes are said to be in other units [m].
@@ -75,15 +79,18 @@ def is_mitsuba(path: Path) -> bool:
         return False
 
 
-def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = None) -> MitsubaScene:
+def read_mitsuba(
+    path: Path, materials: Mapping[str, Material | str] | None = None, *, allow_large: bool = False
+) -> MitsubaScene:
     """Read a scene (.xml) and its meshes.
 
     Args:
         path: The scene.
         materials: Materials, as the tracer takes them, by the names that the scene gives them, instead of its own.
+        allow_large: Whether it may be too large to be prepared for tracing, see `wireless.tracing.scene_size`.
 
     Raises:
-        FileError: If a file is damaged, a shape or material is not understood, or there is no shape.
+        FileError: If a file is damaged, a shape or material is not understood, there is no shape, or it is too large.
     """
     replacements = dict(materials or {})
     with reading(path, "a Mitsuba scene", _REMEDY):
@@ -99,13 +106,15 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         for bsdf in root.iter("bsdf"):
             if bsdfs.setdefault(bsdf.get("id", ""), bsdf) is not bsdf and bsdf.get("id"):
                 raise ValueError(f"there are two materials {bsdf.get('id')!r}, expected one")
+        if not allow_large:
+            check_size(sum(_announced(shape, path.parent) for shape in root.iter("shape")))
         names: list[str] = []
         shapes: list[tuple[str, int, str]] = []
         meshes: list[trimesh.Trimesh] = []
         of_mesh: list[int] = []
         for number, shape in enumerate(root.iter("shape"), 1):
             name = shape.get("id") or f"number {number}"
-            meshes.append(_mesh(shape, path.parent, name))
+            meshes.append(_mesh(shape, path.parent, name, allow_large))
             material = _material_name(shape, name, bsdfs)
             if material not in names:
                 names.append(material)
@@ -118,6 +127,8 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         mesh = trimesh.Trimesh(
             *append_faces([each.vertices for each in meshes], [each.faces for each in meshes]), process=False
         )
+        if not allow_large:
+            check_size(len(mesh.faces))
         check_mesh(mesh, 0.0)
         notes: list[str] = []
         if (span_m := float(mesh.extents.max())) < _SMALL_M:
@@ -159,16 +170,32 @@ def _read_root(path: Path, folder: Path, chain: tuple[Path, ...]) -> ET.Element:
     return root
 
 
-def _mesh(shape: ET.Element, folder: Path, name: str) -> trimesh.Trimesh:
+def _file_of(shape: ET.Element) -> str:
+    """Name of the file of a shape; empty if it has none."""
+    values = (child.get("value", "") for child in shape.findall("string") if child.get("name") == "filename")
+    return next(values, "")
+
+
+def _announced(shape: ET.Element, folder: Path) -> int:
+    """Faces that a shape's file announces, without reading their content; 0 if it does not."""
+    kind = shape.get("type")
+    if kind not in ("ply", "obj"):
+        return 12
+    with suppress(FileError), reading(folder / _file_of(shape), "a mesh", most_bytes=_LARGEST_BYTES) as file:
+        if kind == "obj":
+            return sum(line.startswith(b"f ") for line in file)
+        header, _, _ = file.read(_HEADER_BYTES).partition(b"end_header")
+        return int(re.search(rb"element\s+face\s+(\d+)", header)[1])
+    return 0
+
+
+def _mesh(shape: ET.Element, folder: Path, name: str, allow_large: bool) -> trimesh.Trimesh:
     """The triangles of a shape, in the scene."""
     kind = shape.get("type")
     if kind in ("ply", "obj"):
-        file = next(
-            (child.get("value", "") for child in shape.findall("string") if child.get("name") == "filename"),
-            "",
-        )
+        most_bytes = _LARGEST_BYTES if allow_large else MOST_BYTES
         try:
-            with reading(folder / file, "a mesh of a scene") as content:
+            with reading(folder / _file_of(shape), "a mesh of a scene", most_bytes=most_bytes) as content:
                 mesh = _loaded(content.read(), kind)
         except FileError as error:
             raise FileError(f"shape {name}: {error}") from error
