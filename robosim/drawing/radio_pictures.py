@@ -404,6 +404,6 @@ def _legend(axes: Axes, building: Section, handles: Sequence[Artist]) -> None:
     """Legend below the axes, with furniture if the building has some, and artists that have a label."""
     placed = [Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if building.furnishings else []
     axes.legend(
-        handles=[*handles, *placed, *axes.get_legend_handles_labels()[0]], loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3, fontsize=8,
-        frameon=False, handletextpad=0.5, columnspacing=1.2,
+        handles=[*handles, *placed, *axes.get_legend_handles_labels()[0]], loc="upper center", fontsize=8, ncols=3,
+        bbox_to_anchor=(0.5, -0.11), frameon=False, handletextpad=0.5, columnspacing=1.2,
     )  # fmt: skip

@@ -26,7 +26,7 @@ def box(low, high, without=()):
 UP, DOWN = (0, 0, 1), (0, 0, -1)
 GROUND = box((-20, -20, -1), (20, 20, 0), (DOWN, (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)))
 HOUSE = box((2, -2, 0), (6, 2, 3))
-#: Walls and roof apart, which close with the ground only; the lowest surface is that of a well elsewhere.
+#: Walls and roof apart, which close with the ground only; the lowest surface is that of a well apart.
 OPEN_HOUSE = {
     "walls": box((2, -2, -0.5), (6, 2, 3), (UP, DOWN)),
     "roof": box((1, -3, 3), (7, 3, 3.1)),
