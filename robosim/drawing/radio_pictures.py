@@ -147,12 +147,14 @@ def draw_in_space(
         ends, "*P", (TX_COLOUR, RX_COLOUR), ("transmitter", "receiver"), strict=True
     ):
         axes.plot(*at[:, None], marker, color=colour, mec="white", ms=12, label=label, zorder=60)
-    feet = np.zeros((0, 3)) if bodies is None else bodies.position
-    shown = np.flatnonzero(((low <= feet) & (feet <= high)).all(axis=1)).tolist()
-    for number in shown:
-        (x, y, z), top = feet[number], feet[number, 2] + bodies.height_m[number]
-        label = _PERSON if number == shown[0] else None
-        axes.plot([x, x], [y, y], [z, top], color=css(BODY_YELLOW), lw=4, label=label, zorder=40)
+    if bodies is not None:
+        is_shown = ((low <= bodies.position) & (bodies.position <= high)).all(axis=1)
+        feet, height_m = bodies.position[is_shown], bodies.height_m[is_shown]
+        upright = np.stack([feet, feet + height_m[:, None] * [0, 0, 1]], axis=1)
+        people = Line3DCollection(
+            list(upright), colors=css(BODY_YELLOW), linewidths=4, label=_PERSON, zorder=40
+        )
+        axes.add_collection3d(people)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(np.maximum(high - low, 0.1), zoom=1.05)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")

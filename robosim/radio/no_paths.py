@@ -34,7 +34,8 @@ def explain_missing_paths(
     sample = missed[np.linspace(0, len(missed) - 1, min(len(missed), _MOST_RECEIVERS)).astype(int)]
     points = np.vstack([tx, sample])
     hit, (inside, surface) = _first_faces(scene, points), _surfaces_around(scene, points)
-    is_enclosed, is_below = (hit >= 0).all(axis=1), (hit[:, -2] >= 0) & (hit[:, -1] < 0)
+    is_enclosed: Bool[np.ndarray, " n"] = np.all(hit >= 0, axis=1)
+    is_below = (hit[:, -2] >= 0) & (hit[:, -1] < 0)
     around_tx, around_rx = inside[0] & ~inside[1:].any(axis=0), inside[1:] & ~inside[0]
     sender = f"the transmitter at ({', '.join(f'{value:g}' for value in tx)}) m"
     receivers = "the receiver lies" if len(rx) == 1 else f"all {len(rx)} receivers lie"

@@ -185,7 +185,7 @@ def _announced(shape: ET.Element, folder: Path) -> int:
         if kind == "obj":
             return sum(line.startswith(b"f ") for line in file)
         header, _, _ = file.read(_HEADER_BYTES).partition(b"end_header")
-        return int(re.search(rb"element\s+face\s+(\d+)", header)[1])
+        return sum(map(int, re.findall(rb"element\s+face\s+(\d+)", header)))
     return 0
 
 
