@@ -78,12 +78,12 @@ def trace(
 ) -> None:
     """Trace radio paths from transmitters to receivers all over a floor plan, or over a Mitsuba or Sionna RT scene.
 
-    Writes the coverage of the cells of a grid, coverage.parquet, .npz and .png: power of all paths, link state, delay,
-    spreads, SNR, SINR, best server; paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/), NAME_Tx_K.csv in the
-    format of mmwRobotNav, and pictures of each transmitter: power, link state and direction of arrival of the strongest
-    path, and the rays of one link. The same command resumes an interrupted run, with the same result. If receivers are
-    given without a grid, only the links to them are traced. A scene needs a grid, receivers or a trajectory; all of its
-    surfaces reflect, level ones too.
+    Writes the coverage of the cells of a grid, coverage.parquet, .npz, .tif (GeoTIFF) and .png: power of all paths,
+    link state, delay, spreads, SNR, SINR, best server; paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/),
+    NAME_Tx_K.csv in the format of mmwRobotNav, and pictures of each transmitter: power, link state and direction of
+    arrival of the strongest path, and the rays of one link. The same command resumes an interrupted run, with the same
+    result. If receivers are given without a grid, only the links to them are traced. A scene needs a grid, receivers or
+    a trajectory; all of its surfaces reflect, level ones too.
 
     Example: robosim trace office --tx 6.5,13 --grid 0.15 --out out/radio
 
@@ -152,7 +152,7 @@ def trace(
 
         materials = scene_materials(scene_material)
         if inspect:
-            return inspect_scene(file, materials, config.frequency_hz)
+            return inspect_scene(file, materials, config.frequency_hz, allow_large=reading.allow_large)
     if not tx:
         raise ValueError(
             "tx is missing, expected a transmitter. Give --tx X,Y, which can be given several times."
@@ -182,7 +182,11 @@ def trace(
     offsets = None if csi is None else parse_csi(csi, config.frequency_hz)
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     with console.status("reading the scene ..." if is_scene else "reading the plan ..."):
-        place = read_mitsuba(file, materials) if is_scene else read_storey(plan, storey, reading)
+        place = (
+            read_mitsuba(file, materials, allow_large=reading.allow_large)
+            if is_scene
+            else read_storey(plan, storey, reading)
+        )
     if along is not None:
         site = radio_site(place, config)
         samples = trace_along(site, folder, tx=tx, trajectory=along, rate_hz=rate, console=console)
@@ -247,7 +251,7 @@ def _check_scene(
     options |= {
         option_name(field.name, field.type)[2:]: getattr(reading, field.name)
         for field in fields(reading)
-        if getattr(reading, field.name) != field.default
+        if getattr(reading, field.name) != field.default and field.name != "allow_large"
     }
     for name, value in options.items():
         if value is not None:
@@ -295,7 +299,8 @@ def _report_map(result: dict[str, Any], folder: Path, more: str) -> None:
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
-    files = f"coverage.parquet, coverage.npz, paths.parquet, {result['plan']}_Tx_*.csv, deepmimo_scenarios/"
+    files = "coverage.parquet, coverage.npz, coverage.tif, paths.parquet, "
+    files += f"{result['plan']}_Tx_*.csv, deepmimo_scenarios/"
     console.print(f"Wrote {files}{more} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
     where = f"{install_first('deepmimo')}cd {quote(str(folder))}"

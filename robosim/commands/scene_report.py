@@ -30,12 +30,14 @@ def scene_materials(words: tuple[str, ...]) -> dict[str, str | Material]:
     return materials
 
 
-def inspect_scene(path: Path, materials: dict[str, str | Material], frequency_hz: float) -> None:
+def inspect_scene(
+    path: Path, materials: dict[str, str | Material], frequency_hz: float, *, allow_large: bool
+) -> None:
     """Print shapes, triangles, and the permittivity, conductivity and thickness of materials at a frequency.
 
     FileError or ValueError if the scene cannot be read, or a material is unknown at this frequency.
     """
-    scene = read_mitsuba(path, materials)
+    scene = read_mitsuba(path, materials, allow_large=allow_large)
     properties: dict[str, dict[str, Any]] = {}
     names = dict.fromkeys(material for _, _, material in scene.shapes)
     for name, material in zip(names, scene.materials, strict=True):

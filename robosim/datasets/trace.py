@@ -9,6 +9,7 @@ building from the plan and cache it; workers of a cluster need no common folder.
 
 import hashlib
 import io
+import logging
 import math
 import shutil
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from rich.console import Console
 
 from robosim.datasets.coverage_files import write_coverage
@@ -53,6 +54,8 @@ from wireless.motion.impulse_responses import sample_channel
 from wireless.paths import LinkCategory, Paths
 from wireless.sounding.sounder import SoundingConfig
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
+
+logger = logging.getLogger(__name__)
 
 PATHS, UNITS = "paths.parquet", "units"
 #: Receivers of a unit, as many as the tracer handles at once.
@@ -215,7 +218,9 @@ def trace_plan(
             )
             timing = progress.timing()
         states, links = _write_formats(scene, transmitters, grid, path, out, antennas, console)
-        coverage = write_coverage(out, scene, grid, links, transmitters, noise_dbm=noise_dbm, plots=plots)
+        coverage = write_coverage(
+            out, scene, grid, links, transmitters, noise_dbm=noise_dbm, bodies=bodies, plots=plots
+        )
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
@@ -263,10 +268,11 @@ def trace_link(
     with run_folder(out, "trace --rx"):
         transmitters = _transmitters(site, tx, console)
         paths = site.trace(transmitters, site.places(rx, "rx"), bodies=bodies)
+        _explain_outage(site, transmitters, paths.rx_position, paths.count() > 0)
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
         for i in range(len(transmitters)):
-            plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i))
+            plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i), bodies)
     return paths
 
 
@@ -297,6 +303,8 @@ def trace_along(
         rx = site.places(tuple((x, y) for x, y, _ in poses.tolist()), f"{shown(trajectory)}: a pose")
         for i, position in enumerate(transmitters):
             channel = sample_channel(site.tracer, position, rx, time_s, rate_hz=rate_hz)
+            if not channel.gain.any():
+                _explain_outage(site, position[None], rx, np.zeros((1, len(rx)), bool))
             write_whole(out / f"channel_tx{i + 1}.npz", npz_bytes(vars(channel)))
             samples = len(channel.time_s)
     return samples
@@ -333,6 +341,18 @@ def _transmitters(
     return transmitters
 
 
+def _explain_outage(
+    site: RadioSite,
+    tx: Float[np.ndarray, "n_tx 3"],
+    rx: Float[np.ndarray, "n_rx 3"],
+    reached: Bool[np.ndarray, "n_tx n_rx"],
+) -> None:
+    """Warn of ends of links [m] without paths that are in solids or below the ground, each once."""
+    reasons = [site.explain_missing_paths(*link) for link in zip(tx, [rx] * len(tx), reached, strict=True)]
+    for reason in filter(None, dict.fromkeys(reasons)):
+        logger.warning("%s: %s", site.name, reason)
+
+
 def _settings(scene: RadioSite, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid) -> dict[str, Any]:
     """Everything that the paths depend on."""
     return {
@@ -366,19 +386,22 @@ def _write_formats(
     config, name = scene.config, scene.name
     antennas = antennas or 2 * (MountedArray.polarised(config.tracer.polarisation),)
     links = []
-    states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
+    states = np.zeros(len(LinkCategory), np.int64)
+    reached = np.zeros((len(transmitters), len(grid.position)), bool)
     with whole_folder(deepmimo_folder(out, name)) as folder, console.status("writing ...") as status:
         for i in range(len(transmitters)):
             status.update(f"writing transmitter {i + 1} of {len(transmitters)} ...")
             paths = Paths.read_parquet(path, i)
             states += np.bincount(paths.link_category(config.threshold_db)[i], minlength=len(LinkCategory))
-            reached |= paths.count()[i] > 0
+            reached[i] = paths.count()[i] > 0
             write_files(folder, deepmimo_paths(scene, paths, i))
             write_files(out, csv_files(scene, grid, paths, i))
             paths = replace(paths, tx_position=transmitters[i : i + 1], tx=np.zeros_like(paths.tx))
             links.append(link_values(paths, *antennas, threshold_db=config.threshold_db))
-        write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), int(reached.sum())))
+        n_reached = int(reached.any(axis=0).sum())
+        write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), n_reached))
     write_files(out, transmitters_file(name, transmitters))
+    _explain_outage(scene, transmitters, grid.position, reached)
     return states, {key: np.concatenate([values[key] for values in links]) for key in links[0]}
 
 
@@ -404,6 +427,7 @@ def _plot(
         paths,
         tx,
         link=link,
+        bodies=bodies,
         tx_power_dbm=scene.config.tx_power_dbm,
         threshold_db=scene.config.threshold_db,
     )

@@ -15,7 +15,7 @@ from jaxtyping import Float, UInt8
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection, PathCollection, QuadMesh
+from matplotlib.collections import EllipseCollection, LineCollection, PathCollection, QuadMesh
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.lines import Line2D
@@ -25,11 +25,13 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from robosim.building.building import Building
+from robosim.drawing.plan_view import BODY_YELLOW
 from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import RadioSite, SceneSection
 from robosim.support.colours import FURNISHING, STATE_COLOURS, STATE_NAMES, css
 from robosim.support.figures import save_figure
 from wireless.coverage import CoverageMap
+from wireless.motion.bodies import Bodies
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 from wireless.support.counting import counted
 from wireless.support.ray_colours import ray_colours
@@ -46,6 +48,7 @@ KINDS = {
 ARROW_SHARE = 1 / 28
 #: What a picture from above shows.
 Section = Building | SceneSection
+_PERSON = "person"
 _NO_PATH: dict[str, Any] = {"facecolor": "0.97", "edgecolor": "0.8", "hatch": "/////", "linewidth": 0}
 
 
@@ -60,8 +63,11 @@ def plot_grid(
     tx_power_dbm: float,
     threshold_db: float,
     link: tuple[Paths, int, int],
+    bodies: Bodies | None = None,
 ) -> list[Path]:
     """Draw the radio of one transmitter on a grid of receivers, and the rays of one link (paths, its tx and its rx).
+
+    People and other bodies among the paths are drawn from above.
 
     Returns:
         The files {power,state,aoa,rays,overview}SUFFIX.png, of which the last has all four.
@@ -80,42 +86,50 @@ def plot_grid(
     files = [folder / f"{name}{suffix}.png" for name in (*draw, "overview")]
     for file, draw_on in zip(files[:-1], draw.values(), strict=True):
         figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
+        _draw_bodies(axes, bodies)
         draw_on(axes)
         save_figure(figure, file)
     figure, axes_of_all = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
     for draw_on, axes in zip(draw.values(), axes_of_all.ravel(), strict=True):
+        _draw_bodies(axes, bodies)
         draw_on(axes)
     save_figure(figure, files[-1])
     return files
 
 
-def plot_link(path: Path, site: RadioSite, paths: Paths, tx: int, rx: int) -> None:
-    """Draw the paths of one link: from above in a building of one storey, else in three dimensions."""
+def plot_link(
+    path: Path, site: RadioSite, paths: Paths, tx: int, rx: int, bodies: Bodies | None = None
+) -> None:
+    """Draw the paths of one link among bodies: from above in a building of one storey, else in three dimensions."""
     if len(site.storeys) == 1:
         building = site.storeys[0].building
         figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
+        _draw_bodies(axes, bodies)
         draw_rays(axes, building, paths, tx, rx, site.config.tx_power_dbm)
     else:
         figure = plt.figure(figsize=(8.0, 8.0), layout="constrained")
         axes = figure.add_subplot(projection="3d", computed_zorder=False)
-        draw_in_space(axes, site, paths, tx, rx)
+        draw_in_space(axes, site, paths, tx, rx, bodies)
     save_figure(figure, path)
 
 
-def plot_coverage(path: Path, building: Section, coverage: CoverageMap) -> None:
-    """Draw the best server of each cell, and its power, SINR and delay spread."""
+def plot_coverage(path: Path, building: Section, coverage: CoverageMap, bodies: Bodies | None = None) -> None:
+    """Draw the best server of each cell, and its power, SINR and delay spread, among bodies."""
     figure, axes_of_all = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
     quantities = ("power_dbm", "sinr_db", "best_server", "delay_spread_s")
     for quantity, axes in zip(quantities, axes_of_all.ravel(), strict=True):
         coverage.plot(quantity, axes=axes)
         _shade_free(axes, building)
+        _draw_bodies(axes, bodies)
         about = conditions(coverage.frequency_hz, coverage.tx_position[0], coverage.position.reshape(-1, 3))
         _frame(axes, building, f"coverage of {counted(len(coverage.tx_position), 'transmitter')}", about)
     save_figure(figure, path)
 
 
-def draw_in_space(axes: Axes3D, site: RadioSite, paths: Paths, tx: int, rx: int) -> None:
-    """All paths of one link in three dimensions among the surfaces around it, coloured by power."""
+def draw_in_space(
+    axes: Axes3D, site: RadioSite, paths: Paths, tx: int, rx: int, bodies: Bodies | None = None
+) -> None:
+    """All paths of one link in three dimensions among the surfaces and bodies around it, coloured by power."""
     link, ends = paths.between(tx, rx), (paths.tx_position[tx], paths.rx_position[rx])
     corners = np.vstack([link.corners().reshape(-1, 3), *ends])
     low, high = site.draw(axes, np.array([np.nanmin(corners, axis=0), np.nanmax(corners, axis=0)]))
@@ -133,6 +147,14 @@ def draw_in_space(axes: Axes3D, site: RadioSite, paths: Paths, tx: int, rx: int)
         ends, "*P", (TX_COLOUR, RX_COLOUR), ("transmitter", "receiver"), strict=True
     ):
         axes.plot(*at[:, None], marker, color=colour, mec="white", ms=12, label=label, zorder=60)
+    if bodies is not None:
+        is_shown = ((low <= bodies.position) & (bodies.position <= high)).all(axis=1)
+        feet, height_m = bodies.position[is_shown], bodies.height_m[is_shown]
+        upright = np.stack([feet, feet + height_m[:, None] * [0, 0, 1]], axis=1)
+        people = Line3DCollection(
+            list(upright), colors=css(BODY_YELLOW), linewidths=4, label=_PERSON, zorder=40
+        )
+        axes.add_collection3d(people)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(np.maximum(high - low, 0.1), zoom=1.05)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
@@ -355,6 +377,19 @@ def _zoom(axes: Axes, points: Float[np.ndarray, "n 2"]) -> None:
         )
 
 
+def _draw_bodies(axes: Axes, bodies: Bodies | None) -> None:
+    """Draw bodies from above, of their true size, for a legend of `_legend`."""
+    if bodies is None:
+        return
+    style = {"facecolor": css(BODY_YELLOW), "edgecolor": "black", "linewidth": 0.5}
+    width, place = 2 * bodies.radius_m, bodies.position[:, :2]
+    circles = EllipseCollection(
+        width, width, 0, units="xy", offsets=place, offset_transform=axes.transData, zorder=6, **style
+    )
+    axes.add_collection(circles)
+    axes.plot([], [], "o", mfc=css(BODY_YELLOW), mec="black", mew=0.5, ms=7, label=_PERSON)
+
+
 def _mark(axes: Axes, tx_position: Float[np.ndarray, "3"]) -> None:
     axes.plot(*tx_position[:2], "*", color=TX_COLOUR, mec="white", mew=0.8, ms=15, zorder=7)
 
@@ -368,9 +403,9 @@ def _nothing_handle(label: str) -> Patch:
 
 
 def _legend(axes: Axes, building: Section, handles: Sequence[Artist]) -> None:
-    """Legend below the axes, with furniture if the building has some."""
+    """Legend below the axes, with furniture if the building has some, and artists that have a label."""
     placed = [Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if building.furnishings else []
     axes.legend(
-        handles=[*handles, *placed], loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3, fontsize=8,
-        frameon=False, handletextpad=0.5, columnspacing=1.2,
+        handles=[*handles, *placed, *axes.get_legend_handles_labels()[0]], loc="upper center", fontsize=8, ncols=3,
+        bbox_to_anchor=(0.5, -0.11), frameon=False, handletextpad=0.5, columnspacing=1.2,
     )  # fmt: skip

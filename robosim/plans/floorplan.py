@@ -275,7 +275,8 @@ class ReadingOptions:
     """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
     not given."""
     allow_large: bool = False
-    """Whether an image, array or drawing may be of a building longer than 500 m."""
+    """Whether an image, array or drawing may be of a building longer than 500 m, and whether a scene may have so many
+    triangles that preparing it takes half of the memory."""
     map_reading: MapReading = "common"
     """Unknown cells of a ROS map: by the usual grey of unknown cells, with a warning, or by its thresholds alone."""
     wall_layers: Annotated[tuple[str, ...], arg(name="wall-layer"), UseAppendAction] = ()

@@ -46,7 +46,12 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
 
 
 def check_step(step_m: float) -> None:
-    """Raise ValueError if a step between receivers makes no grid."""
+    """Raise ValueError if a step between receivers makes no grid, or one of too many cells on each square metre."""
+    if 0 < step_m < STEP_M.least:
+        raise ValueError(
+            f"grid is {step_m:g}, expected {STEP_M.least:g} to {STEP_M.greatest:g} m between receivers: it makes "
+            f"{1 / step_m**2:.0f} cells on each square metre. Try 0.15."
+        )
     check_number("grid", step_m, *STEP_M)
 
 

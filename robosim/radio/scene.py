@@ -4,7 +4,7 @@ Positions are x, y [m] in `map`, or in the frame of the scene, and heights above
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import shapely
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from robosim.building.building import Building, BuildingConfig, Storey, make_building
 from robosim.building.multi_storey import Storeys, StoreysConfig, make_storeys
-from robosim.plans.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.storey_plans import OneStorey
+from robosim.radio.no_paths import explain_missing_paths
 from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
 from wireless.coverage import CoverageMap
@@ -115,7 +116,10 @@ class RadioSite(ABC):
 
         Raises:
             ValueError: If a point is not in free space; the message says where the nearest free point is.
+            MapError: If a point has no height, and `height_m` is above the ceiling of its storey.
         """
+        if any(len(point) < 3 for point in points):
+            self.check_height()
         positions = np.array([[*point, self.height_m][:3] for point in points], float).reshape(-1, 3)
         for value in positions.ravel():
             check_number(name, float(value), -FARTHEST, FARTHEST, "m")
@@ -123,6 +127,10 @@ class RadioSite(ABC):
             if problem := self.problem_at(position, name):
                 raise ValueError(problem)
         return positions
+
+    def check_height(self) -> None:
+        """Raise MapError if terminals without a height of their own would be above their ceiling."""
+        return None
 
     @abstractmethod
     def grid(self, step_m: float, **options: Any) -> ReceiverGrid:
@@ -165,6 +173,12 @@ class RadioSite(ABC):
         """Return remarks on a trace from transmitters [m] before it starts."""
         return []
 
+    def explain_missing_paths(
+        self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], reached: Bool[np.ndarray, " n"]
+    ) -> str:
+        """Return why receivers [m] that are not `reached` have no path from a transmitter [m]; empty if not known."""
+        return ""
+
     def draw(self, axes: "Axes3D", near: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
         """Draw the edges of surfaces around a box [m] in three dimensions; returns the box that is shown."""
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
@@ -179,15 +193,19 @@ class RadioSite(ABC):
 
 
 def radio_site(
-    place: AnyPlace | Path, config: RadioConfig, materials: Mapping[str, str | Material] | None = None
+    place: AnyPlace | Path,
+    config: RadioConfig,
+    materials: Mapping[str, str | Material] | None = None,
+    *,
+    allow_large: bool = False,
 ) -> RadioSite:
     """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file.
 
-    `materials` replace those of a scene, by their names in it.
+    `materials` replace those of a scene, by their names in it; `allow_large` as for `read_mitsuba`.
     """
     match place:
         case Path():
-            return MeshScene(read_mitsuba(place, materials), config)
+            return MeshScene(read_mitsuba(place, materials, allow_large=allow_large), config)
         case MitsubaScene():
             return MeshScene(place, config)
     return RadioScene(place, config)
@@ -200,6 +218,9 @@ _BELOW_M = 10.0
 class MeshScene(RadioSite):
     """A Mitsuba scene: places are anywhere but far below it, its floor is at its lowest point."""
 
+    whole: MitsubaScene
+    """The scene."""
+
     def __init__(self, scene: MitsubaScene, config: RadioConfig):
         self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
         self.floor_m = float(scene.mesh.bounds[0, 2])
@@ -211,6 +232,12 @@ class MeshScene(RadioSite):
         return (
             f"{name} is at z = {position[2]:g} m, but {self.name} begins at {self.floor_m:g} m. Give metres."
         )
+
+    def explain_missing_paths(
+        self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], reached: Bool[np.ndarray, " n"]
+    ) -> str:
+        """Return that ends of links are in solids or below the ground; see `robosim.radio.no_paths`."""
+        return explain_missing_paths(self.whole, tx, rx, reached)
 
     def section(self, grid: ReceiverGrid) -> "SceneSection":
         """The surfaces of the scene at the height of a grid."""
@@ -256,15 +283,31 @@ class RadioScene(RadioSite):
 
     def __init__(self, plan: Place, config: RadioConfig):
         self.config = config
-        number = 0
+        number, self._label = 0, plan.name
         match plan:
             case FloorPlan():
                 self.whole: Building | Storeys = make_building(plan, config=config.building)
             case _:
                 number, building = plan.number, plan.building
+                self._label = building.label
                 self.whole = make_storeys(building, config=StoreysConfig(building=config.building))
         self.name, self.mesh, self.storeys = plan.name, self.whole.mesh, self.whole.storeys
-        self.building, self.floor_m = self.storeys[number].building, self.storeys[number].floor_m
+        self._number, self.building = number, self.storeys[number].building
+        self.floor_m = self.storeys[number].floor_m
+
+    def check_height(self) -> None:
+        """Raise MapError if terminals without a height of their own would be above the ceiling of their storey."""
+        self._check_heights([self._number])
+
+    def _check_heights(self, storeys: Iterable[int]) -> None:
+        for number in storeys:
+            high_m, height_m = self.storeys[number].building.height_m, self.config.height_m
+            if height_m > high_m:
+                storey = f"storey {number}" if len(self.storeys) > 1 else "the building"
+                raise MapError(
+                    f"{self._label}: height of terminals (--height) is {height_m:g} m, expected 0 to {high_m:g} m, "
+                    f"that of {storey}. Give --height {high_m / 2:g}, or places with heights of their own, X,Y,Z."
+                )
 
     def section(self, grid: ReceiverGrid) -> Building:
         """The building of the storey."""
@@ -274,6 +317,7 @@ class RadioScene(RadioSite):
         """Receivers on a grid over the plan, or the storey, at the configured height above its floor."""
         if options.get("bounds_m") is not None:
             raise ValueError(f"bounds are given for {self.name}, but they are for scenes. Leave them out.")
+        self.check_height()
         grid = receiver_grid(self.building, step_m, self.config.height_m)
         return replace(grid, position=grid.position + np.array([0.0, 0.0, self.floor_m]))
 
@@ -282,6 +326,7 @@ class RadioScene(RadioSite):
     ) -> Float[np.ndarray, "count 3"]:
         """Random places [m], one storey after the other from the lowest up; each storey has its random numbers."""
         turns = -(-count // len(self.storeys))
+        self._check_heights(range(len(self.storeys)))
         each = [
             random_transmitters(storey.building, turns, self.config.height_m, stream(number))
             + np.array([0.0, 0.0, storey.floor_m])

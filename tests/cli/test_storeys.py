@@ -90,3 +90,36 @@ def test_places_and_storeys_that_are_none_are_rejected(house, capsys):
         with pytest.raises(SystemExit):
             main(["trace", str(house), *options])
         assert message in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--rx", "1,2"], ["--rx", "1,2,1"], ["--grid", "1"], ["--storey", "1", "--grid", "1", "--height", "3"]],
+)
+def test_trace_rejects_a_height_above_the_ceiling_of_a_storey(words, house, fails):
+    """At 1.45 m the upper storey begins: terminals of 1.5 m would be there, without a word."""
+    text = house.read_text().replace(
+        "plan: room.yaml, openings", "plan: room.yaml, height: 1.2, slab: 0.25, openings"
+    )
+    house.write_text(text)
+    said = fails("trace", house, "--tx", "1,1", *words, *FAST)
+    number, high, height = (1, "2.5", "3") if "3" in words else (0, "1.2", "1.5")
+    assert (
+        f"{house}: height of terminals (--height) is {height} m, expected 0 to {high} m, that of storey {number}"
+        in said
+    )
+    assert f"Give --height {float(high) / 2:g}, or places with heights of their own" in said
+
+
+def test_trace_takes_heights_of_their_own_below_a_low_ceiling(house, tmp_path):
+    house.write_text("storeys:\n- {plan: room.yaml, height: 1.2}\n- plan: room.yaml\n")
+    main(["trace", str(house), "--tx", "1,1,1", "--rx", "2,2,0.5", *FAST, "--out", str(tmp_path / "out")])
+    assert len(Paths.read_parquet(tmp_path / "out" / "paths.parquet"))
+
+
+def test_dataset_rejects_a_height_above_the_ceiling_of_any_storey(house, fails):
+    house.write_text("storeys:\n- plan: room.yaml\n- {plan: room.yaml, height: 1.2}\n")
+    assert (
+        f"{house}: height of terminals (--height) is 1.5 m, expected 0 to 1.2 m, that of storey 1"
+        in fails("dataset", house, "--tx-per-plan", "1", "--grid", "1", "--workers", "1")
+    )

@@ -149,6 +149,10 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--tx 1,1 --threshold-dbm nan", "threshold_dbm is nan"),
         ("--tx 1,1 --workers 0", "workers is 0"),
         ("--tx 1,1 --grid 1e-5", "grid is 1e-05, expected 0.01 to 100 m"),
+        (
+            "--tx 1,1 --grid 0.001",
+            "between receivers: it makes 1000000 cells on each square metre. Try 0.15.",
+        ),
         ("--tx 1,1 --rx 1,1", "rx (1, 1) m is where tx (1, 1, 1.5) m is"),
         ("--tx 2,2 --tx 1,1,1 --rx 1.001,1,1.002", "Move one of them by 5 mm or more"),
         ("--tx 1,1 --tx 2,2 --tx 1,1,1.5", "tx (1, 1, 1.5) m is given twice. Leave one of them out."),
@@ -327,7 +331,7 @@ def test_grid_over_a_scene(tmp_path, capsys):
     assert table.num_rows == 200
     np.testing.assert_array_equal(table["power_dbm"].to_numpy(), coverage.power_dbm.ravel())
     assert paths.link_state()[0].tolist() == (coverage.category[0].ravel() % 4).tolist()
-    assert {"coverage.png", "power_tx1.png", "state_tx2.png", "house_Tx_2.csv"} <= {
+    assert {"coverage.png", "coverage.tif", "power_tx1.png", "state_tx2.png", "house_Tx_2.csv"} <= {
         file.name for file in out.iterdir()
     }
     with np.load(out / "deepmimo_scenarios/house/power_t000_tx001_r001.npz") as file:
@@ -353,6 +357,10 @@ def test_grids_over_other_scenes_are_not_mixed(tmp_path, fails):
     ("words", "message"),
     [
         ("--grid 0.001", "10 x 10 m, more than 1000000 places. Take wider cells, such as 0.02 m"),
+        (
+            "--grid 1 --bounds -1e4,-1e4,1e4,1e4",
+            "grid is 1 m, which makes 400000000 receivers on 20000 x 20000 m",
+        ),
         ("--grid nan", "grid is nan"),
         ("--grid -1", "grid is -1.0"),
         ("--grid 1 --bounds 20,20,30,30", "scene, which reaches from [-5.0, -5.0] to [5.0, 5.0] m"),

@@ -4,9 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.special import fresnel
 
 from robosim.cli import main
+from robosim.drawing.plan_view import BODY_YELLOW
 from wireless import Paths
 from wireless.motion.blockage import block
 from wireless.motion.bodies import people
@@ -80,6 +82,48 @@ def test_trace_of_a_grid_among_people_resumes_with_them_only(plan_file, tmp_path
         message = fails("trace", plan_file, *words, *others, *FAST, "--out", out)
         assert "results of other settings" in message and "bodies" in message
     assert (out / "paths.parquet").read_bytes() == content
+
+
+def share_of_people(picture):
+    """Share of a picture's pixels that have the colour of people, which nothing else has."""
+    with Image.open(picture) as image:
+        return (np.asarray(image.convert("RGB")) == BODY_YELLOW).all(axis=2).mean()
+
+
+def test_trace_draws_people_in_all_pictures(plan_file, tmp_path):
+    """Circles of their size: 3 of a radius of 0.17 m on a page that shows some 6.6 m by 3.2 m and its margins."""
+    crowd = crowd_of(tmp_path, (0.5, 0.5), (4.0, 0.5), (5.5, 2.5))
+    plain, among = tmp_path / "plain", tmp_path / "among"
+    for out, words in ((plain, []), (among, ["--mover", str(crowd)])):
+        ends = [
+            "--tx",
+            "1,1",
+            "--grid",
+            "0.8",
+            "--max-reflections",
+            "1",
+            "--no-diffraction",
+            "--workers",
+            "1",
+        ]
+        main(["trace", str(plan_file), *ends, *words, "--out", str(out)])
+    names = [f"{name}_tx1.png" for name in ("power", "state", "aoa", "rays", "overview")] + ["coverage.png"]
+    for name in names:
+        assert share_of_people(plain / name) < 1e-4 < share_of_people(among / name), name
+    circles = 3 * np.pi * RADIUS_M**2 / (6.6 * 3.2)
+    assert circles / 4 < share_of_people(among / "power_tx1.png") < circles
+
+
+@pytest.mark.parametrize("storeys", [1, 2])
+def test_trace_draws_people_around_a_link(storeys, plan_file, tmp_path):
+    """From above, or in three dimensions."""
+    plan = tmp_path / "house.yaml"
+    plan.write_text(f"storeys:\n- plan: {plan_file}\n- plan: {plan_file}\n")
+    place, crowd = plan_file if storeys == 1 else plan, crowd_of(tmp_path, (2.5, 1.5))
+    for out, words in (("plain", []), ("among", ["--mover", str(crowd)])):
+        main(["trace", str(place), "--tx", "1,1", "--rx", "2,2", *words, "--out", str(tmp_path / out)])
+    pictures = [tmp_path / out / "rays_tx1.png" for out in ("plain", "among")]
+    assert share_of_people(pictures[0]) < 1e-5 < 2e-4 < share_of_people(pictures[1])
 
 
 @pytest.mark.parametrize(

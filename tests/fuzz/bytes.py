@@ -113,6 +113,37 @@ def corner(content: bytes, rng: random.Random) -> bytes:
     )
 
 
+def step(content: bytes, rng: random.Random) -> bytes:
+    """A file of ISO 10303-21 with a line of its data changed: an argument, a reference, its type, or left out."""
+    lines = content.split(b"\n")
+    places = [i for i, line in enumerate(lines) if line.startswith(b"#")]
+    at, other = rng.choice(places), lines[rng.choice(places)]
+    name, _, rest = lines[at].partition(b"=")
+    arguments = list(re.finditer(rb"(?<=[(,])[^(),]*(?=[),])", rest))
+    fillings = [
+        other.partition(b"=")[0],
+        name,
+        b"$",
+        b"*",
+        b"()",
+        b"'\\X2\\D800\\X0\\'",
+        b".T.",
+        *TEXT_NUMBERS,
+    ]
+    kind = rng.choice(["argument", "argument", "argument", "type", "content", "left out", "twice"])
+    if kind == "argument" and arguments:
+        argument = rng.choice(arguments)
+        rest = rest[: argument.start()] + rng.choice(fillings) + rest[argument.end() :]
+    elif kind == "type":
+        rest = other.partition(b"=")[2].partition(b"(")[0] + b"(" + rest.partition(b"(")[2]
+    elif kind == "content":
+        rest = other.partition(b"=")[2]
+    lines[at : at + 1] = {"left out": [], "twice": [lines[at], name + b"=" + rest]}.get(
+        kind, [name + b"=" + rest]
+    )
+    return b"\n".join(lines)
+
+
 BYTES: dict[str, Method] = {
     "cut": cut, "flipped": flipped, "overwritten": overwritten, "removed": removed, "repeated": _repeated,
     "inserted": _inserted, "code": named_code, "longer": _longer, "garbage": _garbage, "length": length,

@@ -11,7 +11,7 @@ import stat
 from pathlib import Path
 
 from tests.fuzz.arrays import chunk, npy_array, npy_header, npz_array, npz_header, npz_member, npz_picture
-from tests.fuzz.bytes import BYTES, Method, corner, flipped, number
+from tests.fuzz.bytes import BYTES, Method, corner, flipped, number, step
 from tests.fuzz.tables import cell, column_of_table, metadata_of_table, pickled, state
 from tests.fuzz.trees import aliases, glb_tree, json_tree, safetensors_header, tag, tensor_values, yaml_tree
 
@@ -93,6 +93,7 @@ def _of_format(suffix: str, content: bytes) -> dict[str, Method]:
         ".glb": {"tree": glb_tree},
         ".png": {"chunk": chunk},
         ".stl": {"corner": corner},
+        ".ifc": {"step": step, "steps": step, "text-number": number},
         ".pt": {"member": npz_member, "state": state, "pickle": pickled},
     }
     return methods.get(suffix, {"text-number": number} if content[:200].isascii() else {})

@@ -33,7 +33,7 @@ from robosim.policies.search_network import initial_weights as search_weights
 from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.support.files import plain, write_files, write_json, write_whole
-from robosim.support.installation import assets_dir, shipped_network
+from robosim.support.installation import assets_dir, is_installed, shipped_network
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
 from slam.grid import GridFrame, MapEstimate
@@ -61,7 +61,7 @@ def make_seeds(folder: Path) -> list[str]:
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
-        bags, scenes, drawings, small,
+        bags, scenes, drawings, small, models,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -424,6 +424,17 @@ def drawings(folder: Path) -> None:
         '<polyline points="100,100 200,150 300,100" stroke="black" stroke-width="8" fill="none"/>\n'
         '<path d="M300 200a30 20 15 1 0 40 30" stroke="rgb(0,0,9)"/></g></svg>\n'
     )
+
+
+def models(folder: Path) -> None:
+    """Building models of two storeys, in IFC 4 and IFC 2x3; none where ifcopenshell is missing, an extra."""
+    if not is_installed("ifcopenshell"):
+        return
+    from tests.robosim.plans.formats.test_ifc import model
+
+    home = _into(folder, "models")
+    for version in ("IFC4", "IFC2X3"):
+        model(version).write(str(home / f"{version.lower()}.ifc"))
 
 
 def furnishings(folder: Path) -> None:

@@ -341,6 +341,8 @@ TARGETS: dict[str, Target] = {
     "plans of a folder": Target("plans", "*", _found_plans, 0.3),
     "mesh": Target("meshes", "*", _plan, 3),
     "drawing": Target("drawings", "*", _plan, 3),
+    "building model": Target("models", "*", _plan, 3),
+    "robosim plan, building model": Target("models", "ifc4.ifc", _command("plan {1} --out {0}/out"), 0.3, True),
     "plan on the page": Target("plans", "*", _upload),
     "picture on the page": Target("images", "*", _upload),
     "mesh on the page": Target("meshes", "*", _upload),

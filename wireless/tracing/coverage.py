@@ -17,6 +17,8 @@ from wireless.support.arrays import to_positions
 
 #: Sides of cells [m], and most points of a grid.
 CELL_M, MOST_POINTS = Range(1e-6, 1e5, "m", "Try 1."), 1_000_000
+#: Most points of all cells of a map.
+_MOST_SAMPLES = 20_000_000
 #: Links that are traced at once: their paths take some 100 MB.
 _BATCH_LINKS = 8192
 
@@ -122,6 +124,11 @@ def trace_coverage(
         z_m = float(tracer.mesh.bounds[0, 2]) + height_m
         grid = level_grid(tracer.mesh, cell_m, z_m, tx=places, bounds_m=bounds_m)
     isotropic, n = MountedArray.polarised(tracer.config.polarisation), points_per_side**2
+    if (count := n * len(grid.position)) > _MOST_SAMPLES:
+        raise ValueError(
+            f"points_per_side is {points_per_side}, which makes {count} points in {len(grid.position)} cells, expected "
+            f"at most {_MOST_SAMPLES}. Take fewer, or wider cells."
+        )
     ends = tx_antenna or isotropic, rx_antenna or isotropic
     middle = (np.arange(points_per_side) + 0.5) / points_per_side - 0.5
     sides = np.diff(grid.edges[:2, :2], axis=1)[0, 0], np.diff(grid.edges[:2, :2], axis=0)[0, 0]

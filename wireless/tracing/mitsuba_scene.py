@@ -23,14 +23,17 @@ from jaxtyping import Float, Int
 from trimesh.exchange.ply import load_ply
 from trimesh.util import append_faces
 
-from robosim.support.reading import FileError, reading
+from robosim.support.reading import MOST_BYTES, FileError, reading
 from wireless.em.materials import MATERIALS, Layer, Material
 from wireless.tracing.mesh_check import check_mesh, surfaces_digest
+from wireless.tracing.scene_size import check_size
 
 logger = logging.getLogger(__name__)
 
 #: Thickness of a slab that the scene does not give [m], as in Sionna RT.
 THICK_M = 0.1
+#: Most bytes of a mesh file of a large scene.
+_LARGEST_BYTES = 1 << 40
 _REMEDY = "Give a Mitsuba 3 scene with shapes and ITU radio materials."
 _AXES = ("x", "y", "z")
 #: Smaller scenes are said to be in other units [m].
@@ -83,15 +86,18 @@ def is_mitsuba(path: Path) -> bool:
         return False
 
 
-def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = None) -> MitsubaScene:
+def read_mitsuba(
+    path: Path, materials: Mapping[str, Material | str] | None = None, *, allow_large: bool = False
+) -> MitsubaScene:
     """Read a scene (.xml) and its meshes.
 
     Args:
         path: The scene.
         materials: Materials, as the tracer takes them, by the names that the scene gives them, instead of its own.
+        allow_large: Whether it may be too large to be prepared for tracing, see `wireless.tracing.scene_size`.
 
     Raises:
-        FileError: If a file is damaged, a shape or material is not understood, or there is no shape.
+        FileError: If a file is damaged, a shape or material is not understood, there is no shape, or it is too large.
     """
     replacements = dict(materials or {})
     with reading(path, "a Mitsuba scene", _REMEDY):
@@ -113,7 +119,7 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
         of_mesh: list[int] = []
         for number, shape in enumerate(root.iter("shape"), 1):
             name = shape.get("id") or f"number {number}"
-            meshes.append(_arrays(shape, path.parent, name))
+            meshes.append(_arrays(shape, path.parent, name, allow_large))
             material = _material_name(shape, name, bsdfs)
             if material not in names:
                 names.append(material)
@@ -123,8 +129,10 @@ def read_mitsuba(path: Path, materials: Mapping[str, Material | str] | None = No
             raise ValueError("there is no shape in it")
         if unknown := sorted(set(replacements) - set(names)):
             raise ValueError(f"there is no material {unknown[0]!r} in it, expected one of {', '.join(names)}")
-        mesh = trimesh.Trimesh(*append_faces(*zip(*meshes, strict=True)), process=False)
         n_faces = np.array([count for _, count, _ in shapes])
+        if not allow_large:
+            check_size(int(n_faces.sum()))
+        mesh = trimesh.Trimesh(*append_faces(*zip(*meshes, strict=True)), process=False)
         area_m2 = np.add.reduceat(mesh.area_faces, np.cumsum(n_faces) - n_faces)
         for wrong in np.flatnonzero(~(area_m2 > 0))[:1]:
             raise FileError(
@@ -171,16 +179,19 @@ def _read_root(path: Path, folder: Path, chain: tuple[Path, ...]) -> ET.Element:
     return root
 
 
-def _arrays(shape: ET.Element, folder: Path, name: str) -> _Arrays:
+def _file_of(shape: ET.Element) -> str:
+    """Name of the file of a shape; empty if it has none."""
+    values = (child.get("value", "") for child in shape.findall("string") if child.get("name") == "filename")
+    return next(values, "")
+
+
+def _arrays(shape: ET.Element, folder: Path, name: str, allow_large: bool) -> _Arrays:
     """Vertices and faces of a shape, in the scene."""
     kind = shape.get("type")
     if kind in ("ply", "obj"):
-        file = next(
-            (child.get("value", "") for child in shape.findall("string") if child.get("name") == "filename"),
-            "",
-        )
+        most_bytes = _LARGEST_BYTES if allow_large else MOST_BYTES
         try:
-            with reading(folder / file, "a mesh of a scene") as content:
+            with reading(folder / _file_of(shape), "a mesh of a scene", most_bytes=most_bytes) as content:
                 arrays = _loaded(content.read(), kind)
         except FileError as error:
             raise FileError(f"shape {name}: {error}") from error

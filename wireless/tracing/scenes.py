@@ -27,6 +27,7 @@ from wireless.geometry.visibility import Visibility, find_visibility, views_onto
 from wireless.tracing.blocks import Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
 from wireless.tracing.plan_engine import trace_links, views_of
+from wireless.tracing.scene_size import report_size
 from wireless.tracing.space_engine import trace_space
 from wireless.tracing.table import Setting, Table
 
@@ -185,6 +186,7 @@ class SpaceScene:
         rays: int,
         level_m: Float[np.ndarray, " k"] | None = None,
     ):
+        report_size(len(mesh.faces))
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
         local = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
         surfaces, patches = prepare_surfaces(local, face_material, snap_m)

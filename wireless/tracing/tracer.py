@@ -263,6 +263,7 @@ class Tracer:
         materials: Mapping[str, str | Material] | None = None,
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
+        allow_large: bool = False,
     ) -> "Tracer":
         """A tracer of a Mitsuba scene, such as one of Sionna RT; see `wireless.tracing.mitsuba_scene`.
 
@@ -271,13 +272,15 @@ class Tracer:
             materials: Materials by their names in the scene, instead of its own.
             frequency_hz: Carrier frequency.
             config: Which paths to look for; None for the defaults.
+            allow_large: Whether the scene may have more triangles than `wireless.tracing.scene_size` expects.
 
         Raises:
-            FileError: If a file is damaged, or a shape or material is not understood.
+            FileError: If a file is damaged, a shape or material is not understood, or there are too many triangles.
         """
         from wireless.tracing.mitsuba_scene import read_mitsuba
 
-        return cls(read_mitsuba(Path(path), materials), frequency_hz=frequency_hz, config=config)
+        scene = read_mitsuba(Path(path), materials, allow_large=allow_large)
+        return cls(scene, frequency_hz=frequency_hz, config=config)
 
     def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
         """Layers of walls of each material, see `wireless.em.fresnel.fresnel`."""

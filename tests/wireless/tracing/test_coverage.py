@@ -188,6 +188,10 @@ def test_coverage_table_has_a_row_per_transmitter_and_cell(shaded):
         ({"bounds_m": (3.0, float("nan"), 4.0, 4.0)}, "expected the lower-left and the upper-right corner"),
         ({"bounds_m": (3.0, 4.0, 5.0)}, "expected the lower-left and the upper-right corner"),
         ({"points_per_side": 0}, "points_per_side is 0"),
+        (
+            {"points_per_side": 100, "cell_m": 0.1},
+            "points_per_side is 100, which makes 1600000000 points in 160000 cells",
+        ),
         ({"tx": [0.0, 0.0, 5.0]}, r"tx has shape \(3,\), expected"),
         ({"tx": [[0.0, 0.0, float("nan")]]}, r"tx has shape \(1, 3\), expected .* finite"),
         ({"tx_power_dbm": (1.0, 2.0)}, "or one for each transmitter"),

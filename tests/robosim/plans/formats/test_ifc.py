@@ -10,18 +10,23 @@ from tests.robosim.plans.formats.test_line_drawing import FREE_M2, free_m2, is_f
 ifcopenshell = pytest.importorskip("ifcopenshell", reason="needs the extra ifc")
 
 
-def model():
+def model(version="IFC4"):
     """Two storeys of the house of `test_line_drawing`, in millimetres, with a closed door in the partition."""
     import ifcopenshell.api.aggregate
     import ifcopenshell.api.context
     import ifcopenshell.api.feature
     import ifcopenshell.api.geometry
+    import ifcopenshell.api.owner
     import ifcopenshell.api.project
     import ifcopenshell.api.root
     import ifcopenshell.api.unit
 
     api = ifcopenshell.api
-    file = api.project.create_file()
+    file = api.project.create_file(version=version)
+    if version == "IFC2X3":  # whose entities have an owner
+        person, firm = api.owner.add_person(file), api.owner.add_organisation(file)
+        api.owner.add_person_and_organisation(file, person=person, organisation=firm)
+        api.owner.add_application(file, application_developer=firm)
     project = api.root.create_entity(file, ifc_class="IfcProject")
     api.unit.assign_unit(file)
     whole = api.context.add_context(file, context_type="Model")
@@ -99,6 +104,59 @@ def test_damaged_models_are_rejected(house, tmp_path, change, message):
     (tmp_path / "house.ifc").write_text(change(house.read_text()))
     with pytest.raises(MapError, match=message):
         read_plan(tmp_path / "house.ifc")
+
+
+def line_of(text, kind):
+    """A line of a model, the first of its kind, and its name."""
+    line = next(line for line in text.splitlines(keepends=True) if f"={kind}(" in line)
+    return line, line.partition("=")[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "new", "message"),
+    [
+        # Without the end of a line all that follows is lost, as the library says nothing.
+        ("IFCWALL", lambda line: line.replace(");", ""), r"of its \d+ entities cannot be read"),
+        ("IFCWALL", lambda line: line.replace("IFCWALL", "IFCWAL"), r"1 of its \d+ entities cannot be read"),
+        ("IFCLOCALPLACEMENT", lambda line: "", r"1 of its entities are missing, such as #\d+"),
+        ("IFCEXTRUDEDAREASOLID", lambda line: "", r"1 of its entities are missing, such as #\d+"),
+        ("IFCSIUNIT", lambda line: line.replace("(", "(#1,"), "its units of length cannot be read"),
+    ],
+)
+def test_read_ifc_rejects_a_model_of_which_parts_are_lost(house, tmp_path, kind, new, message):
+    """Ifcopenshell reads the rest: a wall less, or one at another place, or metres for millimetres."""
+    text = house.read_text()
+    line, _ = line_of(text, kind)
+    (tmp_path / "house.ifc").write_text(text.replace(line, new(line)))
+    with pytest.raises(MapError, match=message) as rejected:
+        read_plan(tmp_path / "house.ifc")
+    assert "Error:" not in str(rejected.value) and "\n" not in str(rejected.value)
+
+
+def test_read_ifc_reports_products_whose_shape_is_lost(house, tmp_path, caplog):
+    """A slab with an extrusion of no height; the floor of the other storey is left."""
+    text = house.read_text()
+    line, _ = line_of(text, "IFCEXTRUDEDAREASOLID")
+    (tmp_path / "house.ifc").write_text(text.replace(line, line.rpartition(",")[0] + ",0.);\n"))
+    read_plan(tmp_path / "house.ifc")
+    assert "1 of 12 products have a shape that cannot be read, such as #" in caplog.text
+    assert "an IfcSlab: they are missing in the plan" in caplog.text
+
+
+def test_read_ifc_takes_comments_and_lines_with_several_entities(house, tmp_path, caplog):
+    """Names in comments and in texts are no references."""
+    text = house.read_text()
+    (first, _), (wall, name) = line_of(text, "IFCSIUNIT"), line_of(text, "IFCWALL")
+    named = f"/* {name} = #9999; */ {wall}".replace("$,$,", "$,'#9998 in a text',", 1)
+    (tmp_path / "house.ifc").write_text(text.replace(first, first.rstrip("\n")).replace(wall, named))
+    assert free_m2(read_plan(tmp_path / "house.ifc")) == pytest.approx(FREE_M2)
+    assert "cannot be read" not in caplog.text
+
+
+def test_read_ifc_reads_ifc_2x3(tmp_path, caplog):
+    model("IFC2X3").write(str(tmp_path / "old.ifc"))
+    assert free_m2(read_plan(tmp_path / "old.ifc")) == pytest.approx(FREE_M2)
+    assert "cannot be read" not in caplog.text
 
 
 def test_a_crash_of_the_library_is_an_error(house, tmp_path):
