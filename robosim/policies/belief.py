@@ -98,10 +98,12 @@ class Around(NamedTuple):
 
     surely: Bool[np.ndarray, "ny nx"]
     """Whether each is in sight, through known free cells."""
-    offset: Float[np.ndarray, "ny nx 2"]
-    """From the place to each (x, y) [m]."""
+    offset_x: Float[np.ndarray, "1 nx"]
+    """From the place to each, along x [m]."""
+    offset_y: Float[np.ndarray, "ny 1"]
+    """The same along y [m]."""
     distance: Float[np.ndarray, "ny nx"]
-    """Lengths of these [m]."""
+    """Lengths of these offsets [m]."""
 
 
 class TargetBelief:
@@ -161,10 +163,11 @@ class TargetBelief:
         self._grow(_ends(measurement, c))
         survey = self.survey(estimate)
         surely = in_sight(survey.known, place, self.frame, c.half_side_m, through_unknown=False)
-        offset = self.centres - place
-        distance = np.hypot(offset[..., 0], offset[..., 1])
-        around = Around(surely, offset, distance)
-        self._exclude_seen(float(measurement.pose[2]), around)
+        x, y = self.frame.axes()
+        offset_x, offset_y = x[None] - place[0], y[:, None] - place[1]
+        distance = np.hypot(offset_x, offset_y)
+        around = Around(surely, offset_x, offset_y, distance)
+        self._exclude_seen(measurement.pose, around)
         self._prior = self._log_prior(survey)
         if c.silence and not len(measurement.aoa_rad):
             routes = survey.routes(place)
@@ -186,8 +189,8 @@ class TargetBelief:
         c = self.config
         prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
-            measurement, survey, around.offset, around.distance, frequency_hz=c.frequency_hz,
-            departures=c.departures, routes=c.routes,
+            measurement, survey, (around.offset_x, around.offset_y), around.distance,
+            frequency_hz=c.frequency_hz, departures=c.departures, routes=c.routes,
         )  # fmt: skip
         density = likelihood.density(
             prior,
@@ -210,16 +213,19 @@ class TargetBelief:
             self._survey = survey = MapSurvey(estimate, self.frame, self.config.beyond_m)
         return survey
 
-    def _exclude_seen(self, yaw: float, around: Around) -> None:
+    def _exclude_seen(self, pose: Float[np.ndarray, "3"], around: Around) -> None:
         """Exclude cells at the robot, and in the near view of its camera."""
-        c, (surely, offset, distance) = self.config, around
+        c, (x, y, yaw) = self.config, pose.tolist()
         if not c.remembers:
             self._empty[:] = False
-        self._empty |= distance <= _BEEN_M
+        reach_m = max(c.look_m, _BEEN_M)
+        rows, columns, _ = self.frame.window((x - reach_m, y - reach_m), (x + reach_m, y + reach_m))
+        distance, empty = around.distance[rows, columns], self._empty[rows, columns]
+        empty |= distance <= _BEEN_M
         if c.look_m > 0:
-            near = surely & (distance <= c.look_m)
-            angle = np.abs(wrap(np.arctan2(offset[near, 1], offset[near, 0]) - yaw))
-            self._empty[near] |= angle <= math.radians(c.look_deg) / 2
+            angle = np.arctan2(around.offset_y[rows], around.offset_x[:, columns]) - yaw
+            is_ahead = np.abs(wrap(angle)) <= math.radians(c.look_deg) / 2
+            empty |= is_ahead & around.surely[rows, columns] & (distance <= c.look_m)
 
     def _log_prior(self, survey: MapSurvey) -> Float32[np.ndarray, "ny nx"]:
         """Logarithm of the prior of each cell, up to a constant."""

@@ -77,7 +77,7 @@ class Likelihood:
         self,
         measurement: Measurement,
         survey: MapSurvey,
-        offset: Float[np.ndarray, "ny nx 2"],
+        offset: tuple[Float[np.ndarray, "1 nx"], Float[np.ndarray, "ny 1"]],
         distance: Float[np.ndarray, "ny nx"],
         *,
         frequency_hz: float,
@@ -86,7 +86,7 @@ class Likelihood:
     ) -> None:
         """Prepare values that several states need.
 
-        The survey is over the grid of the offsets from the receiver to its cells (x, y) and their lengths [m].
+        The survey is over the grid of the offsets from the receiver to its cells (x and y) and their lengths [m].
         `departures` says whether directions of departure are known, `routes` whether arrivals are compared with routes.
         """
         self._m, self._survey, self._known = measurement, survey, survey.known
@@ -148,8 +148,8 @@ class Likelihood:
         """Likelihood in line of sight."""
         cell_m = self._frame.resolution_m
         c, s = math.cos(self._m.aoa_rad[0]), math.sin(self._m.aoa_rad[0])
-        lateral = self._offset[..., 1] * c - self._offset[..., 0] * s
-        ahead = self._offset[..., 0] * c + self._offset[..., 1] * s
+        x, y = self._offset
+        lateral, ahead = y * c - x * s, x * c + y * s
         near = np.maximum(self._distance, 0.5 * cell_m)
         # Elsewhere the density is too small for a number.
         beam = (np.abs(lateral) < 15 * (arrival_rad * near + 0.5 * cell_m)) & (ahead >= -cell_m)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int32
 
-from robosim.policies.sightlines import Knowledge, knowledge
+from robosim.policies.sightlines import FREE, OBSTACLE, Knowledge, knowledge
 from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.marching import ONE, ZERO, march_in_order
@@ -71,10 +71,15 @@ class MapSurvey:
         return self._routes[1]
 
     def shares(self, frame: GridFrame) -> Float32[np.ndarray, "2 ny nx"]:
-        """Explored and filled share of each cell of a part of the grid; those of the last part are cached."""
+        """Shares of each cell of a part of the grid that are explored, and that known or confidently anticipated
+        obstacles fill; those of the last part are cached."""
         if self._shares is None or self._shares[0] != frame:
-            explored = cell_shares(self.estimate.explored, self.estimate, frame)
-            self._shares = frame, np.stack([explored, filled_share(self.estimate, frame)])
+            kind, anticipated = self.known.kind, self.estimate.anticipated_probability
+            filled = kind == OBSTACLE
+            if anticipated is not None:
+                filled |= ((kind & FREE) == 0) & (anticipated > _SURE)
+            masks = self.estimate.explored, filled
+            self._shares = frame, np.stack([cell_shares(mask, self.estimate, frame) for mask in masks])
         return self._shares[1]
 
 
@@ -101,14 +106,6 @@ def route_directions(survey: MapSurvey, place: Float[np.ndarray, "2"]) -> RouteD
     _fill_neighbours(time, reached[is_adjacent[reached]], out, back)
     entry[is_closed] = -1
     return RouteDirections(rows, columns, out, back, time.astype(np.float32), entry)
-
-
-def filled_share(estimate: MapEstimate, frame: GridFrame) -> Float32[np.ndarray, "ny nx"]:
-    """Share of each cell of a coarser grid that known or confidently anticipated obstacles fill."""
-    obstacle: Bool[np.ndarray, "ny nx"] = estimate.obstacle
-    if estimate.anticipated_probability is not None:
-        obstacle = obstacle | (~estimate.known_free & (estimate.anticipated_probability > _SURE))
-    return cell_shares(obstacle, estimate, frame)
 
 
 def cell_shares(

@@ -30,12 +30,12 @@ class Knowledge(NamedTuple):
 
 def knowledge(estimate: MapEstimate, next_to_m: float) -> Knowledge:
     """The map for rays; free cells within a distance [m] of an obstacle are marked `NEXT_TO`."""
-    obstacle = estimate.obstacle
-    kind = estimate.known_free * np.uint8(FREE)
+    probability = np.asarray(estimate.obstacle_probability)
+    obstacle, kind = probability > 0.5, (probability < 0.5) * np.uint8(FREE)
     kind[obstacle] = OBSTACLE
     n = 2 * round(next_to_m / estimate.frame.resolution_m) + 1
     near = cv2.dilate(obstacle.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (n, n)))
-    kind[(near > 0) & (kind == FREE)] |= NEXT_TO
+    kind |= NEXT_TO * (near & (kind == FREE))
     return Knowledge(estimate.frame, kind)
 
 

@@ -47,7 +47,6 @@ def march_in_order(
     """`march`, and the flat indices of the cells that the front reaches, by rising time and then by index."""
     ny, nx = speed.shape
     time, cells = _marched(speed, source, cell_m)
-    _sort(cells, time)
     times = np.ascontiguousarray(time.reshape(ny + 4, nx + 4)[2:-2, 2:-2])
     return times, cells - 4 * (cells // (nx + 4)) - 2 * nx - 2
 
@@ -55,7 +54,7 @@ def march_in_order(
 def _marched(
     speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
 ) -> tuple[Float[np.ndarray, " m"], Int32[np.ndarray, " n"]]:
-    """Times on the grid with a rim of two cells, flat, and its cells in the order in which they were accepted."""
+    """Times on the grid with a rim of two cells, flat, and its cells that the front reaches, by time and index."""
     ny, nx = speed.shape
     row, column = source
     if not (0 <= row < ny and 0 <= column < nx):
@@ -122,7 +121,7 @@ def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: np.uint6
 def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, width: np.uint64) -> np.ndarray:
     """The march on flat arrays with a rim of two cells; `time` becomes that of accepted cells, infinite at first.
 
-    Returns the accepted cells in their order.
+    Returns the accepted cells by time, and by index where times are equal.
     """
     heap = np.empty(len(time), np.uint32)  # a binary heap of cells by time
     times = np.empty(len(time))  # of its entries, contiguous in memory
@@ -132,22 +131,30 @@ def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, widt
     accepted, count = np.empty(len(time), np.uint32), 0
     heap[0], times[0], place[source], size = source, 0.0, 0, ONE
     while size > ZERO:
-        here = np.uint64(heap[0])
-        time[here], place[here], accepted[count] = times[0], _CLOSED, here
+        here, now, at = np.uint64(heap[0]), times[0], count
+        time[here], place[here] = now, _CLOSED
+        # By differences of second order a cell may be a little earlier than those before it.
+        while at > 0:
+            before = accepted[at - 1]
+            if time[before] < now or (time[before] == now and before < here):
+                break
+            accepted[at] = before
+            at -= 1
+        accepted[at] = here
         count += 1
         size -= ONE
         if size > ZERO:
             _sink(heap, times, place, size)
         for i in (here - width, here - ONE, here + ONE, here + width):
-            at = place[i]
-            if at == _CLOSED:
+            entry = place[i]
+            if entry == _CLOSED:
                 continue
             t = _arrival(time, cell_m / speed[i], i, width)
-            if at == _AHEAD:
+            if entry == _AHEAD:
                 _rise(heap, times, place, size, i, t)
                 size += ONE
-            elif t < times[at]:
-                _rise(heap, times, place, np.uint64(at), i, t)
+            elif t < times[entry]:
+                _rise(heap, times, place, np.uint64(entry), i, t)
     return accepted[:count]
 
 
@@ -163,21 +170,3 @@ def _arrival(time: np.ndarray, cost: float, i: np.uint64, width: np.uint64) -> f
         return (b + np.sqrt(inside)) / a
     # Neighbours too far apart for one plane front: it comes along one axis.
     return min(ty + cost / np.sqrt(ay), tx + cost / np.sqrt(ax))
-
-
-@compiled
-def _sort(cells: np.ndarray, time: np.ndarray) -> None:
-    """Sort cells by time, equal ones by number; fast where few are far from their places."""
-    last = 0.0
-    for k in range(len(cells)):
-        cell, at = cells[k], k
-        if time[cell] > last:
-            last = time[cell]
-            continue
-        while at > 0:
-            before = cells[at - 1]
-            if time[before] < time[cell] or (time[before] == time[cell] and before < cell):
-                break
-            cells[at] = before
-            at -= 1
-        cells[at] = cell
