@@ -180,7 +180,7 @@ def _announced(shape: ET.Element, folder: Path) -> int:
     """Faces that a shape's file announces, without reading their content; 0 if it does not."""
     kind = shape.get("type")
     if kind not in ("ply", "obj"):
-        return 12
+        return 2 if kind == "rectangle" else 12
     with suppress(FileError), reading(folder / _file_of(shape), "a mesh", most_bytes=_LARGEST_BYTES) as file:
         if kind == "obj":
             return sum(line.startswith(b"f ") for line in file)
