@@ -147,8 +147,8 @@ def draw_in_space(
         ends, "*P", (TX_COLOUR, RX_COLOUR), ("transmitter", "receiver"), strict=True
     ):
         axes.plot(*at[:, None], marker, color=colour, mec="white", ms=12, label=label, zorder=60)
-    if bodies is not None:
-        is_shown = ((low <= bodies.position) & (bodies.position <= high)).all(axis=1)
+    is_shown = bodies is not None and ((low <= bodies.position) & (bodies.position <= high)).all(axis=1)
+    if bodies is not None and np.any(is_shown):
         feet, height_m = bodies.position[is_shown], bodies.height_m[is_shown]
         upright = np.stack([feet, feet + height_m[:, None] * [0, 0, 1]], axis=1)
         people = Line3DCollection(

@@ -71,8 +71,7 @@ class MapSurvey:
         return self._routes[1]
 
     def shares(self, frame: GridFrame) -> Float32[np.ndarray, "2 ny nx"]:
-        """Shares of each cell of a part of the grid that are explored, and that known or confidently anticipated
-        obstacles fill; those of the last part are cached."""
+        """Explored share, and share with known or surely anticipated obstacles, of each cell of a part of the grid."""
         if self._shares is None or self._shares[0] != frame:
             kind, anticipated = self.known.kind, self.estimate.anticipated_probability
             filled = kind == OBSTACLE
@@ -88,7 +87,9 @@ def route_directions(survey: MapSurvey, place: Float[np.ndarray, "2"]) -> RouteD
     frame = survey.estimate.frame
     low = np.array(frame.origin_xy) - survey.beyond_m
     high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + survey.beyond_m
-    rows, columns, frame = survey.frame.window((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+    rows, columns, frame = survey.frame.window(
+        (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+    )
     explored, filled = survey.shares(frame)
     blocked = filled >= _FILLED
     # A robot beyond the largest grid of a belief counts as at its edge.

@@ -4,7 +4,7 @@ Positions are x, y [m] in `map`, or in the frame of the scene, and heights above
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -128,8 +128,8 @@ class RadioSite(ABC):
                 raise ValueError(problem)
         return positions
 
-    def check_height(self) -> None:
-        """Raise MapError if terminals without a height of their own would be above their ceiling."""
+    def check_height(self, every: bool = False) -> None:
+        """Raise MapError if terminals without a height of their own would be above their ceiling, or that of any."""
         return None
 
     @abstractmethod
@@ -176,7 +176,9 @@ class RadioSite(ABC):
     def explain_missing_paths(
         self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], reached: Bool[np.ndarray, " n"]
     ) -> str:
-        """Return why receivers [m] that are not `reached` have no path from a transmitter [m]; empty if not known."""
+        """Return why receivers [m] that are not `reached` lack paths from a transmitter [m]; empty if not known."""
+        if isinstance(self.whole, MitsubaScene):
+            return explain_missing_paths(self.whole, tx, rx, reached)
         return ""
 
     def draw(self, axes: "Axes3D", near: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
@@ -218,9 +220,6 @@ _BELOW_M = 10.0
 class MeshScene(RadioSite):
     """A Mitsuba scene: places are anywhere but far below it, its floor is at its lowest point."""
 
-    whole: MitsubaScene
-    """The scene."""
-
     def __init__(self, scene: MitsubaScene, config: RadioConfig):
         self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
         self.floor_m = float(scene.mesh.bounds[0, 2])
@@ -232,12 +231,6 @@ class MeshScene(RadioSite):
         return (
             f"{name} is at z = {position[2]:g} m, but {self.name} begins at {self.floor_m:g} m. Give metres."
         )
-
-    def explain_missing_paths(
-        self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], reached: Bool[np.ndarray, " n"]
-    ) -> str:
-        """Return that ends of links are in solids or below the ground; see `robosim.radio.no_paths`."""
-        return explain_missing_paths(self.whole, tx, rx, reached)
 
     def section(self, grid: ReceiverGrid) -> "SceneSection":
         """The surfaces of the scene at the height of a grid."""
@@ -295,12 +288,9 @@ class RadioScene(RadioSite):
         self._number, self.building = number, self.storeys[number].building
         self.floor_m = self.storeys[number].floor_m
 
-    def check_height(self) -> None:
+    def check_height(self, every: bool = False) -> None:
         """Raise MapError if terminals without a height of their own would be above the ceiling of their storey."""
-        self._check_heights([self._number])
-
-    def _check_heights(self, storeys: Iterable[int]) -> None:
-        for number in storeys:
+        for number in range(len(self.storeys)) if every else [self._number]:
             high_m, height_m = self.storeys[number].building.height_m, self.config.height_m
             if height_m > high_m:
                 storey = f"storey {number}" if len(self.storeys) > 1 else "the building"
@@ -326,7 +316,7 @@ class RadioScene(RadioSite):
     ) -> Float[np.ndarray, "count 3"]:
         """Random places [m], one storey after the other from the lowest up; each storey has its random numbers."""
         turns = -(-count // len(self.storeys))
-        self._check_heights(range(len(self.storeys)))
+        self.check_height(every=True)
         each = [
             random_transmitters(storey.building, turns, self.config.height_m, stream(number))
             + np.array([0.0, 0.0, storey.floor_m])

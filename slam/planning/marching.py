@@ -11,7 +11,7 @@ Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int32
+from jaxtyping import Bool, Float, UInt32
 
 from robosim.support.compiled import compiled
 
@@ -43,7 +43,7 @@ def march(
 
 def march_in_order(
     speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
-) -> tuple[Float[np.ndarray, "ny nx"], Int32[np.ndarray, " n"]]:
+) -> tuple[Float[np.ndarray, "ny nx"], UInt32[np.ndarray, " n"]]:
     """`march`, and the flat indices of the cells that the front reaches, by rising time and then by index."""
     ny, nx = speed.shape
     time, cells = _marched(speed, source, cell_m)
@@ -53,7 +53,7 @@ def march_in_order(
 
 def _marched(
     speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
-) -> tuple[Float[np.ndarray, " m"], Int32[np.ndarray, " n"]]:
+) -> tuple[Float[np.ndarray, " m"], UInt32[np.ndarray, " n"]]:
     """Times on the grid with a rim of two cells, flat, and its cells that the front reaches, by time and index."""
     ny, nx = speed.shape
     row, column = source
@@ -65,7 +65,9 @@ def _marched(
     padded = np.zeros((ny + 4, nx + 4), speed.dtype)
     padded[2:-2, 2:-2] = speed
     time = np.full(padded.size, np.inf)
-    return time, _march(padded.ravel(), float(cell_m), time, (row + 2) * (nx + 4) + column + 2, np.uint64(nx + 4))
+    return time, _march(
+        padded.ravel(), float(cell_m), time, (row + 2) * (nx + 4) + column + 2, np.uint64(nx + 4)
+    )
 
 
 @compiled

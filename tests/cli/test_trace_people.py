@@ -116,7 +116,7 @@ def test_trace_draws_people_in_all_pictures(plan_file, tmp_path):
 
 @pytest.mark.parametrize("storeys", [1, 2])
 def test_trace_draws_people_around_a_link(storeys, plan_file, tmp_path):
-    """From above, or in three dimensions."""
+    """From above, or in three dimensions, where people are left out who are far from the link."""
     plan = tmp_path / "house.yaml"
     plan.write_text(f"storeys:\n- plan: {plan_file}\n- plan: {plan_file}\n")
     place, crowd = plan_file if storeys == 1 else plan, crowd_of(tmp_path, (2.5, 1.5))
@@ -124,6 +124,22 @@ def test_trace_draws_people_around_a_link(storeys, plan_file, tmp_path):
         main(["trace", str(place), "--tx", "1,1", "--rx", "2,2", *words, "--out", str(tmp_path / out)])
     pictures = [tmp_path / out / "rays_tx1.png" for out in ("plain", "among")]
     assert share_of_people(pictures[0]) < 1e-5 < 2e-4 < share_of_people(pictures[1])
+    far = ["--mover", str(crowd_of(tmp_path, (5.9, 2.5))), "--out", str(tmp_path / "far")]
+    main(
+        [
+            "trace",
+            str(place),
+            "--tx",
+            "1,1",
+            "--rx",
+            "2,2",
+            "--max-reflections",
+            "0",
+            "--no-diffraction",
+            *far,
+        ]
+    )
+    assert (share_of_people(tmp_path / "far" / "rays_tx1.png") > 1e-5) == (storeys == 1)
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,13 @@ def test_read_mitsuba_rejects_ten_million_announced_triangles(tmp_path):
             read_mitsuba(file)
 
 
+def test_read_mitsuba_counts_two_triangles_of_a_rectangle(tmp_path, monkeypatch):
+    """14 triangles of a rectangle and a cube."""
+    (tmp_path / "house.xml").write_text(HOUSE)
+    monkeypatch.setattr(scene_size, "MOST_TRIANGLES", 14)
+    assert len(read_mitsuba(tmp_path / "house.xml").mesh.faces) == 14
+
+
 def test_read_mitsuba_counts_what_headers_do_not_say(tmp_path, monkeypatch):
     """Squares are two triangles each: 400 faces are announced."""
     file = terrain(tmp_path, "obj", n=1)
