@@ -151,7 +151,7 @@ class Likelihood:
         x, y = self._offset
         lateral, ahead = y * c - x * s, x * c + y * s
         near = np.maximum(self._distance, 0.5 * cell_m)
-        # Elsewhere the density is too small for a number.
+        # At other places the density is too small for a number.
         beam = (np.abs(lateral) < 15 * (arrival_rad * near + 0.5 * cell_m)) & (ahead >= -cell_m)
         near = near[beam]
         spread = np.hypot(arrival_rad * near, 0.5 * cell_m)

@@ -168,10 +168,10 @@ def _propagate(
         below = time[i - nx] if iy > ZERO else np.inf
         above = time[i + nx] if iy + ONE < ny else np.inf
         # The side from which the front comes on each axis, and how much earlier it is there.
-        beside, fall_x = (i - ONE, time[i] - west) if west <= east else (i + ONE, time[i] - east)
-        astride, fall_y = (i - nx, time[i] - below) if below <= above else (i + nx, time[i] - above)
+        in_row, fall_x = (i - ONE, time[i] - west) if west <= east else (i + ONE, time[i] - east)
+        in_column, fall_y = (i - nx, time[i] - below) if below <= above else (i + nx, time[i] - above)
         if fall_x > 0 or fall_y > 0:
-            before = entry[beside if min(west, east) <= min(below, above) else astride]
+            before = entry[in_row if min(west, east) <= min(below, above) else in_column]
             entry[i] = before if before >= 0 else (cell if entry[i] >= 0 else -1)
         if time[i] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * distance):
             x, y = dx / distance, dy / distance
@@ -180,13 +180,13 @@ def _propagate(
             continue
         out_x = out_y = back_x = back_y = 0.0
         if fall_x > 0:
-            back_x = fall_x if beside > i else -fall_x
-            out_x += fall_x * out[beside, 0]
-            out_y += fall_x * out[beside, 1]
+            back_x = fall_x if in_row > i else -fall_x
+            out_x += fall_x * out[in_row, 0]
+            out_y += fall_x * out[in_row, 1]
         if fall_y > 0:
-            back_y = fall_y if astride > i else -fall_y
-            out_x += fall_y * out[astride, 0]
-            out_y += fall_y * out[astride, 1]
+            back_y = fall_y if in_column > i else -fall_y
+            out_x += fall_y * out[in_column, 0]
+            out_y += fall_y * out[in_column, 1]
         size = math.hypot(back_x, back_y)
         if size > 0:
             back[i, 0], back[i, 1] = back_x / size, back_y / size
