@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from robosim.commands.known_files import naming_other_files
 from robosim.commands.output import console, emit_result
 from robosim.logs.robot_log import BagTopics
 from robosim.support.parts import Part
@@ -42,12 +41,11 @@ def inspect_logs(logs: Sequence[Path], scans: Path | None, topics: BagTopics, re
         report: dict[str, Any] = {"log": path.name}
         try:
             is_read_by_us = reader == "auto" and is_bag(path)
-            with naming_other_files(path, reader):
-                log = (
-                    read_bag(path, topics, report)
-                    if is_read_by_us
-                    else read_log(path, scans, None, None, topics, reader)
-                )
+            log = (
+                read_bag(path, topics, report)
+                if is_read_by_us
+                else read_log(path, scans, None, None, topics, reader)
+            )
             report |= {
                 "scans": len(log.times),
                 "beams": log.range_m.shape[1],

@@ -7,7 +7,6 @@ import numpy as np
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from robosim.commands.known_files import naming_other_files
 from robosim.commands.output import console, emit_result_file
 from robosim.commands.shared_options import NO_OPTIONS, Reading, read, results_folder
 from robosim.positioning.beacon_places import BeaconConfig
@@ -65,8 +64,7 @@ def locate(
     floor_plan = None if plan is None else read(plan, reading)
     powers = read_power_route(route, needs_time=map_from is not None, not_received=not_received)
     if map_from is not None:
-        with naming_other_files(map_from):
-            log = read_log(map_from, scans, needs_times=True)
+        log = read_log(map_from, scans, needs_times=True)
         floor_plan, powers = map_route(log, powers, stages_tracked(log.name, console))
     beyond = beyond or (3.0 if plan is None else 0.3)
     with results_folder(out, "locate") as folder:

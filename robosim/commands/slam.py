@@ -10,7 +10,6 @@ from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.inspect_log import inspect_logs
-from robosim.commands.known_files import naming_other_files
 from robosim.commands.locate_logs import locate_logs
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
@@ -76,10 +75,7 @@ def slam(
     if inspect:
         inspect_logs(logs, scans, topics, reader)
         return
-    read = []
-    for path in logs:
-        with naming_other_files(path, reader):
-            read.append(read_log(path, scans, reference, beam_seconds, topics, reader))
+    read = [read_log(path, scans, reference, beam_seconds, topics, reader) for path in logs]
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
     if map is not None:

@@ -72,6 +72,7 @@ def test_a_trajectory_with_scans_is_a_log_too(tmp_path):
     [
         (b"", "the file is empty"),
         (b"ODOM 0 0 0 0 0 0 0 h 0", "0 scans in it"),
+        (b"PK\x03\x04 an archive", "`robosim replay` plays an episode"),
         (b"\x1f\x8b broken", "not readable as a robot's log"),
         (b"FLASER 4 1 2 3 4 0 0 0 0 0\n" * 2, "line 1 breaks off"),
         (b"FLASER many 1 2\n", "line 1 has"),
