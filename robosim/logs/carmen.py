@@ -80,8 +80,8 @@ class CarmenReader(LogReader):
 def read_carmen(path: Path) -> RobotLog:
     """Read a CARMEN log, packed by gzip or not; FileError if it is damaged, or has no two scans."""
     remedy = (
-        "Give a CARMEN log with FLASER or ROBOTLASER1 lines, or a bag. `robosim replay` plays an episode, `robosim plan` "
-        "reads a map."
+        "Give a CARMEN log with FLASER or ROBOTLASER1 lines, or a bag. `robosim replay` plays an episode, "
+        "`robosim plan` reads a map."
     )
     with reading(path, "a robot's log", remedy) as file:
         packed = file.read()
