@@ -262,7 +262,7 @@ def test_another_command_leaves_the_folder_alone(made, plan_file, fails):
         ("{plan} --grid 50", "grid is 50 m, and no receiver fits"),
         ("{plan} --workers 0", "workers is 0"),
         ("{plan} --seed -1", "seed is -1"),
-        ("{plan} --height 9", "height is 9.0 m, expected 0 to 2.5 m"),
+        ("{plan} --height 9", "height of terminals (--height) is 9 m, expected 0 to 2.5 m"),
         ("{plan} --max-reflections -1", "max_reflections is -1"),
         ("{plan} {plan}", "2 plans are called 'two rooms'"),
         ("{plan} --estimator music", "estimator is 'music'. Known: sage, pca"),

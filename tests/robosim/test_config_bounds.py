@@ -29,6 +29,8 @@ from wireless.em.materials import Layer, Material
 EXEMPT = {
     "Row": "a measurement, in which not-a-number stands for what was not measured",
     "ReadingOptions": "checked where a plan is read, with the file's name",
+    "Style": "a kind of generated buildings, of which users choose one by its name",
+    "LargeStyle": "the same",
     "Suite": "what a file holds, checked where it is read or drawn, with the file's name",
 }
 #: What must be given to make one of them.
