@@ -167,10 +167,12 @@ def _propagate(
         below = time[i - nx] if iy > ZERO else np.inf
         above = time[i + nx] if iy + ONE < ny else np.inf
         # The side from which the front comes on each axis, and how much earlier it is there.
-        beside, fall_x = (i - ONE, time[i] - west) if west <= east else (i + ONE, time[i] - east)
-        astride, fall_y = (i - nx, time[i] - below) if below <= above else (i + nx, time[i] - above)
+        first_x, first_y = min(west, east), min(below, above)
+        beside = i + ONE if east < west or ix == ZERO else i - ONE
+        astride = i + nx if above < below or iy == ZERO else i - nx
+        fall_x, fall_y = time[i] - first_x, time[i] - first_y
         if fall_x > 0 or fall_y > 0:
-            before = entry[beside if min(west, east) <= min(below, above) else astride]
+            before = entry[beside if first_x <= first_y else astride]
             entry[i] = before if before >= 0 else (cell if entry[i] >= 0 else -1)
         if time[i] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * distance):
             x, y = dx / distance, dy / distance

@@ -11,13 +11,13 @@ Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int32
+from jaxtyping import Bool, Float, Int, UInt32
 
 from robosim.support.compiled import compiled
 
 #: Places of cells that are not in the heap: not reached yet, and accepted or of no speed.
 _AHEAD, _CLOSED = -1, -2
-#: Indices are unsigned: numba would check signed ones for negative values at each access, a quarter of the time.
+#: Indices are unsigned: numba checks signed ones for negative values at each access.
 ZERO, ONE, TWO = (np.uint64(value) for value in (0, 1, 2))
 
 
@@ -43,17 +43,17 @@ def march(
 
 def march_in_order(
     speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
-) -> tuple[Float[np.ndarray, "ny nx"], Int32[np.ndarray, " n"]]:
+) -> tuple[Float[np.ndarray, "ny nx"], Int[np.ndarray, " n"]]:
     """`march`, and the flat indices of the cells that the front reaches, by rising time and then by index."""
     ny, nx = speed.shape
     time, cells = _marched(speed, source, cell_m)
     times = np.ascontiguousarray(time.reshape(ny + 4, nx + 4)[2:-2, 2:-2])
-    return times, cells - 4 * (cells // (nx + 4)) - 2 * nx - 2
+    return times, (cells - 4 * (cells // (nx + 4)) - 2 * nx - 2).astype(np.intp)
 
 
 def _marched(
     speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
-) -> tuple[Float[np.ndarray, " m"], Int32[np.ndarray, " n"]]:
+) -> tuple[Float[np.ndarray, " m"], UInt32[np.ndarray, " n"]]:
     """Times on the grid with a rim of two cells, flat, and its cells that the front reaches, by time and index."""
     ny, nx = speed.shape
     row, column = source

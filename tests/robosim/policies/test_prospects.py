@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.policies.prospects import AT_ROBOT_M, Prospect, find_prospects
-from robosim.policies.route_directions import route_directions
+from robosim.policies.route_directions import MapSurvey
 from slam.exploration.frontiers import Frontier
 from slam.grid import GridFrame, MapEstimate
 
@@ -41,7 +41,7 @@ def frontier(x: float, y: float) -> Frontier:
 
 def found(frontiers: list[Frontier], p: np.ndarray, half_m: float, yaw: float = 0.0) -> list[Prospect]:
     map_ = seen_room(half_m)
-    routes = route_directions(map_, np.zeros(2), ONTO)
+    routes = MapSurvey(map_, ONTO).routes(np.zeros(2))
     return find_prospects(frontiers, routes, p, ONTO, np.array([0.0, 0.0, yaw]), head_start=10.0, count=12)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from robosim.policies import route_directions as module
 from robosim.policies.belief import TargetBelief
-from robosim.policies.route_directions import cell_shares, filled_share, route_directions
+from robosim.policies.route_directions import MapSurvey, cell_shares, route_directions
 from slam.grid import GridFrame, MapEstimate
 
 ONTO = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
@@ -46,7 +46,7 @@ def directions(routes, place):
 
 def test_on_free_ground_routes_are_straight():
     """Within 3 degrees of the straight line, all round; the cells' own size included."""
-    routes = route_directions(hall(), np.zeros(2), ONTO, 2.0)
+    routes = MapSurvey(hall(), ONTO, 2.0).routes(np.zeros(2))
     for angle in np.linspace(-3, 3, 13):
         out, back = directions(routes, 4.5 * np.array([np.cos(angle), np.sin(angle)]))
         assert abs(np.angle(np.exp(1j * (out - angle)))) < np.deg2rad(3)
@@ -58,7 +58,7 @@ def test_routes_bend_around_the_end_of_a_wall(kind):
     """A wall from (2, -1) up to the edge of the grid; routes behind it begin towards its lower end."""
     stands = box(2.0, 2.2, -1.0, 6.0)
     map_ = hall(stands) if kind == "known" else hall(anticipated=stands)
-    routes = route_directions(map_, np.array([0.0, 3.0]), ONTO, 0.0)
+    routes = MapSurvey(map_, ONTO, 0.0).routes(np.array([0.0, 3.0]))
     end = np.array([2.1, -1.1])
     out, back = directions(routes, (5.0, 4.0))
     assert out == pytest.approx(np.arctan2(end[1] - 3.0, end[0]), abs=0.2)
@@ -67,7 +67,7 @@ def test_routes_bend_around_the_end_of_a_wall(kind):
 
 def test_a_place_in_a_wall_has_the_directions_of_its_neighbour():
     """The first cells inside of a wall have the direction of those before it; its middle has none."""
-    routes = route_directions(hall(box(2.0, 4.0, -6.0, 6.0)), np.zeros(2), ONTO, 0.0)
+    routes = MapSurvey(hall(box(2.0, 4.0, -6.0, 6.0)), ONTO, 0.0).routes(np.zeros(2))
     out, _ = directions(routes, (2.1, 0.1))
     assert abs(out) < 0.2
     iy, ix = (int(i) for i in ONTO.index(np.array([3.1, 0.1])))
@@ -76,13 +76,13 @@ def test_a_place_in_a_wall_has_the_directions_of_its_neighbour():
 
 def test_cells_are_filled_by_what_stands_in_them():
     """A wall of 0.1 m fills half of cells of 0.2 m; what is thought likely, but not surely, fills nothing."""
-    share = filled_share(hall(box(2.0, 2.1, -2.0, 2.0)), ONTO)
+    _, share = MapSurvey(hall(box(2.0, 2.1, -2.0, 2.0)), ONTO).shares(ONTO)
     iy, ix = (int(i) for i in ONTO.index(np.array([2.05, 0.1])))
     assert share[iy, ix] == pytest.approx(0.5)
     assert share.max() <= 1
     map_ = hall(anticipated=box(2.0, 2.1, -2.0, 2.0))
     unsure = MapEstimate(**{**vars(map_), "anticipated_probability": map_.anticipated_probability * 0.9})
-    assert not filled_share(unsure, ONTO).any()
+    assert not MapSurvey(unsure, ONTO).shares(ONTO)[1].any()
 
 
 def test_shares_equal_counts_cell_by_cell():
