@@ -151,7 +151,7 @@ class Likelihood:
         x, y = self._offset
         lateral, ahead = y * c - x * s, x * c + y * s
         near = np.maximum(self._distance, 0.5 * cell_m)
-        # Elsewhere the density is too small for a number. With a margin, rays to cells inside stay inside.
+        # In other cells the density is too small for a number. With a margin, rays to these cells stay in them.
         width = 15 * (arrival_rad * (near + 1.5 * cell_m) + 0.6 * cell_m)
         beam = (np.abs(lateral) < width) & (ahead >= -2.5 * cell_m)
         near = near[beam]

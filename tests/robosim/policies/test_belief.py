@@ -297,7 +297,12 @@ def test_in_sight_follows_rays_while_they_stay_within():
     ahead = in_sight(known, np.zeros(2), onto, 9.0, through_unknown=True, within=within)
     assert np.array_equal(ahead, everywhere & within)
     gap = in_sight(
-        known, np.zeros(2), onto, 9.0, through_unknown=True, within=np.broadcast_to(np.arange(100) != 60, onto.shape)
+        known,
+        np.zeros(2),
+        onto,
+        9.0,
+        through_unknown=True,
+        within=np.broadcast_to(np.arange(100) != 60, onto.shape),
     )
     assert everywhere[50, 61:90].all() and gap[50, :60].any() and not gap[:, 60:].any()
 
