@@ -153,7 +153,7 @@ class Learned:
 
     def _is_stuck(self, estimate: MapEstimate) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""
-        seen_m2 = np.count_nonzero(estimate.explored) * estimate.frame.resolution_m**2
+        seen_m2 = int(np.count_nonzero(estimate.explored)) * estimate.frame.resolution_m**2
         sees_nothing_new = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
         self._seen_m2.append(seen_m2)
         return self._stuck.is_stuck(estimate.pose[:2]) or sees_nothing_new
