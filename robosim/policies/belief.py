@@ -98,12 +98,10 @@ class Around(NamedTuple):
 
     surely: Bool[np.ndarray, "ny nx"]
     """Whether each is in sight, through known free cells."""
-    offset_x: Float[np.ndarray, "1 nx"]
-    """From the place to each, along x [m]."""
-    offset_y: Float[np.ndarray, "ny 1"]
-    """The same along y [m]."""
+    offset: tuple[Float[np.ndarray, "1 nx"], Float[np.ndarray, "ny 1"]]
+    """From the place to each, along x and along y [m]."""
     distance: Float[np.ndarray, "ny nx"]
-    """Lengths of these offsets [m]."""
+    """Lengths of these [m]."""
 
 
 class TargetBelief:
@@ -164,9 +162,9 @@ class TargetBelief:
         survey = self.survey(estimate)
         surely = in_sight(survey.known, place, self.frame, c.half_side_m, through_unknown=False)
         x, y = self.frame.axes()
-        offset_x, offset_y = x[None] - place[0], y[:, None] - place[1]
-        distance = np.hypot(offset_x, offset_y)
-        around = Around(surely, offset_x, offset_y, distance)
+        offset = x[None] - place[0], y[:, None] - place[1]
+        distance = np.hypot(*offset)
+        around = Around(surely, offset, distance)
         self._exclude_seen(measurement.pose, around)
         self._prior = self._log_prior(survey)
         if c.silence and not len(measurement.aoa_rad):
@@ -189,8 +187,8 @@ class TargetBelief:
         c = self.config
         prior = normalise(np.exp(self._prior))
         likelihood = Likelihood(
-            measurement, survey, (around.offset_x, around.offset_y), around.distance,
-            frequency_hz=c.frequency_hz, departures=c.departures, routes=c.routes,
+            measurement, survey, around.offset, around.distance, frequency_hz=c.frequency_hz,
+            departures=c.departures, routes=c.routes,
         )  # fmt: skip
         density = likelihood.density(
             prior,
@@ -223,7 +221,7 @@ class TargetBelief:
         distance, empty = around.distance[rows, columns], self._empty[rows, columns]
         empty |= distance <= _BEEN_M
         if c.look_m > 0:
-            angle = np.arctan2(around.offset_y[rows], around.offset_x[:, columns]) - yaw
+            angle = np.arctan2(around.offset[1][rows], around.offset[0][:, columns]) - yaw
             is_ahead = np.abs(wrap(angle)) <= math.radians(c.look_deg) / 2
             empty |= is_ahead & around.surely[rows, columns] & (distance <= c.look_m)
 

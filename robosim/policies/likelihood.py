@@ -151,17 +151,18 @@ class Likelihood:
         x, y = self._offset
         lateral, ahead = y * c - x * s, x * c + y * s
         near = np.maximum(self._distance, 0.5 * cell_m)
-        # At other places the density is too small for a number.
-        beam = (np.abs(lateral) < 15 * (arrival_rad * near + 0.5 * cell_m)) & (ahead >= -cell_m)
+        # In other cells the density is too small for a number. With a margin, rays to these cells stay in them.
+        width = 15 * (arrival_rad * (near + 1.5 * cell_m) + 0.6 * cell_m)
+        beam = (np.abs(lateral) < width) & (ahead >= -2.5 * cell_m)
         near = near[beam]
         spread = np.hypot(arrival_rad * near, 0.5 * cell_m)
         power = 20 * np.log10(near / self._free_m) / np.hypot(power_db, 8.7 * 0.5 * cell_m / near)
         density = np.zeros(self._frame.shape, np.float32)
-        density[beam] = np.exp(-0.5 * ((lateral[beam] / spread) ** 2 + power**2))
+        density[beam] = np.exp(-0.5 * ((lateral[beam] / spread) ** 2 + power**2)) * (ahead[beam] >= -cell_m)
         if not self._is_opaque:
             return density
         far_m = min(2 * self._free_m + 1, reach_m)
-        possibly = in_sight(self._known, self._place, self._frame, far_m, through_unknown=True)
+        possibly = in_sight(self._known, self._place, self._frame, far_m, through_unknown=True, within=beam)
         density[~possibly] *= np.float32(0.05)
         return density
 

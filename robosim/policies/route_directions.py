@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Float32, Int, Int32
 from robosim.policies.sightlines import FREE, OBSTACLE, Knowledge, knowledge
 from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
-from slam.planning.marching import ONE, ZERO, march_in_order
+from slam.planning.marching import ONE, ZERO, march
 
 #: Free cells this near to an obstacle may bend or reflect a wave [m].
 _NEXT_TO_M = 0.2
@@ -71,7 +71,7 @@ class MapSurvey:
         return self._routes[1]
 
     def shares(self, frame: GridFrame) -> Float32[np.ndarray, "2 ny nx"]:
-        """Explored share, and share with known or surely anticipated obstacles, of each cell of a part of the grid."""
+        """Explored share and filled share of each cell of a part of the grid; those of the last part are cached."""
         if self._shares is None or self._shares[0] != frame:
             kind, anticipated = self.known.kind, self.estimate.anticipated_probability
             filled = kind == OBSTACLE
@@ -87,16 +87,16 @@ def route_directions(survey: MapSurvey, place: Float[np.ndarray, "2"]) -> RouteD
     frame = survey.estimate.frame
     low = np.array(frame.origin_xy) - survey.beyond_m
     high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + survey.beyond_m
-    rows, columns, frame = survey.frame.window(
-        (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-    )
+    rows, columns, frame = survey.frame.window((low[0], low[1]), (high[0], high[1]))
     explored, filled = survey.shares(frame)
     blocked = filled >= _FILLED
     # A robot beyond the largest grid of a belief counts as at its edge.
     iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(frame.index(place), frame.shape, strict=True))
     # The robot's own cells are free, whatever the map contains.
     blocked[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
-    time, reached = march_in_order(~blocked, (iy, ix), frame.resolution_m)
+    order = np.empty(blocked.size, np.uint32)
+    time = march(~blocked, (iy, ix), frame.resolution_m, order)
+    reached = order[: np.count_nonzero(np.isfinite(time))]
     out, back = (np.zeros((*frame.shape, 2), np.float32) for _ in range(2))
     entry = np.where(explored < _SEEN, np.int32(0), np.int32(-1))
     flat = (out.reshape(-1, 2), back.reshape(-1, 2), entry.ravel())
@@ -104,7 +104,7 @@ def route_directions(survey: MapSurvey, place: Float[np.ndarray, "2"]) -> RouteD
     _propagate(time.ravel(), reached, shape, (iy, ix), frame.resolution_m, *flat)
     is_closed = ~np.isfinite(time)
     is_adjacent = cv2.dilate(is_closed.astype(np.uint8), np.ones((3, 3), np.uint8)).ravel() > 0
-    _fill_neighbours(time, reached[is_adjacent[reached]], out, back)
+    _fill_neighbours(time, reached[is_adjacent[reached]].astype(int), out, back)
     entry[is_closed] = -1
     return RouteDirections(rows, columns, out, back, time.astype(np.float32), entry)
 
@@ -168,10 +168,12 @@ def _propagate(
         below = time[i - nx] if iy > ZERO else np.inf
         above = time[i + nx] if iy + ONE < ny else np.inf
         # The side from which the front comes on each axis, and how much earlier it is there.
-        in_row, fall_x = (i - ONE, time[i] - west) if west <= east else (i + ONE, time[i] - east)
-        in_column, fall_y = (i - nx, time[i] - below) if below <= above else (i + nx, time[i] - above)
+        first_x, first_y = min(west, east), min(below, above)
+        side_x = i + ONE if east < west or ix == ZERO else i - ONE
+        side_y = i + nx if above < below or iy == ZERO else i - nx
+        fall_x, fall_y = time[i] - first_x, time[i] - first_y
         if fall_x > 0 or fall_y > 0:
-            before = entry[in_row if min(west, east) <= min(below, above) else in_column]
+            before = entry[side_x if first_x <= first_y else side_y]
             entry[i] = before if before >= 0 else (cell if entry[i] >= 0 else -1)
         if time[i] <= max(_BEGIN_CELLS * cell_m, _STRAIGHT * distance):
             x, y = dx / distance, dy / distance
@@ -180,13 +182,13 @@ def _propagate(
             continue
         out_x = out_y = back_x = back_y = 0.0
         if fall_x > 0:
-            back_x = fall_x if in_row > i else -fall_x
-            out_x += fall_x * out[in_row, 0]
-            out_y += fall_x * out[in_row, 1]
+            back_x = fall_x if side_x > i else -fall_x
+            out_x += fall_x * out[side_x, 0]
+            out_y += fall_x * out[side_x, 1]
         if fall_y > 0:
-            back_y = fall_y if in_column > i else -fall_y
-            out_x += fall_y * out[in_column, 0]
-            out_y += fall_y * out[in_column, 1]
+            back_y = fall_y if side_y > i else -fall_y
+            out_x += fall_y * out[side_y, 0]
+            out_y += fall_y * out[side_y, 1]
         size = math.hypot(back_x, back_y)
         if size > 0:
             back[i, 0], back[i, 1] = back_x / size, back_y / size

@@ -40,13 +40,23 @@ def knowledge(estimate: MapEstimate, next_to_m: float) -> Knowledge:
 
 
 def in_sight(
-    known: Knowledge, place: Float[np.ndarray, "2"], onto: GridFrame, reach_m: float, *, through_unknown: bool
+    known: Knowledge,
+    place: Float[np.ndarray, "2"],
+    onto: GridFrame,
+    reach_m: float,
+    *,
+    through_unknown: bool,
+    within: Bool[np.ndarray, "ny nx"] | None = None,
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Cells of a coarser grid within reach [m] in sight of a place [m]: surely, or possibly, through unknown cells."""
+    """Cells of a coarser grid within reach [m] in sight of a place [m]: surely, or possibly, through unknown cells.
+
+    Rays end where they leave the cells `within`, if given.
+    """
     seen = np.zeros(onto.shape, bool)
+    within = np.ones(onto.shape, bool) if within is None else within
     n_rays = math.ceil(2 * math.pi * reach_m / onto.resolution_m)
     lattices = _lattice(known.frame), _lattice(onto)
-    _sweep(known.kind, *lattices, place[0], place[1], reach_m, n_rays, through_unknown, seen)
+    _sweep(known.kind, *lattices, place[0], place[1], reach_m, n_rays, through_unknown, within, seen)
     return seen
 
 
@@ -112,6 +122,7 @@ def _sweep(
     reach_m: float,
     rays: int,
     through_unknown: bool,
+    within: np.ndarray,
     seen: np.ndarray,
 ) -> None:
     cell = fine[2]
@@ -126,7 +137,7 @@ def _sweep(
             if here == OBSTACLE or (here == UNKNOWN and not through_unknown):
                 break
             iv, iu = _cell(coarse, px, py)
-            if not (0 <= iv < nv and 0 <= iu < nu):
+            if not (0 <= iv < nv and 0 <= iu < nu and within[iv, iu]):
                 break
             seen[iv, iu] = True
 

@@ -7,6 +7,7 @@ base that swings aside as it turns, if it pushes the hull against something.
 import numpy as np
 from jaxtyping import Bool
 
+from robosim.support.compiled import delayed_signals
 from slam.actions import FORWARD_M, PUBLISHED, Action
 from slam.control.manoeuvre import pushes, swung
 from slam.grid import MapEstimate
@@ -28,6 +29,7 @@ class Guard:
             if motion is not None and action is not Action.FORWARD
         }
 
+    @delayed_signals()
     def bumps(self, estimate: MapEstimate) -> Bool[np.ndarray, "3"]:
         """Whether each of the published actions would end at something."""
         near = Clearance.around(estimate, FORWARD_M + 2 * self._hull.turning_m)

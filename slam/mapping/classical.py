@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from robosim.support.checks import Range, checked
+from robosim.support.compiled import delayed_signals
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
@@ -196,6 +197,7 @@ class ClassicalMapper:
         self.collided = False
         self._step = 0
 
+    @delayed_signals()
     def update(
         self,
         depth: Float32[np.ndarray, "h w"],

@@ -17,12 +17,15 @@ from robosim.support.compiled import compiled
 
 #: Places of cells that are not in the heap: not reached yet, and accepted or of no speed.
 _AHEAD, _CLOSED = -1, -2
-#: Indices are unsigned: numba would check signed ones for negative values at each access, a quarter of the time.
+#: Indices are unsigned: numba checks signed ones for negative values at each access.
 ZERO, ONE, TWO = (np.uint64(value) for value in (0, 1, 2))
 
 
 def march(
-    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
+    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"],
+    source: tuple[int, int],
+    cell_m: float,
+    order: UInt32[np.ndarray, " cells"] | None = None,
 ) -> Float[np.ndarray, "ny nx"]:
     """Time of the front's arrival at the centre of each cell.
 
@@ -30,6 +33,7 @@ def march(
         speed: Speed in each cell, 0 where the front cannot go; in the source it is above 0. True is 1.
         source: Row and column of the cell that the front leaves at time 0.
         cell_m: Side of a cell [m].
+        order: Takes the flat indices of the cells of finite times, by rising time and then by index, if given.
 
     Returns:
         Times, inf where the front never comes.
@@ -37,24 +41,6 @@ def march(
     Raises:
         ValueError: If the source lies outside, or the front cannot leave it.
     """
-    ny, nx = speed.shape
-    return _marched(speed, source, cell_m)[0].reshape(ny + 4, nx + 4)[2:-2, 2:-2]
-
-
-def march_in_order(
-    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
-) -> tuple[Float[np.ndarray, "ny nx"], UInt32[np.ndarray, " n"]]:
-    """`march`, and the flat indices of the cells that the front reaches, by rising time and then by index."""
-    ny, nx = speed.shape
-    time, cells = _marched(speed, source, cell_m)
-    times = np.ascontiguousarray(time.reshape(ny + 4, nx + 4)[2:-2, 2:-2])
-    return times, cells - 4 * (cells // (nx + 4)) - 2 * nx - 2
-
-
-def _marched(
-    speed: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
-) -> tuple[Float[np.ndarray, " m"], UInt32[np.ndarray, " n"]]:
-    """Times on the grid with a rim of two cells, flat, and its cells that the front reaches, by time and index."""
     ny, nx = speed.shape
     row, column = source
     if not (0 <= row < ny and 0 <= column < nx):
@@ -64,10 +50,12 @@ def _marched(
     # A rim that stops the front avoids bounds checks in the loop.
     padded = np.zeros((ny + 4, nx + 4), speed.dtype)
     padded[2:-2, 2:-2] = speed
-    time = np.full(padded.size, np.inf)
-    return time, _march(
-        padded.ravel(), float(cell_m), time, (row + 2) * (nx + 4) + column + 2, np.uint64(nx + 4)
-    )
+    time, width = np.full(padded.shape, np.inf), nx + 4
+    start = (row + 2) * width + column + 2
+    accepted = np.empty(0, np.uint32) if order is None else order
+    _march(padded.ravel(), float(cell_m), time.ravel(), start, np.uint64(width), accepted)
+    accepted -= 4 * (accepted // width) + 2 * nx + 2  # without the rim
+    return time[2:-2, 2:-2]
 
 
 @compiled
@@ -120,18 +108,19 @@ def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: np.uint6
 
 
 @compiled
-def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, width: np.uint64) -> np.ndarray:
+def _march(
+    speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, width: np.uint64, accepted: np.ndarray
+) -> None:
     """The march on flat arrays with a rim of two cells; `time` becomes that of accepted cells, infinite at first.
 
-    Returns the accepted cells by time, and by index where times are equal.
+    These cells go to `accepted` by time, and by index where times are equal, unless it is empty.
     """
     heap = np.empty(len(time), np.uint32)  # a binary heap of cells by time
     times = np.empty(len(time))  # of its entries, contiguous in memory
     place = np.empty(len(time), np.int32)  # where a cell stands in it
     for k in range(len(time)):
         place[k] = _AHEAD if speed[k] > 0 else _CLOSED
-    accepted, count = np.empty(len(time), np.uint32), 0
-    heap[0], times[0], place[source], size = source, 0.0, 0, ONE
+    heap[0], times[0], place[source], size, count = source, 0.0, 0, ONE, 0
     while size > ZERO:
         here, now, at = np.uint64(heap[0]), times[0], count
         time[here], place[here] = now, _CLOSED
@@ -142,8 +131,9 @@ def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, widt
                 break
             accepted[at] = before
             at -= 1
-        accepted[at] = here
-        count += 1
+        if len(accepted):
+            accepted[at] = here
+            count += 1
         size -= ONE
         if size > ZERO:
             _sink(heap, times, place, size)
@@ -157,7 +147,6 @@ def _march(speed: np.ndarray, cell_m: float, time: np.ndarray, source: int, widt
                 size += ONE
             elif t < times[entry]:
                 _rise(heap, times, place, np.uint64(entry), i, t)
-    return accepted[:count]
 
 
 @compiled

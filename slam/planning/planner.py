@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
+from robosim.support.compiled import delayed_signals
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box, travel_time_to
@@ -120,6 +121,7 @@ class Planner:
         self._closely = False
         """Whether coarse cells have led to this goal through a passage that is too narrow."""
 
+    @delayed_signals()
     def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"], *, look: bool = False) -> Plan:
         """Plan a path from the robot to a goal.
 

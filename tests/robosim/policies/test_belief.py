@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.policies.likelihood import Likelihood
 from robosim.policies.sightlines import bent_origins, in_sight, knowledge
 from robosim.radio.measurement import Measurement
 from slam.grid import GridFrame, MapEstimate
@@ -285,6 +286,49 @@ def test_sight_ends_at_obstacles_and_is_unsure_beyond_the_map():
     beyond = (x < -6.2) & (np.hypot(x, y) < 8.5) & (np.abs(y) < 2)
     assert possibly[beyond].mean() > 0.99
     assert not surely[beyond].any()
+
+
+def test_in_sight_follows_rays_while_they_stay_within():
+    """Inside a half plane around the place nothing changes; beyond it, and behind a gap, nothing is seen."""
+    known = knowledge(estimate(), next_to_m=0.2)
+    onto = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
+    within = np.broadcast_to(np.arange(100) >= 45, onto.shape)
+    everywhere = in_sight(known, np.zeros(2), onto, 9.0, through_unknown=True)
+    ahead = in_sight(known, np.zeros(2), onto, 9.0, through_unknown=True, within=within)
+    assert np.array_equal(ahead, everywhere & within)
+    gap = in_sight(
+        known,
+        np.zeros(2),
+        onto,
+        9.0,
+        through_unknown=True,
+        within=np.broadcast_to(np.arange(100) != 60, onto.shape),
+    )
+    assert everywhere[50, 61:90].all() and gap[50, :60].any() and not gap[:, 60:].any()
+
+
+@pytest.mark.parametrize("arrival_deg", [2.5, 30.0])
+def test_density_in_line_of_sight_is_that_of_all_cells(arrival_deg):
+    """Density of a bearing and a power by its formula in all cells, also far from the beam and behind walls."""
+    belief = TargetBelief(np.zeros(2), BeliefConfig(half_side_m=8.0))
+    map_ = estimate(wall(2.0, 2.1, 0.5, 6.0))
+    measured = measurement((0.3, -0.2), 0.4, 0.0, 5.0, LinkState.LOS)
+    offset = belief.centres - measured.pose[:2]
+    distance = np.hypot(*offset.transpose(2, 0, 1))
+    survey = belief.survey(map_)
+    likelihood = Likelihood(
+        measured, survey, (offset[:1, :, 0], offset[:, :1, 1]), distance,
+        frequency_hz=28e9, departures=True, routes=True,
+    )  # fmt: skip
+    density = likelihood._straight(np.deg2rad(arrival_deg), 2.5, 8.0)
+    near = np.maximum(distance.astype(np.float32), 0.1)
+    lateral = offset[..., 1] * np.cos(0.4) - offset[..., 0] * np.sin(0.4)
+    ahead = offset[..., 0] * np.cos(0.4) + offset[..., 1] * np.sin(0.4)
+    power = 20 * np.log10(near / 5.0) / np.hypot(2.5, 8.7 * 0.1 / near)
+    square = (lateral / np.hypot(np.deg2rad(arrival_deg) * near, 0.1)) ** 2 + power**2
+    expected = np.where(ahead >= -0.2, np.exp(-0.5 * square), 0.0)
+    possibly = in_sight(survey.known, measured.pose[:2], belief.frame, 8.0, through_unknown=True)
+    np.testing.assert_allclose(density, np.where(possibly, 1.0, 0.05) * expected, rtol=2e-3, atol=1e-38)
 
 
 def test_a_wave_bends_only_where_there_is_something():

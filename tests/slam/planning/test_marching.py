@@ -35,6 +35,19 @@ def test_grids_of_one_row_or_column(shape):
     np.testing.assert_allclose(time.ravel(), 0.5 * np.arange(time.size), atol=1e-12)
 
 
+def test_march_lists_reached_cells_by_time_and_then_by_index():
+    """An open field has eight cells of most times; among walls and slow cells, fronts of second order step back."""
+    rng = np.random.default_rng(5)
+    walls = rng.random((60, 80)) > 0.2
+    for speed in (np.ones((41, 41), bool), walls, walls * rng.choice([1.0, 0.3, 0.05], walls.shape)):
+        speed[20, 20] = 1
+        order = np.empty(speed.size, np.uint32)
+        time = march(speed, (20, 20), 0.1, order)
+        assert np.array_equal(time, march(speed, (20, 20), 0.1))
+        reached = np.flatnonzero(np.isfinite(time))
+        assert np.array_equal(order[: len(reached)], reached[np.argsort(time.flat[reached], kind="stable")])
+
+
 @pytest.mark.parametrize("source", [(-1, 0), (0, 4), (3, 0)])
 def test_a_source_outside_is_rejected(source):
     with pytest.raises(ValueError, match="expected a cell of the 3 x 4 grid"):
