@@ -348,7 +348,10 @@ def _explain_outage(
     reached: Bool[np.ndarray, "n_tx n_rx"],
 ) -> None:
     """Warn of ends of links [m] without paths that are in solids or below the ground, each once."""
-    reasons = [site.explain_missing_paths(*link) for link in zip(tx, [rx] * len(tx), reached, strict=True)]
+    reasons = (
+        site.explain_missing_paths(place, rx, is_reached)
+        for place, is_reached in zip(tx, reached, strict=True)
+    )
     for reason in filter(None, dict.fromkeys(reasons)):
         logger.warning("%s: %s", site.name, reason)
 

@@ -123,8 +123,8 @@ def test_read_mitsuba_counts_two_triangles_of_a_rectangle(tmp_path, monkeypatch)
     assert len(read_mitsuba(tmp_path / "house.xml").mesh.faces) == 14
 
 
-def test_read_mitsuba_counts_what_headers_do_not_say(tmp_path, monkeypatch):
-    """Squares are two triangles each: 400 faces are announced."""
+def test_read_mitsuba_counts_triangles_of_squares(tmp_path, monkeypatch):
+    """400 squares of a file are 800 triangles."""
     file = terrain(tmp_path, "obj", n=1)
     squares = "".join(f"v {k} 0 0\nv {k + 1} 0 0\nv {k + 1} 1 0\nv {k} 1 0\n" for k in range(400))
     squares += "".join(f"f {k} {k + 1} {k + 2} {k + 3}\n" for k in range(1, 1600, 4))
