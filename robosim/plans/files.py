@@ -39,7 +39,7 @@ __all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros
 IMAGES = (".pgm", ".png", ".bmp", ".tif", ".tiff", ".gif", ".jpg", ".jpeg", ".webp", ".pbm", ".ppm", ".pnm")
 MESHES = (".glb", ".gltf", ".ply", ".obj", ".stl", ".off")
 #: Reader of each ending, of `robosim.parts.READER`.
-READERS = {
+_READERS = {
     ".yaml": "ros",
     ".yml": "ros",
     **dict.fromkeys(IMAGES, "image"),
@@ -95,7 +95,7 @@ def read_plan(path: str | Path, *, reader: Part = "auto", **options: Any) -> Flo
     path = _resolve(path, any_ending=reader != "auto")
     chosen = ReadingOptions(**options)
     if reader == "auto":
-        reader = READERS[path.suffix.lower()]
+        reader = _READERS[path.suffix.lower()]
     read: PlanReader = READER.make(reader, field="reader")
     if isinstance(reader, str) and reader in READER.shipped:
         _check_options(path, chosen, reader)
@@ -139,9 +139,9 @@ def _resolve(path: str | Path, *, any_ending: bool = False) -> Path:
         raise MapError(
             f"{shown(file)}: no such file, and no shipped plan of that name.{_did_you_mean(file, shipped)}"
         )
-    if not any_ending and file.suffix.lower() not in READERS:
+    if not any_ending and file.suffix.lower() not in _READERS:
         raise MapError(
-            f"{shown(file)}: the ending '{shown(file.suffix)}' is unknown, expected one of {' '.join(READERS)}. "
+            f"{shown(file)}: the ending '{shown(file.suffix)}' is unknown, expected one of {' '.join(_READERS)}. "
             "Rename or convert the file, or give a reader of your own: --reader module:Name."
         )
     return file
@@ -161,7 +161,7 @@ def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
     """A hint at files and shipped plans with a similar name."""
     names = {name: name for name in shipped}
     with suppress(OSError):
-        siblings = [p for p in file.parent.iterdir() if p.suffix.lower() in READERS]
+        siblings = [p for p in file.parent.iterdir() if p.suffix.lower() in _READERS]
         names.update({p.name: str(p) for p in siblings})
         names.update({Path(name).stem: full for name, full in list(names.items()) if full not in shipped})
     near = get_close_matches(file.name, names, 2, cutoff=0.7)

@@ -177,8 +177,6 @@ class RadioSite(ABC):
         self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], reached: Bool[np.ndarray, " n"]
     ) -> str:
         """Return why receivers [m] that are not `reached` lack paths from a transmitter [m]; empty if not known."""
-        if isinstance(self.whole, MitsubaScene):
-            return explain_missing_paths(self.whole, tx, rx, reached)
         return ""
 
     def draw(self, axes: "Axes3D", near: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "2 3"]:
@@ -221,7 +219,8 @@ class MeshScene(RadioSite):
     """A Mitsuba scene: places are anywhere but far below it, its floor is at its lowest point."""
 
     def __init__(self, scene: MitsubaScene, config: RadioConfig):
-        self.name, self.config, self.whole, self.mesh = scene.name, config, scene, scene.mesh
+        self.name, self.config, self.mesh = scene.name, config, scene.mesh
+        self.whole: MitsubaScene = scene
         self.floor_m = float(scene.mesh.bounds[0, 2])
 
     def problem_at(self, position: Float[np.ndarray, "3"], name: str) -> str | None:
@@ -231,6 +230,12 @@ class MeshScene(RadioSite):
         return (
             f"{name} is at z = {position[2]:g} m, but {self.name} begins at {self.floor_m:g} m. Give metres."
         )
+
+    def explain_missing_paths(
+        self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "n 3"], reached: Bool[np.ndarray, " n"]
+    ) -> str:
+        """Return what `robosim.radio.no_paths` finds."""
+        return explain_missing_paths(self.whole, tx, rx, reached)
 
     def section(self, grid: ReceiverGrid) -> "SceneSection":
         """The surfaces of the scene at the height of a grid."""
