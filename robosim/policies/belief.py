@@ -13,7 +13,6 @@ from typing import Annotated, NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
-from scipy.special import expit
 
 from robosim.policies.likelihood import Likelihood, normalise, range_density
 from robosim.policies.route_directions import MapSurvey
@@ -39,9 +38,8 @@ _BEEN_M = 0.3
 _EMPTY = 0.1
 #: Least prior over the largest one.
 _LEAST_PRIOR = 0.01
-#: Logarithm of the odds of reception at the target's own place, and its decrease per metre of distance and of detour of
-#: the route, fitted to 3,028 places of 84 searches at 28 GHz (decision record 33); what silence excludes at most.
-_RECEIVED, _CERTAIN = (3.58, 0.39, 0.95), 0.9
+#: What silence excludes at most: maps and poses err.
+_CERTAIN = 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,9 +168,8 @@ class TargetBelief:
         if c.silence and not len(measurement.aoa_rad):
             routes = survey.routes(place)
             straight_m = distance[routes.rows, routes.columns]
-            odds = _RECEIVED[0] - _RECEIVED[1] * straight_m - _RECEIVED[2] * (routes.length_m - straight_m)
             silent = self._silent[routes.rows, routes.columns]
-            np.minimum(silent, np.log1p(-_CERTAIN * expit(odds).astype(np.float32)), out=silent)
+            np.minimum(silent, np.log1p(-_CERTAIN * routes.received(straight_m)), out=silent)
         self._weigh(measurement, survey, around)
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)

@@ -6,12 +6,12 @@
    strong arrivals of first order: with few known walls the belief cannot decide where such a wave interacted.
 3. If the belief is concentrated, the robot goes to its peak. The belief includes the position, with covariance, that
    the mapper's graph computes from all directions in line of sight.
-4. Otherwise it goes to the frontier with the largest belief in sight or behind it per decision of the route.
+4. Otherwise it goes to the frontier of the region that the best order of all regions begins with (`regions`).
 """
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -19,15 +19,14 @@ from jaxtyping import Float
 from robosim.policies.arrival import FollowArrival, FollowConfig, StuckDetector
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.estimates import Estimates
-from robosim.policies.prospects import find_prospects
 from robosim.policies.reason import GoalKind, Reason
-from robosim.policies.sightlines import in_sight
+from robosim.policies.regions import Region, find_regions, values_first
 from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
-from slam.planning.cost_map import CostConfig, cut_box, known_box, near_box, travel_time_from_robot
+from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.poses import to_map
 from slam.robot import Robot
 from wireless.paths import LinkState
@@ -55,33 +54,26 @@ class FusedConfig:
     """Their least SNR."""
     sure: Annotated[float, Range(0, 1)] = 0.3
     """Least probability within 0.5 m of the peak for the robot to go there."""
-    view_m: Annotated[float, Range(0.1, 100, "m")] = 5.0
-    """Range around a frontier in which the belief counts [m]."""
+    candidates: Annotated[int, Range(1, 14, "regions")] = 10
+    """Number of regions whose orders are compared: the work doubles with each."""
+    far: Annotated[float, Range(0, 1e6, "decisions")] = 100.0
+    """Those with the most belief over their decisions and so many more are compared."""
     head_start: Annotated[float, Range(0, 1e6, "decisions")] = 10.0
-    """Decisions added to each route, so that the nearest frontier is not always the best."""
-    keep: Annotated[float, Range(0, 1000)] = 1.3
-    """Factor by which another frontier must be better to replace the goal."""
+    """Decisions added to each way, so that the nearest region is not always the first."""
+    horizon: Annotated[float, Range(1, 1e6, "decisions")] = 400.0
+    """Decisions after which a belief that is found is worth less by a factor of e."""
+    keep: Annotated[float, Range(0, 1000)] = 1.02
+    """Factor by which another order must be better to replace the goal."""
     every: Annotated[int, Range(1, 1_000_000, "decisions")] = 5
     """Decisions after which a goal is reviewed, unless it is reached earlier; on large maps a multiple of it."""
-    candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 12
-    """Number of frontiers that are rated, the nearest ones."""
     stuck_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 40
     """Decisions within `stuck_m` of one place after which a goal is given up."""
     stuck_m: Annotated[float, Range(0, 100, "m")] = 0.5
     """See `stuck_steps` [m]."""
 
 
-class _Rated(NamedTuple):
-    """A prospect with its value, and the probability in sight from there."""
-
-    value: float
-    goal_xy: Float[np.ndarray, "2"]
-    in_sight: float
-    decisions: float
-
-
 class Fused:
-    """Goes to the peak of the belief, or where most of it can be seen."""
+    """Goes to the peak of the belief, or to the regions with the most of it."""
 
     seeks_target, uses_radio = True, True
     make_belief = TargetBelief
@@ -174,12 +166,11 @@ class Fused:
                 self._set_reason(GoalKind.BELIEVED, f"{mass:.0%} of the belief lies within 0.5 m of it")
                 return place
             belief.rule_out(place, 0.3)
-        rated = self._rate(estimate, belief)
-        if rated:
-            best = max(rated, key=lambda r: r.value)
-            seen = f"{best.in_sight:.0%} of the belief in sight from it, {best.decisions:.0f} decisions away"
-            self._set_reason(GoalKind.LOOK, f"{seen}: best of {len(rated)}")
-            return best.goal_xy
+        region = self._best_region(estimate, belief)
+        if region is not None:
+            behind = f"{region.belief:.0%} of the belief is behind it, {region.decisions:.0f} decisions away"
+            self._set_reason(GoalKind.LOOK, f"{behind}: first of the best order")
+            return region.frontier.goal_xy
         onward = self._explorer.goal(estimate)
         if onward is None:
             self._set_reason(GoalKind.BELIEVED, "nothing is left to look at")
@@ -192,33 +183,26 @@ class Fused:
         if self.reason is None or (self.reason.kind, self.reason.because) != (kind, because):
             self.reason = Reason(kind=kind, because=because, mass=self._mass)
 
-    def _rate(self, estimate: MapEstimate, belief: TargetBelief) -> list[_Rated]:
-        """Places to go to, rated by the probability in sight and behind them per decision."""
+    def _best_region(self, estimate: MapEstimate, belief: TargetBelief) -> Region | None:
+        """The region with which the best order of regions begins; None without a frontier."""
         c = self.config
         given_up = np.array(self._given_up).reshape(-1, 2)
         margin = 2 * estimate.frame.resolution_m
-        # On a large map the surroundings are searched first.
-        for find_box in (near_box, known_box) if estimate.size_factor > 1 else (known_box,):
-            low, high = find_box(estimate)
-            box = cut_box(estimate, low - margin, high + margin)
-            times = travel_time_from_robot(box, self.config.cost, self._hull)
-            frontiers = find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
-            if frontiers:
-                break
-        survey, p, pose = belief.survey(estimate), belief.probability(), estimate.pose
-        routes = survey.routes(pose[:2])
-        rated = []
-        for prospect in find_prospects(
-            frontiers, routes, p, belief.frame, pose, head_start=c.head_start, count=c.candidates
-        ):
-            if (np.hypot(*(given_up - prospect.goal_xy).T) < 0.25).any():
-                continue
-            possibly = in_sight(
-                survey.known, prospect.near_xy, belief.frame, self.config.view_m, through_unknown=True
-            )
-            share = float(p[possibly].sum())
-            value = prospect.width * (share / (prospect.decisions + c.head_start) + prospect.behind)
-            if self._goal is not None and math.hypot(*(prospect.goal_xy - self._goal)) < 0.5:
-                value *= self.config.keep
-            rated.append(_Rated(value, prospect.goal_xy, share, prospect.decisions))
-        return rated
+        low, high = known_box(estimate)
+        box = cut_box(estimate, low - margin, high + margin)
+        times = travel_time_from_robot(box, c.cost, self._hull)
+        frontiers = [
+            frontier
+            for frontier in find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
+            if not (np.hypot(*(given_up - frontier.goal_xy).T) < 0.25).any()
+        ]
+        regions = find_regions(frontiers, belief.survey(estimate), belief.probability(), estimate.pose)
+        regions.sort(key=lambda region: -region.belief / (region.decisions + c.far))
+        del regions[c.candidates :]
+        if not regions:
+            return None
+        values = values_first(regions, times, head_start=c.head_start, horizon=c.horizon)
+        if self._goal is not None:
+            kept = [math.hypot(*(region.frontier.goal_xy - self._goal)) < 0.5 for region in regions]
+            values[kept] *= c.keep
+        return regions[int(np.argmax(values))]

@@ -4,8 +4,9 @@ It is trained in generated homes, first by imitation of a guide that knows the r
 (`robosim.training.search`). Actions are drawn by the third power of their probabilities, likely ones more often than in
 training, so that the robot turns to and fro less; the likeliest action alone could keep it between two doors forever.
 The draws are the same in each search, so that a seed determines the episode. Actions that end at an obstacle of the map
-are not drawn. Where the robot stays in one place, or sees nothing new, `fused` permanently replaces the network, with
-the map and the belief of the whole search. Without a camera `fused` decides from the start.
+are not drawn. `fused`, with the map and the belief of the whole search, decides in place of the network while nothing
+is received on a floor larger than the homes of the training, and permanently once the robot stays in one place, or
+sees nothing new. Without a camera `fused` decides from the start.
 
 The reason of an action is the group of inputs without which it would be least probable, among all groups, by the
 network's probabilities with that group set to zero (occlusion; Zeiler and Fergus, Visualizing and understanding
@@ -37,6 +38,7 @@ from robosim.policies.search_network import (
     horizon,
     load_search,
 )
+from robosim.radio.measurement import Measurement
 from robosim.simulator import Observation
 from robosim.support.installation import shipped_network
 from slam.actions import TURN_RAD, Action
@@ -54,8 +56,10 @@ _POWER = 3.0
 _STUCK_M, _STUCK_STEPS = 0.5, 40
 #: The robot is also stuck if it has seen less new floor [m2] in so many decisions.
 _NEW_M2, _NEW_STEPS = 1.0, 100
-#: Frontiers that `fused` rates then, and how far beyond the map it expects the target [m].
-_CANDIDATES, _BEYOND_M = 60, 30.0
+#: Decisions without reception, and floor that was seen [m2], from which on the network does not decide.
+_OUTAGE_STEPS, _LARGE_M2 = 20, 100.0
+#: How far beyond the map `fused` expects the target [m].
+_BEYOND_M = 30.0
 #: Distance of the goal in the log [m].
 _AHEAD_M = 0.5
 #: Change of the heading by an action [rad].
@@ -64,7 +68,7 @@ _WORDS = {Action.FORWARD: "ahead", Action.LEFT: "left", Action.RIGHT: "right"}
 
 
 class Learned:
-    """Chooses actions by a network, and falls back to the goals of `fused` once the robot is stuck."""
+    """Chooses actions by a network, and falls back to the goals of `fused` in large buildings, or once it is stuck."""
 
     seeks_target, uses_radio = True, True
 
@@ -91,6 +95,7 @@ class Learned:
         self._action: Action | None = None
         self._reason: Reason | None = None
         self._has_fallen_back = False
+        self._outage_steps = 0
 
     @property
     def belief(self) -> TargetBelief | None:
@@ -108,15 +113,42 @@ class Learned:
         Raises:
             ValueError: If the robot has no radio.
         """
-        if self._has_fallen_back or not sensed.depth.size or self._is_stuck(estimated.map):
+        estimate = estimated.map
+        seen_m2 = int(np.count_nonzero(estimate.explored)) * estimate.frame.resolution_m**2
+        if self._has_fallen_back or not sensed.depth.size or self._is_stuck(estimate, seen_m2):
             self._has_fallen_back = True
             self._action = None
             return self._fused.goal(sensed, estimated)
         measured = estimated.require_measurement()
+        inputs = self._encode(sensed, estimated, measured)
+        if sensed.action is not Action.WAIT:  # after a wait it decides again
+            self._before = self._memory
+        scores, _, self._memory = self._network(inputs, self._before)
+        self._outage_steps = 0 if len(measured.aoa_rad) else self._outage_steps + 1
+        if self._outage_steps >= _OUTAGE_STEPS and seen_m2 > _LARGE_M2:
+            self._action = None
+            goal = self._fused.goal(sensed, estimated)
+            self._reason = self._fused.reason
+            return goal
+        belief = self._fused.observe(sensed, estimated)
+        bumps = self._guard.bumps(estimate)
+        if not bumps.all():
+            scores[bumps] = -np.inf
+        self._action = Action(int(draw_actions(_POWER * scores[None], self._rng)[0]))
+        self._reason = Reason(
+            kind=GoalKind.ACTION, because=self._because(inputs, self._before), mass=belief.peak()[1]
+        )
+        turn = _TURNS[self._action]
+        return to_map(estimated.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
+
+    def _encode(
+        self, sensed: Observation, estimated: Estimates, measured: Measurement
+    ) -> Float32[np.ndarray, " k"]:
+        """Inputs of the network."""
         depth_m = sensed.depth
         if estimated.map.moving:  # there were no people in training
             depth_m = background(horizon(depth_m).astype(float), self._left, estimated.map)[None]
-        inputs = self._senses.encode(
+        return self._senses.encode(
             depth_m,
             sensed.odometry,
             # In the robot's frame, without the map's error of heading.
@@ -126,19 +158,6 @@ class Learned:
             measured.probability,
             waited=sensed.action is Action.WAIT,
         )
-        if sensed.action is not Action.WAIT:  # after a wait it decides again
-            self._before = self._memory
-        scores, _, self._memory = self._network(inputs, self._before)
-        belief = self._fused.observe(sensed, estimated)
-        bumps = self._guard.bumps(estimated.map)
-        if not bumps.all():
-            scores[bumps] = -np.inf
-        self._action = Action(int(draw_actions(_POWER * scores[None], self._rng)[0]))
-        self._reason = Reason(
-            kind=GoalKind.ACTION, because=self._because(inputs, self._before), mass=belief.peak()[1]
-        )
-        turn = _TURNS[self._action]
-        return to_map(estimated.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
 
     def _because(self, inputs: Float32[np.ndarray, " k"], memory: Float32[np.ndarray, " m"]) -> str:
         """Return the probability of the action, and the least one without a kind of inputs."""
@@ -151,9 +170,8 @@ class Learned:
         name, least = min(zip(SENSES, without, strict=True), key=lambda pair: pair[1])
         return f"{_WORDS[self._action]}, {with_all:.0%} likely ({least:.0%} without {name})"
 
-    def _is_stuck(self, estimate: MapEstimate) -> bool:
+    def _is_stuck(self, estimate: MapEstimate, seen_m2: float) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""
-        seen_m2 = int(np.count_nonzero(estimate.explored)) * estimate.frame.resolution_m**2
         sees_nothing_new = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
         self._seen_m2.append(seen_m2)
         return self._stuck.is_stuck(estimate.pose[:2]) or sees_nothing_new
@@ -170,9 +188,6 @@ def learned(context: PolicyContext) -> Learned:
 
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
     """The policy of the network in a file."""
-    config = replace(
-        context.fused,
-        candidates=_CANDIDATES,
-        belief=replace(context.fused.belief, silence=True, beyond_m=_BEYOND_M),
-    )
+    belief = replace(context.fused.belief, silence=True, beyond_m=_BEYOND_M)
+    config = replace(context.fused, belief=belief)
     return Learned(load_search(path), Fused(context.explorer, config, context.robot), context.robot)

@@ -1,0 +1,106 @@
+"""Regions: the unseen space behind each frontier, with the belief in it, and the order in which to search them.
+
+An unseen cell belongs to the frontier from which it is nearest through unseen cells, around obstacles that are known or
+anticipated with confidence. A region therefore depends on the map alone, not on where the robot stands. Its belief is
+that of the floor to be expected: less far behind the frontier, where walls are to come, and hardly any behind a gap
+narrower than a door. Space that is not behind any frontier, such as the outside of walls that were seen, belongs to no
+region.
+
+The first region is the one with which the best order of all begins (`slam.exploration.tour`): a belief found after t
+decisions is worth exp(-t / horizon) of it, which for a long horizon is the least time until the target is found.
+
+Reference: Blum et al., Approximation algorithms for orienteering and discounted-reward TSP, SIAM J. Computing
+37(2), 2007.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from robosim.policies.route_directions import MapSurvey
+from slam.actions import FORWARD_M, TURN_RAD
+from slam.exploration.frontiers import Frontier
+from slam.exploration.tour import costs_between, values_of_orders
+from slam.planning.travel_time import TravelTime
+from slam.poses import wrap
+
+#: Unseen cells that are entered farther from any frontier belong to none [m].
+_PASSING_M = 1.5
+#: Distance behind a frontier at which space counts less by a factor of e [m].
+_FADE_M = 15.0
+#: Behind a narrower frontier, mostly a gap in a wall, there is hardly any floor [m] (decision record 41).
+_WIDE_M = 1.0
+
+
+class Region(NamedTuple):
+    """The unseen space behind a frontier."""
+
+    frontier: Frontier
+    """Where it is entered."""
+    belief: float
+    """Probability in it, less the farther behind the frontier."""
+    decisions: float
+    """Decisions of the robot to the frontier."""
+
+
+def find_regions(
+    frontiers: Sequence[Frontier],
+    survey: MapSurvey,
+    probability: Float32[np.ndarray, "ny nx"],
+    pose: Float[np.ndarray, "3"],
+) -> list[Region]:
+    """Regions of the frontiers, in their order, with the belief of the survey's cells in them.
+
+    Decisions are those of a robot at a pose x [m], y [m], yaw [rad].
+    """
+    if not frontiers:
+        return []
+    routes = survey.routes_past_frontiers(pose[:2])
+    is_unseen = routes.entry >= 0
+    entry = routes.entry[is_unseen]
+    past_m = routes.unexplored_m()[is_unseen]
+    belief = probability[routes.rows, routes.columns][is_unseen] * np.exp(-past_m / _FADE_M)
+    # All belief behind each cell in which a route enters, and the frontier there.
+    behind = np.bincount(entry, belief, minlength=routes.entry.size)
+    entries = np.flatnonzero(behind)
+    rows, columns = np.divmod(entries, routes.entry.shape[1])
+    cells = np.column_stack([columns + routes.columns.start, rows + routes.rows.start])
+    places = survey.frame.to_points(cells + 0.5)
+    goals = np.array([frontier.goal_xy for frontier in frontiers])
+    distance_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
+    passes = distance_m.min(axis=1, initial=math.inf) < _PASSING_M
+    nearest = distance_m[passes].argmin(axis=1)
+    beliefs = np.bincount(nearest, behind[entries[passes]], minlength=len(frontiers))
+    beliefs *= np.minimum(1.0, [frontier.length_m / _WIDE_M for frontier in frontiers]) ** 3
+    return [
+        Region(frontier, float(share), frontier.cost_m / FORWARD_M + _turns(frontier.near_xy, pose))
+        for frontier, share in zip(frontiers, beliefs, strict=True)
+    ]
+
+
+def values_first(
+    regions: Sequence[Region], travel_time: TravelTime, *, head_start: float, horizon: float
+) -> Float[np.ndarray, " k"]:
+    """Value of the best order of all regions that begins with each of them: discounted belief.
+
+    Args:
+        regions: At most about twelve: the work doubles with each.
+        travel_time: Travel time from the robot.
+        head_start: Decisions added to each way.
+        horizon: Decisions after which a belief is worth less by a factor of e.
+    """
+    places = np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)
+    first = np.array([region.decisions for region in regions])
+    between = costs_between(travel_time, places) / FORWARD_M
+    belief = np.array([region.belief for region in regions])
+    discount_first, discount = (np.exp(-(way + head_start) / horizon) for way in (first, between))
+    return values_of_orders(belief, discount_first, discount)
+
+
+def _turns(place: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"]) -> float:
+    """Turns towards a place."""
+    x, y = place - pose[:2]
+    return abs(wrap(math.atan2(y, x) - float(pose[2]))) / TURN_RAD
