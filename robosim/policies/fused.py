@@ -59,7 +59,7 @@ class FusedConfig:
     far: Annotated[float, Range(0, 1e6, "decisions")] = 100.0
     """Those with the most belief over their decisions and so many more are compared."""
     head_start: Annotated[float, Range(0, 1e6, "decisions")] = 10.0
-    """Decisions added to each way, so that the nearest region is not always the first."""
+    """Decisions added to each route, so that the nearest region is not always the first."""
     horizon: Annotated[float, Range(1, 1e6, "decisions")] = 400.0
     """Decisions after which a belief that is found is worth less by a factor of e."""
     keep: Annotated[float, Range(0, 1000)] = 1.02
@@ -203,6 +203,6 @@ class Fused:
             return None
         values = values_first(regions, times, head_start=c.head_start, horizon=c.horizon)
         if self._goal is not None:
-            kept = [math.hypot(*(region.frontier.goal_xy - self._goal)) < 0.5 for region in regions]
-            values[kept] *= c.keep
+            is_goal = [math.hypot(*(region.frontier.goal_xy - self._goal)) < 0.5 for region in regions]
+            values[is_goal] *= c.keep
         return regions[int(np.argmax(values))]

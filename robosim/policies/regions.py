@@ -89,14 +89,14 @@ def values_first(
     Args:
         regions: At most about twelve: the work doubles with each.
         travel_time: Travel time from the robot.
-        head_start: Decisions added to each way.
+        head_start: Decisions added to each route.
         horizon: Decisions after which a belief is worth less by a factor of e.
     """
     places = np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)
     first = np.array([region.decisions for region in regions])
     between = costs_between(travel_time, places) / FORWARD_M
     belief = np.array([region.belief for region in regions])
-    discount_first, discount = (np.exp(-(way + head_start) / horizon) for way in (first, between))
+    discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
     return values_of_orders(belief, discount_first, discount)
 
 

@@ -74,7 +74,7 @@ def test_regions_do_not_depend_on_the_robot():
 
 
 def test_walls_of_one_cell_close_a_region():
-    """Beyond the wall on the left the way leads through the door on the right, 12 m at least."""
+    """Beyond the wall on the left the route leads through the door on the right, 12 m at least."""
     door, gap = beliefs([frontier(2.0, 0.0), frontier(-2.0, 0.0)], at(-2.5, 0.1), seen_room(2.0, walls=True))
     assert gap == 0 and 0 < door < math.exp(-8 / 15)
 
@@ -91,8 +91,8 @@ def test_without_frontiers_there_are_no_regions():
     assert find_regions([], MapSurvey(seen_room(0.4), ONTO), at(3.0, 0.0), HERE) == []
 
 
-def test_the_best_order_begins_with_what_lies_on_the_way():
-    """Open floor of 20 m: 0.1 at 4 m, 0.3 at 8 m the same way, 0.3 at 8 m the other way.
+def test_the_best_order_begins_with_the_region_on_the_route_to_others():
+    """Open floor of 20 m: 0.1 at 4 m, 0.3 at 8 m behind it, 0.3 at 8 m on the other side.
 
     The values are those of all orders of three, counted out.
     """
