@@ -14,8 +14,11 @@ from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.robot import Robot
 
-#: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep.
-_ERROR_M, _MARGIN_M = 0.01, 0.01
+#: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep, as
+#: surfaces of the map err by up to 2 cm.
+_ERROR_M, _MARGIN_M = 0.01, 0.02
+#: Space that a turn must leave around the hull [m].
+_TURN_M = 0.015
 
 
 class Guard:
@@ -39,5 +42,5 @@ class Guard:
         is_bump = np.zeros(len(PUBLISHED), bool)
         is_bump[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
         for action, motion in self._turns.items():
-            is_bump[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull)[1]
+            is_bump[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull, _TURN_M)[1]
         return is_bump
