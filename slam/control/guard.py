@@ -14,10 +14,9 @@ from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.robot import Robot
 
-#: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep, as
-#: surfaces of the map err by up to 2 cm.
-_ERROR_M, _MARGIN_M = 0.01, 0.02
-#: Space that a turn must leave around the hull [m].
+#: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep.
+_ERROR_M, _MARGIN_M = 0.01, 0.014
+#: Space that a turn must leave around the hull [m]: turns that left less on the map have touched walls.
 _TURN_M = 0.015
 
 
