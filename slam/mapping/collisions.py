@@ -5,7 +5,7 @@ the map touches the hull there, no mark is made, unless it happens again and aga
 the map. Otherwise a strip of cells before the hull is marked; it grows wider while the robot bumps into the same place.
 A velocity is expected to lead as far as the least of the last three commanded speeds does in its time: the robot has
 accelerated by then.
-A turn of a base that swings aside as it turns was stopped if it swings by much less than usual: the cells beside the
+A turn of a base that swings aside as it turns was stopped if it swings by much less than usual: the cells next to the
 hull are marked permanently, since the camera does not look there.
 Marks fade after a while, because a mark next to a narrow door may close it; a place bumped into again is remembered
 twice as long.
@@ -32,7 +32,7 @@ from slam.robot import Robot
 #: Shorter motions are not judged [m]; number of commanded speeds that count.
 _JUDGED_M, _COMMANDS = 0.04, 3
 #: Least swing of a turn that is judged [m], the fraction of it that a free turn reaches, and width of its mark [m].
-_SWING_M, _SWINGS, _BESIDE_M = 0.008, 0.65, 0.10
+_SWING_M, _SWINGS, _SIDE_M = 0.008, 0.65, 0.10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +94,7 @@ class CollisionMarks:
         """Detect a collision by the measured displacement, mark it, remove old marks; whether the robot was stopped."""
         self._forget(step)
         if (side := self._stopped_swing(action, displacement)) is not None:
-            self._width_m = _BESIDE_M
+            self._width_m = _SIDE_M
             pose = np.array([pose[0], pose[1], pose[2] + side])
             self._mark(step, pose, self._hull.radius_m - 0.5 * self.frame.resolution_m, is_swing=True)
             return True

@@ -187,8 +187,8 @@ SWINGS = ((FORWARD_M, 0.0, 0.0), (0.0, 0.02, 0.17), (0.0, -0.02, -0.17))
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize(("action", "side"), [(Action.LEFT, 1), (Action.RIGHT, -1)])
-def test_update_marks_cells_beside_the_hull_where_a_swing_was_stopped(pose, action, side):
-    """A swing of 0.5 of 2 cm was stopped by something beside it, and marked forever; 1.5 cm are usual."""
+def test_update_marks_cells_next_to_the_hull_where_a_swing_was_stopped(pose, action, side):
+    """A swing of 0.5 of 2 cm was stopped by something next to the hull; 1.5 cm are usual."""
     marks = CollisionMarks(FRAME, Hull(0.1), motions=SWINGS)
     for swing_m, stopped in ((0.015, False), (0.005, True)):
         displacement = np.array([0.0, side * swing_m, side * 0.17])
