@@ -15,7 +15,9 @@ from slam.planning.clearance import Clearance
 from slam.robot import Robot
 
 #: Error of a map [m]: the hull is taken to be smaller by this where there is not more space; and the space to keep.
-_ERROR_M, _MARGIN_M = 0.01, 0.01
+_ERROR_M, _MARGIN_M = 0.01, 0.014
+#: Space that a turn must leave around the hull [m]: turns that left less on the map have touched walls.
+_TURN_M = 0.015
 
 
 class Guard:
@@ -39,5 +41,5 @@ class Guard:
         is_bump = np.zeros(len(PUBLISHED), bool)
         is_bump[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
         for action, motion in self._turns.items():
-            is_bump[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull)[1]
+            is_bump[action] = pushes(swung(estimate.pose, motion, 1), near, self._hull, _TURN_M)[1]
         return is_bump

@@ -53,10 +53,12 @@ def swung(
     return np.column_stack([x, y, yaw])
 
 
-def pushes(poses: Float[np.ndarray, "n 3"], clearance: Clearance, hull: Hull) -> Int[np.ndarray, " n"]:
-    """How many of the turns up to each pose push the hull against an obstacle."""
+def pushes(
+    poses: Float[np.ndarray, "n 3"], clearance: Clearance, hull: Hull, room_m: float = _ROOM_M
+) -> Int[np.ndarray, " n"]:
+    """How many of the turns up to each pose push the hull against an obstacle, or leave less than some space [m]."""
     room = clearance.space(hull, poses[:, :2], poses[:, 2])
-    pushed = (room[1:] < _ROOM_M) & (room[1:] < room[:-1] - _LESS_M)
+    pushed = (room[1:] < room_m) & (room[1:] < room[:-1] - _LESS_M)
     return np.append(0, np.cumsum(pushed))
 
 

@@ -178,7 +178,7 @@ class ClassicalMapper:
         self.frame = frame
         self.occupancy = OccupancyGrid(frame, config.occupancy)
         self.surfaces = SurfaceGrid(frame)
-        self.marks = CollisionMarks(frame, self.hull)
+        self.marks = CollisionMarks(frame, self.hull, motions=self.robot.motions)
         self.odometry = OdometryCorrector(self.robot.errors)
         self.relocalizer = Relocalizer(config.relocalization)
         tracking = replace(config.tracking, cell_m=cell, match=config.match)

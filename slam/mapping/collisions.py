@@ -5,6 +5,8 @@ the map touches the hull there, no mark is made, unless it happens again and aga
 the map. Otherwise a strip of cells before the hull is marked; it grows wider while the robot bumps into the same place.
 A velocity is expected to lead as far as the least of the last three commanded speeds does in its time: the robot has
 accelerated by then.
+A turn of a base that swings aside as it turns was stopped if it swings by much less than usual: the cells next to the
+hull are marked permanently, since the camera does not look there.
 Marks fade after a while, because a mark next to a narrow door may close it; a place bumped into again is remembered
 twice as long.
 Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bump and never forgets.
@@ -12,6 +14,7 @@ Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bum
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -19,14 +22,17 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
-from slam.actions import FORWARD_M, STEPS, Action, Command, Velocity
+from slam.actions import FORWARD_M, MOVES, STEPS, Action, Command, Velocity
 from slam.grid import Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
+from slam.odometry import Vector
 from slam.poses import to_map
 from slam.robot import Robot
 
 #: Shorter motions are not judged [m]; number of commanded speeds that count.
 _JUDGED_M, _COMMANDS = 0.04, 3
+#: Least swing of a turn that is judged [m], the fraction of it that a free turn reaches, and width of its mark [m].
+_SWING_M, _SWINGS, _SIDE_M = 0.008, 0.65, 0.10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +58,16 @@ class CollisionMarks:
     """Blocked cells of a grid that may grow."""
 
     def __init__(
-        self, frame: GridFrame, hull: Hull = Robot().hull, config: CollisionConfig = CollisionConfig()
+        self,
+        frame: GridFrame,
+        hull: Hull = Robot().hull,
+        config: CollisionConfig = CollisionConfig(),
+        motions: Sequence[Vector | None] = (),
     ):
+        """Begin without marks; `motions` are mean displacements of the actions, in the order of `MOVES`."""
         self.frame = frame
         self.config = config
-        self._hull = hull
+        self._hull, self._motions = hull, motions
         self.blocked = zeros(frame.shape, bool)
         self._bumps = zeros(frame.shape, np.uint8)
         self._until = zeros(frame.shape, np.int32)
@@ -82,6 +93,11 @@ class CollisionMarks:
     ) -> bool:
         """Detect a collision by the measured displacement, mark it, remove old marks; whether the robot was stopped."""
         self._forget(step)
+        if (side := self._stopped_swing(action, displacement)) is not None:
+            self._width_m = _SIDE_M
+            pose = np.array([pose[0], pose[1], pose[2] + side])
+            self._mark(step, pose, self._hull.radius_m - 0.5 * self.frame.resolution_m, is_swing=True)
+            return True
         expected_m = self._expected_m(action)
         if expected_m < _JUDGED_M:
             return False
@@ -101,6 +117,15 @@ class CollisionMarks:
             self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell
             self._mark(step, pose, reach_m)
         return True
+
+    def _stopped_swing(self, action: Command, displacement: Float[np.ndarray, "3"]) -> float | None:
+        """Direction [rad] in which something stopped the swing of a turn, relative to the heading; None if free."""
+        motions = dict(zip(MOVES, self._motions, strict=False))
+        motion = motions.get(action) if action in (Action.LEFT, Action.RIGHT) else None
+        if motion is None or (swing_m := math.hypot(*motion[:2])) < _SWING_M:
+            return None
+        along_m = float(displacement[:2] @ np.array(motion[:2])) / swing_m
+        return math.atan2(motion[1], motion[0]) if along_m < _SWINGS * swing_m else None
 
     def _expected_m(self, action: Command) -> float:
         """Least distance that an action leads to in the open [m]."""
@@ -126,9 +151,12 @@ class CollisionMarks:
             touches &= (ahead < reach_m + margin) & (np.abs(aside) < self._hull.radius_m + margin)
         return bool(touches.any())
 
-    def _mark(self, step: int, pose: Float[np.ndarray, "3"], reach_m: float) -> None:
+    def _mark(
+        self, step: int, pose: Float[np.ndarray, "3"], reach_m: float, *, is_swing: bool = False
+    ) -> None:
         config, cell = self.config, self.frame.resolution_m
-        ahead = reach_m + 0.5 * cell + np.arange(0, config.depth_m - 1e-9, 0.5 * cell)
+        depth_m = cell if is_swing else config.depth_m
+        ahead = reach_m + 0.5 * cell + np.arange(0, depth_m - 1e-9, 0.5 * cell)
         side = np.arange(-0.5 * self._width_m, 0.5 * self._width_m + 1e-9, 0.5 * cell)
         a, s = np.meshgrid(ahead, side)
         iy, ix = self.frame.index(to_map(pose, np.column_stack([a.ravel(), s.ravel()])))
@@ -137,6 +165,8 @@ class CollisionMarks:
         iy, ix = cells[:, 0], cells[:, 1]
         self._bumps[iy, ix] = np.minimum(self._bumps[iy, ix] + 1, 8)
         self._until[iy, ix] = step + config.memory_steps * 2 ** (self._bumps[iy, ix].astype(np.int32) - 1)
+        if is_swing:
+            self._until[iy, ix] = np.iinfo(np.int32).max
         self.blocked[iy, ix] = True
         self._next_expiry = min(self._next_expiry, int(self._until[iy, ix].min(initial=self._next_expiry)))
 

@@ -179,3 +179,33 @@ def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
         CollisionConfig(**values)
+
+
+#: A base that swings 2 cm to the side with each turn of 10 degrees.
+SWINGS = ((FORWARD_M, 0.0, 0.0), (0.0, 0.02, 0.17), (0.0, -0.02, -0.17))
+
+
+@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize(("action", "side"), [(Action.LEFT, 1), (Action.RIGHT, -1)])
+def test_update_marks_cells_next_to_the_hull_where_a_swing_was_stopped(pose, action, side):
+    """A swing of 0.5 of 2 cm was stopped by something next to the hull; 1.5 cm are usual."""
+    marks = CollisionMarks(FRAME, Hull(0.1), motions=SWINGS)
+    for swing_m, stopped in ((0.015, False), (0.005, True)):
+        displacement = np.array([0.0, side * swing_m, side * 0.17])
+        assert marks.update(1, action, displacement, np.array(pose, float), OPEN) is stopped
+        assert marks.blocked.any() == stopped
+    marks.stand(np.array(pose))
+    ahead, left = _in_robot(marks, pose).T
+    assert len(left) and np.abs(ahead).max() < 0.05 + 0.036
+    assert (side * left).max() < 0.1 + 0.061 and (side * left > 0).all()
+    assert not marks.update(100_000, Action.LEFT, np.array([0.0, 0.02, 0.17]), np.zeros(3), OPEN)
+    assert marks.blocked.any()
+
+
+def test_update_does_not_judge_swings_of_bases_that_turn_about_their_middle():
+    """A displacement of zero is then usual."""
+    in_place = ((FORWARD_M, 0.0, 0.0), (0.0, 0.0, 0.17), (0.0, 0.0, -0.17))
+    for motions in ((), (None, None, None), in_place):
+        marks = CollisionMarks(FRAME, Hull(0.1), motions=motions)
+        assert not marks.update(1, Action.LEFT, np.zeros(3), np.zeros(3), OPEN)
+        assert not marks.blocked.any()
