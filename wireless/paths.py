@@ -52,7 +52,7 @@ _MEANING = {
         "complex gain between isotropic antennas, polarisation at the receiver and at the transmitter",
     ),
     "power": ("", "power gain in the tracer's polarisation, a ratio"),
-    "delay_s": ("s", "time of flight"),
+    "delay_s": ("s", "time of flight, with the group delay of passed walls"),
     "aoa_": ("rad", "direction that the path arrives from"),
     "aod_": ("rad", "direction in which it departs"),
     "order": ("", "number of interactions, 0 for line of sight"),
@@ -115,7 +115,9 @@ class Paths:
     power: Float[np.ndarray, " n"]
     """Power gain in the tracer's polarisation, by which paths are sorted."""
     delay_s: Float[np.ndarray, " n"]
-    """Time of flight."""
+    """Time of flight: unfolded length over the speed of light, and the group delay of each passed wall beyond that of
+    air, at the carrier. A gain at the carrier, which holds the phase within walls, times e^(-j 2 pi (f - f_c) delay) is
+    the response at a frequency f next to it."""
     aoa_az: Float[np.ndarray, " n"]
     """Azimuth of arrival [rad]."""
     aoa_el: Float[np.ndarray, " n"]

@@ -41,6 +41,8 @@ COLUMNS = (
 )
 #: Values are no larger [m, rad].
 _MOST = 1e5
+#: A range is no shorter than the straight line by more, with the errors of clocks and positions [m].
+_SHORTER_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +71,13 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
     The authors of the public data turn it by -1.6 degrees.
 
     Raises:
-        FileError: If the file is damaged, a column is missing, or a value is no number.
+        FileError: If the file is damaged, a column is missing, a value is no number, or a range is shorter than the
+            straight line.
     """
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each path"
     with reading(path, "a table of measured paths", remedy) as file:
-        rows, names = csv_rows(file.read(), COLUMNS)
+        lines, names = csv_rows(file.read(), COLUMNS)
+        rows = list(lines)
         has_power = "power_db" in names
         columns = (*COLUMNS, "power_db") if has_power else COLUMNS
         table = np.array(
@@ -81,6 +85,14 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
         )
         if not len(table):
             raise ValueError("there is no path in it")
+        apart_m = np.hypot(*(table[:, 4:6] - table[:, 1:3]).T)
+        if (shorter := table[:, 7] < apart_m - _SHORTER_M).any():
+            first = int(shorter.argmax())
+            raise ValueError(
+                f"line {rows[first][0]}: range_m is {table[first, 7]:g}, but its ends are {apart_m[first]:.1f} m "
+                f"apart, expected no path shorter than the straight line ({shorter.sum()} of {len(table)} are). Give "
+                "the delay in seconds times 299792458, less the offset of the clocks"
+            )
         table[:, 3] += turn_rad
         return MeasuredHall(table[:, : len(COLUMNS)], table[:, -1] if has_power else None)
 

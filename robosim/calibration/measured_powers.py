@@ -7,12 +7,14 @@ read with that number as an option only: powers are more than -127 dBm and less 
 place and heading are averaged.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robosim.plans.floorplan import FloorPlan
 from robosim.support.reading import reading
 from robosim.support.text_in import csv_number, csv_rows
 
@@ -20,9 +22,11 @@ from robosim.support.text_in import csv_number, csv_rows
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
 _REMEDY = f"Give a CSV file with columns {','.join(COLUMNS)} and, if known, z_m,heading_rad: a row for each reading."
 #: Positions are no larger [m], nor times [s], nor headings, which may count turns but are not in degrees [rad].
-_MOST, _OTHERS = 1e5, {"time_s": 1e12, "heading_rad": 100.0}
+_MOST, _OTHERS = 1e5, {"time_s": 1e11, "heading_rad": 100.0}
 #: Received powers are between these, which are not among them [dBm].
 _POWERS_DBM = (-127.0, 0.0)
+#: Beacons hang on walls, and plans may end at the inner face of these [m].
+_MARGIN_M = 1.0
 #: Side of the squares of floor that alternately belong to the fit and are held out [m].
 BLOCK_M = 1.0
 #: Fewest readings of a beacon in either half.
@@ -110,6 +114,19 @@ def check_varying(name: str, power_dbm: Float[np.ndarray, " n"]) -> None:
         raise ValueError(f"all {len(power_dbm)} powers of beacon {name!r} are {power_dbm[0]:g} dBm")
 
 
+def check_on_plan(plan: FloorPlan, beacons: Mapping[str, Float[np.ndarray, " d"]]) -> None:
+    """Raise ValueError for a beacon outside of a plan and a margin of `_MARGIN_M`."""
+    low = np.array(plan.origin[:2])
+    high = low + np.array(plan.shape[::-1]) * plan.resolution_m
+    for name, (x, y, *_) in beacons.items():
+        cell = plan.to_cells(np.array([[x, y]]))[0] * plan.resolution_m
+        if not ((cell >= -_MARGIN_M) & (cell <= high - low + _MARGIN_M)).all():
+            raise ValueError(
+                f"beacon {name!r} is at ({x:g}, {y:g}) m, outside of the plan of {high[0] - low[0]:.1f} m x "
+                f"{high[1] - low[1]:.1f} m at ({low[0]:g}, {low[1]:g}) m. Give plan and table in one frame, in metres"
+            )
+
+
 def beacon_name(row: dict[str, str], line: int) -> str:
     """The name of the beacon of a row; ValueError if it is empty."""
     if not (name := (row["beacon"] or "").strip()):
@@ -132,4 +149,9 @@ def number_of(row: dict[str, str], column: str, line: int, not_received: float |
             )
         return power_dbm
     bound = _OTHERS.get(column, _MOST)
+    if column == "time_s" and abs(csv_number(row, column, line, -np.inf, np.inf)) > bound:
+        raise ValueError(
+            f"line {line}: {column} is {row[column].strip()}, expected seconds: divide milliseconds by 1e3, "
+            "nanoseconds by 1e9"
+        )
     return csv_number(row, column, line, -bound, bound)

@@ -81,7 +81,7 @@ def calibrate_materials(
     from robosim.calibration.material_fit import ADDED, EDGES, Fit
     from robosim.calibration.measured_figure import draw_measured
     from robosim.calibration.measured_paths import MatchConfig, read_measured_paths
-    from robosim.calibration.measured_powers import is_table_of_powers, read_measured_powers
+    from robosim.calibration.measured_powers import check_on_plan, is_table_of_powers, read_measured_powers
     from robosim.calibration.power_fit import PowerFitConfig
     from robosim.plans.files import write_ros
     from robosim.support.files import write_json
@@ -100,6 +100,7 @@ def calibrate_materials(
             )
             powers = read_measured_powers(measured, height, not_received)
             with naming(measured, "a table of received powers"):
+                check_on_plan(floor_plan, dict(zip(powers.names, powers.beacons, strict=True)))
                 _fit_powers(floor_plan, powers, config, folder)
             console.print(
                 f"Next: robosim trace {plan} --material {quote(str(folder / 'wall.yaml'))} "

@@ -50,6 +50,7 @@ def locate(
         reading: How to read the plan.
         out: Output folder; by default a new one under runs/.
     """
+    from robosim.calibration.measured_powers import check_on_plan
     from robosim.logs.log_files import read_log
     from robosim.positioning.beacon_figure import draw_beacons
     from robosim.positioning.beacon_places import SHARES, locate_beacon
@@ -69,6 +70,8 @@ def locate(
     beyond = beyond or (3.0 if plan is None else 0.3)
     with results_folder(out, "locate") as folder:
         with naming(route, "powers along a route"):
+            if plan is not None and floor_plan is not None:
+                check_on_plan(floor_plan, powers.true_xy)
             readings = {name: [powers.readings(name, share) for share in SHARES] for name in powers.names}
             located = {
                 name: [locate_beacon(each, floor_plan, beyond, how) for each in readings[name]]

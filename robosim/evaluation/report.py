@@ -190,9 +190,10 @@ def write_report(
         *(f'<p class="warn">{escape(line)}</p>' for line in result.warnings),
         "<h2>Summary</h2>",
         _table(heads, [map(escape, line) for line in lines], "summary", dict.fromkeys(first, "first")),
-        "<p><small>Brackets are 95 % intervals: Wilson's for arrival, bootstrap over tasks for the rest. Times are "
-        "steps relative to the oracle's on the same task, and x shortest the median relative to a robot that knows the "
-        "building, where that was run; never: fewer episodes than that arrive.</small></p>",
+        "<p><small>Brackets are 95 % intervals: Wilson's for arrival, bootstrap over plans (of fewer than five, over "
+        "tasks) for the rest. Times are steps relative to the oracle's on the same task, and x shortest the median "
+        "relative to a robot that knows the building, where that was run; never: fewer episodes than that arrive."
+        "</small></p>",
         f"<h2>Task by task</h2><p>{escape(order)}</p>",
         _table(("task", "in short"), list_rows, "list"),
         *(_section(result, i, task, options, out, pictures.get(task)) for i, task in enumerate(tasks)),

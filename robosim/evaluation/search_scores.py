@@ -6,8 +6,9 @@ policy is counted in steps, relative to the oracle's on the same task, and infin
 was run, which knows the building too, times are also given relative to its: the oracle is no bound. With repetitions a
 task's oracle steps are their median.
 
-Intervals are 95 %: Wilson's for rates, percentiles of the bootstrap for the others. A task with all its repetitions is
-one observation. Left out: that tasks of one building are alike.
+Intervals are 95 %: Wilson's for rates, which counts tasks as independent, and percentiles of the bootstrap for the
+others. A plan with all its tasks is one observation, as tasks of one building are alike; of fewer than five plans, a
+task with all its repetitions.
 
 Task by task, one policy is compared with the best other one: `fused` where that was run, else the first that is no bar.
 The bars, `oracle` and `shortest`, know the target, and are compared only if no other policy was run.
@@ -95,6 +96,8 @@ _PUBLISHED = (52, 76, 65)
 #: Two-sided 95 % of the normal distribution.
 _Z95 = 1.959964
 _RESAMPLES = 2000
+#: Fewest plans that intervals are drawn over.
+_LEAST_PLANS = 5
 
 TaskKey = tuple[str, int]
 
@@ -194,16 +197,17 @@ def _summary(policy: str, name: str, rows: list[Mapping[str, Any]]) -> Summary:
         _table([[float(row[column]) for row in repeats] for repeats in tasks.values()])
         for column in ("arrived", "relative_time", "limit_time", "spl")
     )
+    plans = [plan for plan, _ in tasks]
     return Summary(
         policy,
         name,
         len(tasks),
         len(rows),
         arrival_rate=wilson(float(np.nanmean(arrived, axis=1).sum()), len(tasks)),
-        time_median=bootstrap(times, 0.5),
-        time_p80=bootstrap(times, 0.8),
-        limit_median=bootstrap(limit, 0.5),
-        spl=bootstrap(spl, None),
+        time_median=bootstrap(by_plan(times, plans), 0.5),
+        time_p80=bootstrap(by_plan(times, plans), 0.8),
+        limit_median=bootstrap(by_plan(limit, plans), 0.5),
+        spl=bootstrap(by_plan(spl, plans), None),
     )
 
 
@@ -217,8 +221,18 @@ def wilson(successes: float, n: int) -> Estimate:
     return Estimate(rate, max(0.0, centre - half), min(1.0, centre + half))
 
 
+def by_plan(
+    values: Float[np.ndarray, "n_tasks n_repeats"], plans: Sequence[str]
+) -> Float[np.ndarray, "n_observations n_values"]:
+    """Values of tasks with those of a plan in one row, for `bootstrap`; the same of fewer than five plans."""
+    rows: dict[str, list[float]] = defaultdict(list)
+    for plan, repeats in zip(plans, values.tolist(), strict=True):
+        rows[plan] += repeats
+    return _table(list(rows.values())) if len(rows) >= _LEAST_PLANS else values
+
+
 def bootstrap(values: Float[np.ndarray, "n_tasks n_repeats"], quantile: float | None) -> Estimate:
-    """A quantile, or the mean if None, with percentiles of its values for tasks drawn again with replacement.
+    """A quantile, or the mean if None, with percentiles of its values for rows drawn again with replacement.
 
     NaN are no values, and infinite is larger than all others. The quantile is the least value that so many do not
     exceed.

@@ -123,6 +123,15 @@ def read_power_route(path: Path, *, needs_time: bool, not_received: float | None
         )
 
 
+def _unit_of(log: RobotLog, powers: PowerRoute) -> str:
+    """Advice on times of readings that fit those of a log in another unit; empty if none does."""
+    for unit, per_s in (("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)):
+        seconds = powers.time_s / per_s
+        if ((seconds >= log.times[0]) & (seconds <= log.times[-1])).any():
+            return f", in seconds: time_s of the readings is in {unit}"
+    return ""
+
+
 def map_route(
     log: RobotLog,
     powers: PowerRoute,
@@ -141,7 +150,8 @@ def map_route(
     if not len(within):
         raise ValueError(
             f"{log.file or log.name}: its times are {log.times[0]:.1f} s to {log.times[-1]:.1f} s, and those of the "
-            f"readings {powers.time_s[0]:.1f} s to {powers.time_s[-1]:.1f} s. Give both by one clock."
+            f"readings {powers.time_s[0]:.1f} s to {powers.time_s[-1]:.1f} s. Give both by one "
+            f"clock{_unit_of(log, powers)}."
         )
     if lost := len(powers.time_s) - len(within):
         logger.warning("%d readings outside of the log's times do not count", lost)

@@ -93,7 +93,7 @@ class RadioTable:
             rx=np.zeros(len(ref), paths.rx.dtype),
             gain=paths.gain * np.sqrt(power / np.maximum(paths.power, 1e-300))[:, None, None],
             power=power,
-            delay_s=length / speed_of_light,
+            delay_s=(length + self._within_walls[ref]) / speed_of_light,
             aoa_az=np.arctan2(unit[:, 1], unit[:, 0]),
             aoa_el=np.arcsin(np.clip(unit[:, 2], -1, 1)),
             aod_az=np.where(fixed, paths.aod_az, np.arctan2(depart[:, 1], depart[:, 0])),
@@ -184,7 +184,7 @@ class RadioTable:
     @cached_property
     def _level(self) -> Float[np.ndarray, " n"]:
         """Logarithm of the gain beyond spreading, with length."""
-        length = self.paths.delay_s * speed_of_light
+        length = self.paths.delay_s * speed_of_light - self._within_walls
         return np.log(np.maximum(self.paths.power, 1e-300) * length**2)
 
     @cached_property
@@ -227,7 +227,15 @@ class RadioTable:
     @cached_property
     def _rest(self) -> Float[np.ndarray, " n"]:
         """Length of each path up to its source [m]."""
-        return np.maximum(self.paths.delay_s * speed_of_light - self._after, 0.0)
+        length = self.paths.delay_s * speed_of_light - self._within_walls
+        return np.maximum(length - self._after, 0.0)
+
+    @cached_property
+    def _within_walls(self) -> Float[np.ndarray, " n"]:
+        """Delay of the walls that each path passes, as a length beyond that of its legs [m]."""
+        passes = (self.paths.interaction == Interaction.TRANSMISSION).any(axis=1)
+        legs_m = self._legs()[1].sum(axis=1)
+        return np.where(passes, self.paths.delay_s * speed_of_light - legs_m, 0.0)
 
     @cached_property
     def _mirror(self) -> Float[np.ndarray, "n 3 3"]:

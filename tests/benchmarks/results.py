@@ -142,7 +142,7 @@ def text(result: dict[str, Any], *, unit: bool = True) -> str:
 
 
 def resolved(template: str) -> str:
-    """A text whose {file/table/row/name} are replaced by published results.
+    """A text whose {file/table/row/name} are replaced by published results, {.../bar} by what they are compared with.
 
     Raises:
         KeyError: If there is no such result.
@@ -150,9 +150,12 @@ def resolved(template: str) -> str:
 
     def found(match: re.Match[str]) -> str:
         name, *place = match[1].split("/")
-        return text(read_results(name).find(*place))
+        result = read_results(name).find(*place[:3])
+        if place[3:]:
+            result = {"value": result["bar"], "unit": result.get("unit", ""), "digits": result.get("digits")}
+        return text(result)
 
-    return re.sub(r"\{([^{}/]+/[^{}/]+/[^{}/]+/[^{}/]+)\}", found, template)
+    return re.sub(r"\{([^{}/]+/[^{}/]+/[^{}/]+/[^{}/]+(?:/bar)?)\}", found, template)
 
 
 def markdown(cells: list[list[str]]) -> Iterator[str]:

@@ -24,7 +24,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.building.building import BuildingConfig
 from robosim.evaluation.episodes import read_job_episode, read_job_head, scene
 from robosim.evaluation.evaluate import place_of
-from robosim.evaluation.search_scores import CLASSES, bootstrap, score, steps_of, summarise
+from robosim.evaluation.search_scores import CLASSES, bootstrap, by_plan, score, steps_of, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.policies.arrival import FollowConfig
 from robosim.policies.goals import SEEKERS
@@ -129,14 +129,15 @@ def add_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
                 continue
             for name in ("all", *CLASSES):
                 ratios = [
-                    np.log(own / steps[other][key])
+                    (key[0], np.log(own / steps[other][key]))
                     for key, own in steps[policy].items()
                     if name in ("all", classes[key])
                     and 0 < steps[other].get(key, np.inf) < np.inf
                     and 0 < own < np.inf
                 ]
                 if ratios:
-                    value, low, high = np.exp(bootstrap(np.array(ratios)[:, None], None))
+                    plans, logs = zip(*ratios, strict=True)
+                    value, low, high = np.exp(bootstrap(by_plan(np.array(logs)[:, None], plans), None))
                     results.add(
                         f"steps over {other}",
                         policy,
@@ -149,7 +150,7 @@ def add_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
 
 
 def add_spl_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
-    """Mean SPL over the mean of `shortest` on the same tasks, by difficulty; intervals by bootstrap over tasks."""
+    """Mean SPL over the mean of `shortest` on the same tasks, by difficulty; intervals by bootstrap over plans."""
     spl: dict[str, dict[tuple[str, int], list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in scored:
         spl[row["policy"]][row["plan"], row["task"]].append(row["spl"])
@@ -161,8 +162,12 @@ def add_spl_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> Non
         if policy == "shortest" or not keys:
             continue
         means, limits = (np.array([np.mean(spl[of][key]) for key in keys]) for of in (policy, "shortest"))
-        drawn = np.random.default_rng(0).integers(len(keys), size=(2000, len(keys)))
-        spread = np.quantile(means[drawn].sum(axis=1) / limits[drawn].sum(axis=1), (0.025, 0.975))
+        plans = [key[0] for key in keys]
+        of_plan, limit_of_plan = (
+            np.nansum(by_plan(each[:, None], plans), axis=1) for each in (means, limits)
+        )
+        drawn = np.random.default_rng(0).integers(len(of_plan), size=(2000, len(of_plan)))
+        spread = np.quantile(of_plan[drawn].sum(axis=1) / limit_of_plan[drawn].sum(axis=1), (0.025, 0.975))
         value = means.sum() / limits.sum()
         results.add(
             "SPL over shortest", policy, name, value, digits=2, spread=tuple(spread.tolist()), cases=len(keys)

@@ -2,7 +2,8 @@
 
 Beacons are located with the plan, with maps of the robot's own scans, and without either. The published data cover the
 flat in four runs. Two of them have raw scans, each of a part of the flat: a beacon in a room that the robot does not
-enter remains uncertain.
+enter remains uncertain. The priors of the law of distance are fitted to the other three runs each, so that their
+readings are most probable given the true places; places do not count for the choice.
 
 The robot's place is the mean over candidates on the floor, weighted by their probability given the powers of all
 beacons. Fingerprints are predicted at the candidates by walls and antennas that are fitted to the other half of the
@@ -12,17 +13,20 @@ Data: Kolakowski, Sensors 21, 6270, 2021 (CC BY 4.0).
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
+from scipy.optimize import minimize
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.calibration.measured_powers import MeasuredPowers
 from robosim.calibration.power_fit import fit_powers
-from robosim.plans.floorplan import FloorPlan
-from robosim.positioning.beacon_places import SHARES, locate_beacon
+from robosim.plans.floorplan import OCCUPIED, FloorPlan
+from robosim.policies.sightlines import count_walls
+from robosim.positioning.beacon_places import SHARES, BeaconConfig, locate_beacon
 from robosim.positioning.power_route import PowerRoute, map_route
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
@@ -30,6 +34,7 @@ from tests.benchmarks.results import Results
 from tests.benchmarks.warsaw_flat import CONFIG, RUNS, read_run
 from tests.benchmarks.warsaw_powers import CONFIG as CONFIG_OF_WALLS
 from tests.benchmarks.warsaw_powers import read_flat
+from wireless.positioning.received_power import PowerLawConfig, log_evidence
 
 #: Candidates of the receiver's place are so many cells apart. Error of a reading, and what one not received counts as.
 _EVERY_CELLS, _ERROR_DB, _NOT_RECEIVED_DBM = 5, 5.0, -95.0
@@ -56,6 +61,19 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     parts = [_within(route, route.time_s[begin], route.time_s[end]) for begin, end in _runs(route)]
     _add(results, "each of four runs", "with the plan", parts, [plan] * len(parts), 1.0)
     _add(results, "each of four runs", "without a map", parts, [None] * len(parts), 1.0)
+    for name, used in (("with the plan", plan), ("without a map", None)):
+        laws = [_fitted_law([other for other in parts if other is not run], used) for run in parts]
+        row = "each run, law of the other three"
+        _add(results, row, name, parts, [used] * len(parts), 1.0, laws)
+        for title, chosen in (
+            ("law of the other three", laws),
+            ("default law", [BeaconConfig().law] * len(parts)),
+        ):
+            fit = [_density(run, used, law) for run, law in zip(parts, chosen, strict=True)]
+            each = sum(total for total, _ in fit) / sum(count for _, count in fit)
+            results.add("likelihood", title, f"{name}: of a mean reading", each, digits=3, cases=24)
+        for number, (run, law) in enumerate(zip(parts, laws, strict=True), 1):
+            _add(results, f"run {number}, law of the other three", name, [run], [used], 1.0, [law])
     logs = [read_run(folder, run) for run in RUNS]
     mapped = [map_route(log, route, config=CONFIG) for log in logs]
     own = [one for _, one in mapped]
@@ -71,6 +89,57 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         results.add("receiver", row, "median", float(np.median(errors)), "m", digits=2, cases=len(errors))
         results.add("receiver", row, "90 %", float(np.percentile(errors, 90)), "m", digits=2)
     return options.finish("warsaw_places", results)
+
+
+def _law(values: Float[np.ndarray, " 10"]) -> PowerLawConfig:
+    """The law of parameters that have no bounds."""
+    power, exponent, wall, *spreads = values.tolist()
+    power_db, exponent_std, wall_std, pattern, shadowing, correlation, fading = np.exp(spreads).tolist()
+    return PowerLawConfig(
+        power_dbm=(power, power_db),
+        exponent=(abs(exponent), exponent_std),
+        wall_db=(abs(wall), wall_std),
+        pattern_db=pattern,
+        shadowing_db=shadowing,
+        correlation_m=correlation,
+        reading_db=fading,
+        averaged=2.5,
+    )
+
+
+def _fitted_law(routes: list[PowerRoute], plan: FloorPlan | None) -> PowerLawConfig:
+    """The law that makes readings most probable, given the places of beacons; power at 1 m keeps its wide prior."""
+    begin = np.array([-45.0, 2.0, 3.0, *np.log([2.0, 0.2, 1.5, 1.0, 4.5, 2.5, 4.0])])
+
+    def misfit(values: Float[np.ndarray, " 10"]) -> float:
+        law = _law(values)
+        return 0.5 * float(((values - begin)[3:] ** 2).sum()) - sum(_density(r, plan, law)[0] for r in routes)
+
+    found = minimize(misfit, begin, method="L-BFGS-B", options={"maxiter": 20})
+    return replace(_law(found.x), power_dbm=BeaconConfig().law.power_dbm)
+
+
+def _density(route: PowerRoute, plan: FloorPlan | None, law: PowerLawConfig) -> tuple[float, int]:
+    """Logarithm of the density of readings given the true places, and the number of their means."""
+    total, count = 0.0, 0
+    for name in route.names:
+        readings = route.readings(name).thinned(0.5, 0.6, 400)
+        place = route.true_xy[name][None]
+        walls = np.zeros((len(readings.xy), 1))
+        if plan is not None:
+            free = plan.centres(plan.free)
+            place = free[[np.hypot(*(free - place).T).argmin()]]  # not within the wall that it hangs on
+            walls = count_walls(plan.occupancy == OCCUPIED, plan.to_cells(readings.xy), plan.to_cells(place))
+        apart_m = np.hypot(*(readings.xy[:, None] - readings.xy).transpose(2, 0, 1))
+        fading = law.reading_db**2 / np.minimum(readings.count, law.averaged) + 1 / 12
+        noise = law.shadowing_db**2 * np.exp(-apart_m / law.correlation_m) + np.diag(fading)
+        # `log_evidence` is up to a constant of the noise and of the number of heights.
+        constant = 0.5 * (np.linalg.slogdet(noise)[1] + len(noise) * np.log(2 * np.pi)) + np.log(
+            len(law.above_m)
+        )
+        total += float(log_evidence(readings, place, walls, law)[0] - constant)
+        count += len(noise)
+    return total, count
 
 
 def _draw_errors(route: PowerRoute, plan: FloorPlan, receiver: dict[str, Float[np.ndarray, " n"]]) -> Figure:
@@ -180,14 +249,15 @@ def _add(
     routes: Iterable[PowerRoute],
     plans: Iterable[FloorPlan | None],
     share: float,
+    laws: Iterable[PowerLawConfig] | None = None,
 ) -> None:
     """Median error over all beacons of all routes, and how often the ellipse of 90 % holds the true place."""
     errors, held = [], []
-    for route, plan in zip(routes, plans, strict=True):
+    for route, plan, law in zip(routes, plans, laws or repeat(BeaconConfig().law), strict=False):
         # A map of the robot's own ends where it has not been.
         beyond_m = 0.3 if plan is not None and plan.name == "flat" else 3.0
         for beacon in route.names:
-            found = locate_beacon(route.readings(beacon, share), plan, beyond_m)
+            found = locate_beacon(route.readings(beacon, share), plan, beyond_m, BeaconConfig(law=law))
             off: Float[np.ndarray, 2] = found.xy - route.true_xy[beacon]
             errors.append(float(np.hypot(*off)))
             held.append(off @ np.linalg.solve(found.covariance, off) <= _TENTH)

@@ -291,7 +291,7 @@ def _join(
                         continue
                     scratch.gain[:] *= np.sqrt(share)
                     table = with_room(setting, table, row + 1)
-                    write_row(table, row, length, power * share, m, scratch)
+                    write_row(setting, table, row, length, power * share, m, scratch)
                     table.n_paths[r] += 1
                     row += 1
     return table

@@ -294,6 +294,6 @@ def trace_links(
         for j in range(count):
             m = lay_path(layers.outline, setting, link, best.parts[j], scratch)
             length, power = _weigh(layers.outline, setting, best.parts[j, 1], m, scratch)
-            write_row(table, row + j, length, power, m, scratch)
+            write_row(setting, table, row + j, length, power, m, scratch)
         row += count
     return table

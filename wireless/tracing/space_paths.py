@@ -355,6 +355,6 @@ def table_of(space: Space, setting: Setting, links: Links, work: Workspace) -> T
             if setting.max_through > 0:
                 m = pass_walls(space, setting, m, work)
             length, power = weigh_path(ground, setting, m, scratch)
-            write_row(table, row, length, power, m, scratch)
+            write_row(setting, table, row, length, power, m, scratch)
             row += 1
     return table

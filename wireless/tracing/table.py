@@ -11,6 +11,8 @@ from jaxtyping import Bool, Complex, Float, Int
 from robosim.support.compiled import compiled
 from wireless.em.fields import TRANSMISSION, Path, Wedge, path_gain
 
+#: Relative step of the wavenumber in which the group delay of walls is taken.
+_STEP = 1e-6
 #: Two faces farther apart are two walls, with a shaft or the open air between them [m].
 THICKEST_WALL_M = 1.0 + 1e-6
 
@@ -68,7 +70,7 @@ class Table(NamedTuple):
     gain: Complex[np.ndarray, "q 2 2"]
     """See `wireless.em.fields.path_gain`."""
     length_m: Float[np.ndarray, " q"]
-    """Unfolded length."""
+    """Unfolded length, and the group delay of passed walls as a length."""
     order: Int[np.ndarray, " q"]
     """Number of interactions."""
     kind: Int[np.ndarray, "q m"]
@@ -93,6 +95,7 @@ class Scratch(NamedTuple):
     share: Float[np.ndarray, " m"]
     listed: Bool[np.ndarray, " m"]
     wedge: Float[np.ndarray, "3 3"]
+    wedge_n: Float[np.ndarray, " 1"]
     wedge_walls: Complex[np.ndarray, "2 l"]
     gain: Complex[np.ndarray, "2 2"]
     work: Float[np.ndarray, "8 3"]
@@ -150,6 +153,7 @@ def make_scratch(setting: Setting) -> Scratch:
         np.ones(n_max),
         np.ones(n_max, np.bool_),
         np.zeros((3, 3)),
+        np.ones(1),
         np.zeros((2, setting.walls.shape[1]), np.complex128),
         np.zeros((2, 2), np.complex128),
         np.zeros((8, 3)),
@@ -158,9 +162,11 @@ def make_scratch(setting: Setting) -> Scratch:
 
 
 @compiled
-def write_row(table: Table, row: int, length_m: float, power: float, m: int, scratch: Scratch) -> None:
+def write_row(
+    setting: Setting, table: Table, row: int, length_m: float, power: float, m: int, scratch: Scratch
+) -> None:
     """Put the path of m interactions in `scratch`, just weighed, into a table; of a passed wall its first face."""
-    table.length_m[row], table.power[row] = length_m, power
+    table.length_m[row], table.power[row] = length_m + _wall_delay_m(setting, m, scratch), power
     # Number by number: for rows numba would compile a message for shapes that differ, too.
     for p in range(2):
         for q in range(2):
@@ -175,6 +181,35 @@ def write_row(table: Table, row: int, length_m: float, power: float, m: int, scr
     table.order[row] = order
     for i in range(3):
         table.point[row, 0, i], table.point[row, order + 1, i] = scratch.point[0, i], scratch.point[m + 1, i]
+
+
+@compiled
+def _wall_delay_m(setting: Setting, m: int, scratch: Scratch) -> float:
+    """Group delay of passed walls on the path in `scratch`, just weighed, as a length beyond the unfolded one."""
+    passes = False
+    for j in range(m):
+        passes = passes or scratch.kind[j] == TRANSMISSION
+    if not passes:
+        return 0.0
+    walls, gain, length = scratch.walls.copy(), np.zeros((2, 2), np.complex128), np.inf
+    path = Path(scratch.point, scratch.kind, scratch.normal, walls, scratch.share)
+    wedge = Wedge(scratch.wedge, scratch.wedge_n[0], scratch.wedge_walls, setting.bisector)
+    weight = np.array([[setting.vertical, setting.crossed], [setting.crossed, setting.horizontal]])
+    for step in (-_STEP, _STEP):
+        # A wall so much thicker has the phases of one met at a wavenumber so much larger.
+        for j in range(m):
+            if scratch.kind[j] == TRANSMISSION:
+                for k in range(1, walls.shape[1], 2):
+                    walls[j, k] = scratch.walls[j, k] * (1 + step)
+        path_gain(path, m, wedge, setting.wavenumber, gain, scratch.work, scratch.field)
+        turn = 0j
+        for p in range(2):
+            for q in range(2):
+                turn += weight[p, q] * gain[p, q] * np.conj(scratch.gain[p, q])
+        later = -np.angle(turn) / (step * setting.wavenumber)
+        if abs(later) < abs(length):  # a root of `share_walls` may jump within one of the steps
+            length = later
+    return length
 
 
 @compiled
@@ -236,6 +271,7 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
     if setting.max_through > 0 and not share_walls(setting, m, scratch):
         return -1.0, 0.0
     path = Path(scratch.point, scratch.kind, scratch.normal, scratch.walls, scratch.share)
+    scratch.wedge_n[0] = n
     wedge = Wedge(scratch.wedge, n, scratch.wedge_walls, setting.bisector)
     length = path_gain(path, m, wedge, setting.wavenumber, scratch.gain, scratch.work, scratch.field)
     if length < 0:

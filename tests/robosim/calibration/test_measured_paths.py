@@ -7,9 +7,17 @@ import pytest
 from scipy.constants import speed_of_light
 
 from robosim.calibration.material_fit import EDGES, SPECULAR, Fit, residuals_db, tracer_of
-from robosim.calibration.measured_paths import COLUMNS, MatchConfig, MeasuredHall, match, trace_hall
+from robosim.calibration.measured_paths import (
+    COLUMNS,
+    MatchConfig,
+    MeasuredHall,
+    match,
+    read_measured_paths,
+    trace_hall,
+)
 from robosim.cli import main
 from robosim.plans.files import write_ros
+from robosim.support.reading import FileError
 from tests.plans import two_rooms
 
 FREQUENCY_HZ = 60e9
@@ -133,3 +141,13 @@ def test_the_command_writes_what_it_found(plan, hall, tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(f"calibrate-materials {tmp_path}/rooms.yaml {tmp_path}/short.csv --out {tmp_path}/b".split())
     assert "power_db" in capsys.readouterr().err
+
+
+def test_read_measured_paths_rejects_ranges_shorter_than_the_straight_line(tmp_path):
+    """A delay in nanoseconds instead of metres: the line, both lengths, and what to give."""
+    path = tmp_path / "paths.csv"
+    path.write_text("\n".join([",".join(COLUMNS), "0,0,0,0,6,8,0,10.2,0,0", "0,0,0,0,6,8,0,3.4,0,0"]))
+    with pytest.raises(FileError, match=r"line 3: range_m is 3.4, but its ends are 10.0 m apart"):
+        read_measured_paths(path)
+    path.write_text("\n".join([",".join(COLUMNS), "0,0,0,0,6,8,0,9.7,0,0"]))  # errors of clocks are fine
+    assert read_measured_paths(path).table[0, 7] == 9.7

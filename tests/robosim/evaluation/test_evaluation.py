@@ -20,7 +20,7 @@ from robosim.evaluation import episodes
 from robosim.evaluation.episodes import name_of
 from robosim.evaluation.evaluate import code_digest, evaluate, settings_of
 from robosim.evaluation.report import replay_command, write_parquet, write_results
-from robosim.evaluation.search_scores import bootstrap, difficulty, score, summarise, wilson
+from robosim.evaluation.search_scores import bootstrap, by_plan, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
 from robosim.plans.files import write_ros
 from robosim.simulator import SimulatorConfig
@@ -377,3 +377,14 @@ def test_policies_that_are_files_have_names_of_their_own(tmp_path):
         path.write_bytes(content)
         digests.add(code_digest(["snr", str(path)]))
     assert len(digests | {code_digest(["snr"]), code_digest()}) == 3
+
+
+def test_by_plan_draws_plans_whose_tasks_are_alike():
+    """Eight plans of ten tasks that agree within a plan: the interval is that of eight values, not of eighty."""
+    of_plan = np.random.default_rng(2).normal(size=8)
+    values, plans = np.repeat(of_plan, 10)[:, None], [f"home {i}" for i in range(8) for _ in range(10)]
+    apart, together = bootstrap(values, None), bootstrap(by_plan(values, plans), None)
+    assert together.value == pytest.approx(apart.value)
+    assert together == pytest.approx(bootstrap(of_plan[:, None], None))
+    assert together.high - together.low > 2.5 * (apart.high - apart.low)
+    assert len(by_plan(values[:40], plans[:40])) == 40  # of four plans tasks are drawn

@@ -277,3 +277,51 @@ def test_read_power_route_rejects_a_column_that_is_there_twice(table):
     table.write_text(text.replace(HEAD, HEAD.replace("time_s", "power_dbm"), 1))
     with pytest.raises(FileError, match="column 'power_dbm' is there twice"):
         read_power_route(table, needs_time=False)
+
+
+def test_read_power_route_rejects_times_that_are_no_seconds(table):
+    """Milliseconds and nanoseconds since 1970 are named, with the line."""
+    for factor in (1e3, 1e9):
+        lines = table.read_text().splitlines()
+        row = lines[3].split(",")
+        row[1] = f"{1.7e9 * factor:.0f}"
+        bad = table.with_name(f"{factor:g}.csv")
+        bad.write_text("\n".join([*lines[:3], ",".join(row), *lines[4:]]))
+        with pytest.raises(FileError, match=r"line 4: time_s is 17\d+, expected seconds"):
+            read_power_route(bad, needs_time=True)
+
+
+def test_map_route_names_the_unit_of_another_clock(table):
+    """Readings in milliseconds of a log in seconds: the message says so."""
+    powers = read_power_route(table, needs_time=True)
+    log = RobotLog(
+        name="log",
+        bearing_rad=np.array([-1.0, 0.0, 1.0]),
+        range_m=np.ones((400, 3)),
+        displacement=np.zeros((400, 3)),
+        known=np.ones(400, bool),
+        times=np.arange(0.0, 400.0),
+    )
+    with pytest.raises(
+        ValueError, match=r"by one clock, in seconds: time_s of the readings is in milliseconds\."
+    ):
+        map_route(log, replace(powers, time_s=1e3 * powers.time_s))
+
+
+def test_locate_rejects_beacons_outside_of_the_plan(plan, table, tmp_path, capsys):
+    """A table in centimetres, or in another frame: one line with the beacon."""
+    write_ros(plan, tmp_path / "plan" / "rooms.yaml")
+    rows = table.read_text().replace(",5.4,2.4", ",540,240")
+    table.write_text(rows)
+    with pytest.raises(SystemExit):
+        main(
+            [
+                "locate",
+                str(table),
+                "--plan",
+                str(tmp_path / "plan" / "rooms.yaml"),
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
+    assert "beacon '7' is at (540, 240) m, outside of the plan" in " ".join(capsys.readouterr().err.split())

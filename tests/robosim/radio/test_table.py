@@ -195,3 +195,16 @@ def test_a_table_of_another_building_is_rejected(rooms, tmp_path):
     replace(table, paths=far).write(tmp_path / "table.parquet")
     with pytest.raises(FileError, match="outside of the plan"):
         RadioTable.read(tmp_path / "table.parquet", rooms)
+
+
+def test_at_a_node_paths_through_walls_have_their_delay(rooms):
+    """Delay within walls is neither lost nor counted twice: at a node all delays are those of the tracer."""
+    tracer = Tracer(rooms, frequency_hz=5.2e9)
+    table = RadioTable.trace(rooms, tracer, TX, 0.5)
+    passing = (table.paths.interaction == Interaction.TRANSMISSION).any(axis=1)
+    node = table.paths.rx[passing][0]
+    traced = table.paths.select(table.paths.rx == node)
+    paths = table.at(table.paths.rx_position[node, :2])
+    assert (paths.interaction == Interaction.TRANSMISSION).any()
+    by_delay = np.sort(traced.delay_s)
+    assert np.abs(by_delay[:, None] - paths.delay_s).min(axis=0).max() < 1e-15

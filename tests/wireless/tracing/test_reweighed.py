@@ -34,7 +34,10 @@ def test_reweighed_paths_are_as_strong_as_traced_ones(walls_passed):
     materials = tuple(OTHER if one == WALL else one for one in building.materials)
     found = before.reweigh(paths, materials)
     assert len(paths) == len(after) > 100
-    order, same = (np.lexsort((some.digits, some.delay_s.round(15), some.link)) for some in (paths, after))
+    order, same = (
+        np.lexsort((some.aod_az.round(9), some.aoa_az.round(9), some.aoa_el.round(9), some.digits, some.link))
+        for some in (paths, after)
+    )
     agree = np.isclose(found[order], after.power[same], rtol=1e-9, atol=0)
     assert agree.all() if walls_passed == 0 else agree.mean() > 0.95
     own = np.isclose(before.reweigh(paths, building.materials), paths.power, rtol=1e-9, atol=0)

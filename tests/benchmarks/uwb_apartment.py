@@ -1,0 +1,182 @@
+"""Ultra-wideband ranges and levels measured in a furnished apartment against traced ones.
+
+Walls are sheets of 5 cm of concrete; furniture stands as sheets around its corners, up to the ceiling. Its materials
+are assumed, not fitted: boards of wood, books (and the folded bed) as 12 cm of relative permittivity 3 and 0.05 S/m,
+mirrors as metal on both long sides. A range is the delay of the first detected peak
+(`wireless.sounding.first_path`) and the device's offset; a level is the traced power and an offset, compressed towards
+a largest one. Each link is predicted with offset and largest level of all other links. The simplest law, too: true
+distance and an offset for ranges, a law of distance, compressed alike, for levels.
+Data: Kolakowski, Zenodo 4742391 (CC BY 4.0).
+"""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+from scipy.constants import speed_of_light
+from scipy.optimize import least_squares
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.support.reading import reading
+from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.results import Results
+from wireless.channel import Channel
+from wireless.em.materials import Layer, Material
+from wireless.paths import Paths
+from wireless.sounding.first_path import detect_first_path
+from wireless.tracing.tracer import Tracer, TracerConfig
+
+#: Channel 2 of the device, and the least gain that exceeds noise [dB]: sent at -14 dBm, noise of the band at -87 dBm,
+#: which the 1,024 symbols of the preamble lower by 30 dB.
+FREQUENCY_HZ, BANDWIDTH_HZ, LEAST_GAIN_DB = 3.9936e9, 499.2e6, -100.0
+#: Heights of modules, walls and furniture [m]; the publication has none.
+_HEIGHT_M, _CEILING_M = 1.2, 2.5
+#: Ranges that are longer by this have no detected direct path [m].
+_NO_DIRECT_M = 0.3
+_WALL = Material("wall", (Layer(thickness_m=0.05, material="concrete"),))
+_BOARD = Material("board", (Layer(thickness_m=0.02, material="wood"),))
+_BOOKS = Material("books", (Layer(thickness_m=0.12, relative_permittivity=3.0, conductivity_spm=0.05),))
+_MIRROR = Material("mirror", (Layer(thickness_m=0.001, material="metal"),))
+_MATERIALS = (_WALL, _BOARD, _BOOKS, _MIRROR)
+_CONFIG = TracerConfig(max_reflections=2, max_transmissions=8, max_paths=200, wall_passage="face")
+#: Taps of noise before the first path, and time of a tap [s].
+_NOISE_TAPS, _TAP_S = 20, 1.0016e-9
+
+
+def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
+    """Errors of traced ranges, levels, link states and delay spreads of ultra-wideband links in an apartment.
+
+    Args:
+        folder: The data set: links.csv, walls.csv, furniture.csv, cir.npz.
+        options: Of every benchmark.
+    """
+    results = Results()
+    with reading(folder / "links.csv", "measured links") as file:
+        links = list(csv.DictReader(file.read().decode().splitlines()))
+
+    def column(name: str) -> Float[np.ndarray, " n"]:
+        return np.array([float(link[name]) for link in links])
+
+    true_m, level_dbm, label = (
+        column("true_m"),
+        column("rsl_dbm"),
+        np.array([link["label"] for link in links]),
+    )
+    excess_m, spread_s = column("range_median_m") - true_m, measured_spreads(folder, links)
+    _add_ranges(results, "true distance", excess_m, label, np.zeros(len(links)))
+    _add_levels(results, "law of distance", level_dbm, -10 * np.log10(true_m), slope=True)
+    for row, furnished in (("walls", False), ("walls and furniture", True)):
+        traced = trace_links(folder, links, furnished)
+        channels = [Channel.from_paths(paths) for paths in traced]
+        delay_s = [detect_first_path(each, BANDWIDTH_HZ, LEAST_GAIN_DB)[0][0, 0] for each in channels]
+        later_m = np.array(delay_s) * speed_of_light - true_m
+        _add_ranges(results, row, excess_m, label, later_m)
+        _add_levels(results, row, level_dbm, np.array([10 * np.log10(p.power.sum()) for p in traced]))
+        is_direct = np.array([(paths.order == 0).any() for paths in traced])
+        state = np.where(is_direct, "LOS", np.where(later_m > _NO_DIRECT_M, "NDP NLOS", "NLOS"))
+        results.add("states", row, "of three", 100 * float((state == label).mean()), "%", digits=0)
+        right = (is_direct == (label == "LOS")).mean()
+        results.add("states", row, "line of sight or not", 100 * float(right), "%", digits=0)
+        ratio = np.array([float(each.delay_spread_s()[0, 0]) for each in channels]) / spread_s
+        off = 100 * float(np.median(np.abs(ratio - 1)))
+        results.add("delay spreads", row, "traced over measured, median", float(np.median(ratio)), digits=2)
+        results.add("delay spreads", row, "median deviation", off, "%", digits=0, cases=len(links))
+    return options.finish("uwb_apartment", results)
+
+
+def trace_links(folder: Path, links: list[dict[str, str]], furnished: bool) -> list[Paths]:
+    """Paths of each link, among walls alone or with furniture."""
+    with reading(folder / "walls.csv", "walls") as file:
+        walls = np.loadtxt(file, delimiter=",", skiprows=1).reshape(-1, 2, 2)
+    sheets, material = list(walls), [0] * len(walls)
+    with reading(folder / "furniture.csv", "furniture") as file:
+        pieces = list(csv.DictReader(file.read().decode().splitlines())) if furnished else []
+    for piece in pieces:
+        corners = np.array([[float(piece[f"{axis}{i}_m"]) for axis in "xy"] for i in range(4)])
+        sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        is_long = np.argsort(np.argsort(np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1))) >= 2
+        plain = 1 if "wardrobe" in piece["kind"] else 2
+        sheets += list(sides)
+        material += [3 if "mirror" in piece["kind"] and side else plain for side in is_long]
+    ends = np.array(sheets)
+    corner = np.zeros((len(ends), 4, 3))
+    corner[:, [0, 3], :2], corner[:, [1, 2], :2], corner[:, 2:, 2] = ends[:, :1], ends[:, 1:], _CEILING_M
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(ends))[:, None, None]
+    tracer = Tracer(
+        trimesh.Trimesh(corner.reshape(-1, 3), faces.reshape(-1, 3), process=False),
+        materials=_MATERIALS,
+        face_material=np.repeat(material, 2),
+        frequency_hz=FREQUENCY_HZ,
+        config=_CONFIG,
+    )
+
+    def place(link: dict[str, str], end: str) -> list[list[float]]:
+        return [[float(link[f"{end}_x_m"]), float(link[f"{end}_y_m"]), _HEIGHT_M]]
+
+    return [tracer.trace(place(link, "anchor"), place(link, "tag"), workers=1) for link in links]
+
+
+def measured_spreads(folder: Path, links: list[dict[str, str]]) -> Float[np.ndarray, " n"]:
+    """Root mean square delay spread of each measured response, of taps above three times its noise [s]."""
+    with reading(folder / "cir.npz", "impulse responses") as file:
+        responses = np.load(file)
+        spreads = []
+        for link in links:
+            power = (responses[f"cir_{link['link']}"].astype(float) ** 2).sum(axis=2).mean(axis=0)
+            noise = power[:_NOISE_TAPS].mean()
+            weight = np.where(power > 3 * noise, power - noise, 0.0)
+            time_s = _TAP_S * np.arange(len(weight))
+            mean_s = weight @ time_s / weight.sum()
+            spreads.append(np.sqrt(weight @ (time_s - mean_s) ** 2 / weight.sum()))
+    return np.array(spreads)
+
+
+def _left_out(
+    n: int, predict: Callable[[Bool[np.ndarray, " n"]], Float[np.ndarray, " n"]]
+) -> Float[np.ndarray, " n"]:
+    """Prediction of each link by what is fitted to the others."""
+    return np.array([predict(np.arange(n) != k)[k] for k in range(n)])
+
+
+def _add_ranges(
+    results: Results,
+    row: str,
+    excess_m: Float[np.ndarray, " n"],
+    label: np.ndarray,
+    later_m: Float[np.ndarray, " n"],
+) -> None:
+    rest = excess_m - _left_out(len(label), lambda used: later_m + np.median((excess_m - later_m)[used]))
+    results.add(
+        "ranges", row, "root mean square", float(np.sqrt((rest**2).mean())), "m", digits=2, cases=len(rest)
+    )
+    results.add("ranges", row, "median", float(np.median(np.abs(rest))), "m", digits=2)
+    for name in dict.fromkeys(label):
+        rms = float(np.sqrt((rest[label == name] ** 2).mean()))
+        results.add("ranges", row, name, rms, "m", digits=2, cases=int((label == name).sum()))
+
+
+def _add_levels(
+    results: Results,
+    row: str,
+    level_dbm: Float[np.ndarray, " n"],
+    gain_db: Float[np.ndarray, " n"],
+    slope: bool = False,
+) -> None:
+    def predict(used: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        def level(x: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
+            power = x[0] + (x[2] if slope else 1.0) * gain_db
+            return -10 * np.log10(10 ** (-power / 10) + 10 ** (-x[1] / 10))
+
+        start = np.array([np.median(level_dbm - gain_db), level_dbm.max(), 2.0])
+        return level(least_squares(lambda x: (level(x) - level_dbm)[used], start, loss="soft_l1").x)
+
+    rest = level_dbm - _left_out(len(level_dbm), predict)
+    results.add(
+        "levels", row, "root mean square", float(np.sqrt((rest**2).mean())), "dB", digits=1, cases=len(rest)
+    )
+    low = level_dbm < -82
+    rms = float(np.sqrt((rest[low] ** 2).mean()))
+    results.add("levels", row, "below -82 dBm", rms, "dB", digits=1, cases=int(low.sum()))
