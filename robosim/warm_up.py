@@ -80,6 +80,9 @@ def _call_default_episode(half: int) -> None:
     # Here, so that both processes import the simulator at the same time.
     from robosim.building.building import make_building
     from robosim.episode_config import EpisodeConfig
+    from slam.exploration.tour import costs_between, values_of_orders
+    from slam.grid import GridFrame
+    from slam.planning.travel_time import travel_time
 
     if half == 1:
         with patch.object(Loop, "__call__", _interpret), np.errstate(all="ignore"):
@@ -89,6 +92,11 @@ def _call_default_episode(half: int) -> None:
         _trace(building)
     for goal in ("explore", "fused"):
         _search(EpisodeConfig(goal=goal))
+    # Regions are ordered after more steps than these searches have.
+    floor = GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.1, shape=(20, 20))
+    field = travel_time(floor, np.ones(floor.shape), np.ones(floor.shape, bool), (1, 1))
+    costs_between(field, np.array([[1.5, 0.5], [0.5, 1.5]]))
+    values_of_orders(np.ones(2), np.ones(2), np.ones((2, 2)))
 
 
 def _search(config: "EpisodeConfig") -> None:

@@ -175,7 +175,7 @@ def test_endurance(pair, options):
     results = endurance.main(pair, settings=Settings(steps=200), options=options)
     assert set(column(results, "endurance", "not finite").values()) == {0}
     assert max(column(results, "endurance", "largest").values()) < 20
-    assert len(set(list(column(results, "endurance", "cells of the map").values())[5:])) == 1
+    assert len(set(list(column(results, "endurance", "cells of the map").values())[7:])) == 1
 
 
 def test_robots(pair, options):

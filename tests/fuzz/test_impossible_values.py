@@ -72,7 +72,7 @@ ROWS = [Row(*row) for row in (
     ("route.csv", ",0.5", ",900.5", "route.csv: half of the positions are more than"),
     ("route.csv", "POWERS", "-60", "all 24 powers of beacon 'a' are -60 dBm"),
     ("powers.csv", "0.5,0.5,2.0", "0.5,0.5,-10000", "powers.csv: beacon a has z_m = -10000"),
-    ("powers.csv", "0.5,0.5,2.0", "90000,0.5,2", "powers.csv: beacon a at (90000, 0.5) m"),
+    ("powers.csv", "0.5,0.5,2.0", "90000,0.5,2", "beacon 'a' is at (90000, 0.5) m, outside of the plan"),
     ("powers.csv", "POWERS", "-60", "all 64 powers of beacon 'a' are -60 dBm"),
     ("movers.yaml", "[[5, 15]]", "[[15, 5]]", "open_s is 15 to 5 s"),
     ("movers.yaml", "[[5, 15]]", "[[-5, -1]]", "open_s is -5 to -1 s"),

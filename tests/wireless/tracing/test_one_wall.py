@@ -51,7 +51,7 @@ def with_partition(thickness_m):
 def excess_db(paths):
     """Loss of the direct path beyond free space [dB]; NaN if there is none."""
     length = np.linalg.norm(paths.tx_position[0] - paths.rx_position[0])
-    direct = np.flatnonzero(np.abs(paths.delay_s * C - length) < 1e-6)
+    direct = np.flatnonzero((paths.interaction == Interaction.TRANSMISSION).sum(axis=1) == paths.order)
     if len(direct) != 1:
         return np.nan
     free = (C / paths.frequency_hz / (4 * np.pi * length)) ** 2
