@@ -57,7 +57,7 @@ class FusedConfig:
     candidates: Annotated[int, Range(1, 14, "regions")] = 10
     """Number of regions whose orders are compared: the work doubles with each."""
     far: Annotated[float, Range(0, 1e6, "decisions")] = 100.0
-    """Those with the most belief over their decisions and so many more are compared."""
+    """Decisions added to a region's own where the regions with the most belief per decision are selected."""
     head_start: Annotated[float, Range(0, 1e6, "decisions")] = 10.0
     """Decisions added to each route, so that the nearest region is not always the first."""
     horizon: Annotated[float, Range(1, 1e6, "decisions")] = 400.0

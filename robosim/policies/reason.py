@@ -23,7 +23,7 @@ class GoalKind(StrEnum):
     BELIEVED = "place believed"
     """Where the belief is concentrated."""
     LOOK = "place to look from"
-    """Where most of the belief comes in sight, or lies behind, per decision of the path."""
+    """The frontier of the region with which the best order of regions begins."""
     ACTION = "action chosen"
     """A point in the direction of an action that a network chooses."""
     EXPLORE = "map's edge"

@@ -21,11 +21,10 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from robosim.policies.route_directions import MapSurvey
-from slam.actions import FORWARD_M, TURN_RAD
+from slam.actions import FORWARD_M
 from slam.exploration.frontiers import Frontier
 from slam.exploration.tour import costs_between, values_of_orders
 from slam.planning.travel_time import TravelTime
-from slam.poses import wrap
 
 #: Unseen cells that are entered farther from any frontier belong to none [m].
 _PASSING_M = 1.5
@@ -76,7 +75,7 @@ def find_regions(
     beliefs = np.bincount(nearest, behind[entries[passes]], minlength=len(frontiers))
     beliefs *= np.minimum(1.0, [frontier.length_m / _WIDE_M for frontier in frontiers]) ** 3
     return [
-        Region(frontier, float(share), frontier.cost_m / FORWARD_M + _turns(frontier.near_xy, pose))
+        Region(frontier, float(share), frontier.cost_m / FORWARD_M + frontier.turns_from(pose))
         for frontier, share in zip(frontiers, beliefs, strict=True)
     ]
 
@@ -98,9 +97,3 @@ def values_first(
     belief = np.array([region.belief for region in regions])
     discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
     return values_of_orders(belief, discount_first, discount)
-
-
-def _turns(place: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"]) -> float:
-    """Turns towards a place."""
-    x, y = place - pose[:2]
-    return abs(wrap(math.atan2(y, x) - float(pose[2]))) / TURN_RAD

@@ -281,11 +281,9 @@ class FrontierExplorer:
 
     def _guess(self, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
         """Rating without the exact path and the area behind."""
-        x, y = frontier.near_xy - pose[:2]
-        turn = abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD
         guess = frontier.cost_m / FORWARD_M - self._bonus(frontier)
         if self.config.rating != "nearest":
-            guess += self.config.turn_weight * turn
+            guess += self.config.turn_weight * frontier.turns_from(pose)
         area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
         if self.config.rating == "tour":
             return -area * math.exp(-guess / self.config.horizon)

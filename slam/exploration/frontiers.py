@@ -13,8 +13,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from slam.actions import TURN_RAD
 from slam.planning.cost_map import Box
 from slam.planning.travel_time import TravelTime
+from slam.poses import wrap
 
 #: Rays cast to count what can be seen.
 RAYS = 60
@@ -32,6 +34,11 @@ class Frontier:
     """Cost of the path there [m]."""
     length_m: float
     """Length of the whole run it belongs to [m]."""
+
+    def turns_from(self, pose: Float[np.ndarray, "3"]) -> float:
+        """Turns of a robot at a pose x [m], y [m], yaw [rad] until it faces `near_xy`."""
+        x, y = self.near_xy - pose[:2]
+        return float(abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD)
 
 
 def find_frontiers(

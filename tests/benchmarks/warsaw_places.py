@@ -115,8 +115,8 @@ def _fitted_law(routes: list[PowerRoute], plan: FloorPlan | None) -> PowerLawCon
         law = _law(values)
         return 0.5 * float(((values - begin)[3:] ** 2).sum()) - sum(_density(r, plan, law)[0] for r in routes)
 
-    found = minimize(misfit, begin, method="L-BFGS-B", options={"maxiter": 20})
-    return replace(_law(found.x), power_dbm=BeaconConfig().law.power_dbm)
+    fit = minimize(misfit, begin, method="L-BFGS-B", options={"maxiter": 20})
+    return replace(_law(fit.x), power_dbm=BeaconConfig().law.power_dbm)
 
 
 def _density(route: PowerRoute, plan: FloorPlan | None, law: PowerLawConfig) -> tuple[float, int]:
@@ -257,9 +257,9 @@ def _add(
         # A map of the robot's own ends where it has not been.
         beyond_m = 0.3 if plan is not None and plan.name == "flat" else 3.0
         for beacon in route.names:
-            found = locate_beacon(route.readings(beacon, share), plan, beyond_m, BeaconConfig(law=law))
-            off: Float[np.ndarray, 2] = found.xy - route.true_xy[beacon]
+            located = locate_beacon(route.readings(beacon, share), plan, beyond_m, BeaconConfig(law=law))
+            off: Float[np.ndarray, 2] = located.xy - route.true_xy[beacon]
             errors.append(float(np.hypot(*off)))
-            held.append(off @ np.linalg.solve(found.covariance, off) <= _TENTH)
+            held.append(off @ np.linalg.solve(located.covariance, off) <= _TENTH)
     results.add("beacons", row, f"{name}: median", float(np.median(errors)), "m", digits=2, cases=len(errors))
     results.add("beacons", row, f"{name}: in the ellipse", 100 * float(np.mean(held)), "%", digits=0)

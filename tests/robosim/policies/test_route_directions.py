@@ -78,7 +78,7 @@ def test_walls_of_one_cell_block_routes(x):
 
 def test_reception_out_of_sight_is_as_fitted():
     """At 28 GHz: a route of 4.5 m with a bend of half a metre and 2 m of it unseen, 83 %; less with each of them."""
-    one = np.ones((1, 2), np.float32)
+    metres = np.ones((1, 2), np.float32)
     routes = RouteDirections(
         slice(0, 1), slice(0, 2), np.zeros((1, 2, 2)), np.zeros((1, 2, 2)),
         length_m=np.array([[4.5, 2.5]], np.float32), entry=np.array([[1, -1]], np.int32),
@@ -88,7 +88,9 @@ def test_reception_out_of_sight_is_as_fitted():
     odds = 3.54 - 3.11 * np.log10(4.5) - 1.5 * np.log10(0.55) - 0.81 * np.log10(2.3)
     assert received[0, 0] == pytest.approx(1 / (1 + np.exp(-odds)), rel=1e-3) == pytest.approx(0.83, abs=0.01)
     assert received[0, 1] > received[0, 0] > routes.received(np.array([[3.0, 1.0]]))[0, 0]
-    assert (routes._replace(length_m=np.inf * one, entry=np.full((1, 2), -1)).received(2 * one) == 0).all()
+    assert (
+        routes._replace(length_m=np.inf * metres, entry=np.full((1, 2), -1)).received(2 * metres) == 0
+    ).all()
 
 
 def test_a_place_in_a_wall_has_the_directions_of_its_neighbour():
