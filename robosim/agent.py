@@ -26,6 +26,7 @@ from robosim.simulator import Observation
 from robosim.step import Decision
 from robosim.support.parts import accepted
 from robosim.support.stopwatch import Stopwatch
+from robosim.team.member import Member
 from robosim.task.tasks import Task
 from slam.actions import Command
 from slam.control.avoidance import Avoidance
@@ -62,6 +63,8 @@ class Agent:
         """Interprets radio measurements; None without a radio."""
         self.measurements: dict[str, Measurement] = {}
         """Radio measurements of the last decision by transmitter, "target" first; empty without a radio."""
+        self.member: Member | None = None
+        """What the robot knows by its team; None alone."""
         self._planner, self._controller = navigator.planner, navigator.controller
         self._robot, self._radio, self._anchor_places = robot, radio, anchor_places or {}
         self._watch = watch or Stopwatch()
@@ -102,11 +105,15 @@ class Agent:
             raise RuntimeError("The agent has observed nothing yet. Call reset, then observe or act.")
         with self._watch.stage("link state"):
             estimates = self._estimates(sensed, map_)
+        if self.member is not None:
+            with self._watch.stage("team"):
+                map_ = self.shared_map(map_)
+                estimates = replace(estimates, map=map_, heard=self.member.heard())
         with self._watch.stage("goal"):
             around = self._avoidance.around(map_)
             requested = self.policy.goal(sensed, replace(estimates, map=around))
         if requested is None:
-            return None
+            return self._decided(None)
         with self._watch.stage("planner"):
             goal = self._loop_detector.goal(requested, map_.pose)
             reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
@@ -119,14 +126,26 @@ class Agent:
             if self._chosen is None:
                 self._chosen = self._controller.act(map_.pose, plan)
             command = self._avoidance.checked(map_, self._chosen)
-        return Decision(
-            goal=goal,
-            reason=reason,
-            path=plan.path,
-            command=command,
-            estimates=estimates,
-            belief=self.policy.belief,
+        return self._decided(
+            Decision(
+                goal=goal,
+                reason=reason,
+                path=plan.path,
+                command=command,
+                estimates=estimates,
+                belief=self.policy.belief,
+            )
         )
+
+    def shared_map(self, own: MapEstimate) -> MapEstimate:
+        """The robot's own map, continued by what the team has told of theirs; alone, its own one."""
+        return own if self.member is None else self.member.know(own)
+
+    def _decided(self, decision: Decision | None) -> Decision | None:
+        """Return a decision, after the team was told."""
+        if self.member is not None and self._map is not None:
+            self.member.tell(self._map, decision)
+        return decision
 
     def _estimates(self, sensed: Observation, map_: MapEstimate) -> Estimates:
         """Map, pose, and what the robot makes of its radio measurements; the mapper is given their bearings."""
@@ -155,7 +174,14 @@ def make_agent(config: EpisodeConfig, task: Task | None = None, watch: Stopwatch
         ValueError: If there is no such part, or its weights cannot be read.
     """
     simulator, robot = config.simulator, calibrated_robot(config.simulator)
-    navigator = make_navigator(simulator, config.explorer, config.mapper, config.controller, config.known_map)
+    navigator = make_navigator(
+        simulator,
+        config.explorer,
+        config.mapper,
+        config.controller,
+        config.known_map,
+        meets_others=config.team.size > 1,
+    )
     fused, belief = config.fused, config.fused.belief
     # A carrier that differs from the default is deliberate; else that of the radio is used.
     if belief.frequency_hz == BeliefConfig.frequency_hz:

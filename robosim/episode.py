@@ -1,34 +1,50 @@
-"""Episode: a robot searches for a target in a building that it does not know.
+"""Episode: robots search for a target in a building that they do not know.
 
-This is the whole system on one page: a world with a robot in it, an agent that drives the robot, a judge who knows the
-truth, and the loop of sensing and acting. `robosim.agent` is what the robot makes of what it senses; it never sees the
-truth. Of the policies only the oracle is given the target, and `shortest`, the physical limit, the building too.
+This is the whole system on one page: a world with robots in it, an agent that drives each robot, a judge who knows the
+truth, and the loop of sensing and acting. `robosim.agent` is what a robot makes of what it senses; it never sees the
+truth. Of the policies only the oracle is given the target, and `shortest`, the physical limit, the building too. Most
+episodes have one robot; those of a team tell each other what they know, as far as their radio allows (`robosim.team`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from signal import SIGINT, SIGTERM
+from typing import NamedTuple
 
 import numpy as np
 
-from robosim.agent import make_agent
+from robosim.agent import Agent, make_agent
 from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.judge import Judge
 from robosim.policies.shortest import TrueMapper
+from robosim.simulator import Observation
 from robosim.step import Step
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
+from robosim.team.team import Team
+from robosim.team.team_log import TeamLog
 from robosim.world import ROBOT, World
-from slam.actions import Command
+from slam.actions import Action, Command
 from slam.grid import MapEstimate
 
 #: Called at each step after the command is chosen and before it is done. If it returns a command, that one is done
 #: instead: this is how a person drives.
 Observer = Callable[[EpisodeLog, Step], Command | None]
+
+
+class Entrant(NamedTuple):
+    """What one robot of an episode begins with."""
+
+    task: Task
+    """From where to where."""
+    config: EpisodeConfig
+    """How it searches."""
+    reach: Reach
+    """What its hull can reach; coverage is counted over it."""
 
 
 def run_episode(
@@ -51,35 +67,98 @@ def run_episode(
         on_step: Called at each step, after the command is chosen, to draw or report; or to drive by hand.
         watch: Collects the time by stage.
     """
-    watch = watch or Stopwatch()
-    agent = make_agent(config, task, watch)
-    uses = {"uses_radio": agent.policy.uses_radio, "uses_camera": agent.policy.uses_camera}
-    world = World(building, {ROBOT: config.simulator}, watch, **uses)
-    robot = world.robots[ROBOT]
-    agent.interpret = robot.interpreter(config.link_states)
-    if agent.policy.uses_true_map:
-        agent.mapper = TrueMapper(building, lambda: robot.pose, config.simulator.robot.height_m)
-    log = EpisodeLog(task, seconds=watch.seconds, seeks_target=agent.policy.seeks_target)
-    judge = Judge(log, robot, reach, config.max_steps)
+    team = run_team(building, {ROBOT: Entrant(task, config, reach)}, on_step, watch)
+    return team.robots[ROBOT], team.maps[ROBOT]
+
+
+def run_team(
+    building: Building,
+    entrants: Mapping[str, Entrant],
+    on_step: Observer = lambda log, step: None,
+    watch: Stopwatch | None = None,
+) -> TeamLog:
+    """Drive robots by name until the first one arrives, as `run_episode` does with one; return the log of all.
+
+    All have the team's settings of the first.
+    """
+    watch, first = watch or Stopwatch(), next(iter(entrants.values())).config
+    agents = {name: make_agent(entrant.config, entrant.task, watch) for name, entrant in entrants.items()}
+    world = World(
+        building,
+        {name: entrant.config.simulator for name, entrant in entrants.items()},
+        watch,
+        uses_radio=any(agent.policy.uses_radio for agent in agents.values()),
+        uses_camera=any(agent.policy.uses_camera for agent in agents.values()),
+    )
+    searches = {name: _Search(name, entrants[name], agents[name], world, watch) for name in entrants}
+    team = Team(first.team, agents, world)
+    log = TeamLog({name: search.log for name, search in searches.items()})
     with closing(world), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
-        sensed = world.reset({ROBOT: task}, np.random.default_rng([config.seed, 1]))[ROBOT]
-        agent.reset(task.start)
+        rng = np.random.default_rng([first.seed, 1])
+        sensed = world.reset({name: entrant.task for name, entrant in entrants.items()}, rng)
+        for name, agent in agents.items():
+            agent.reset(entrants[name].task.start)
         while True:
-            estimate = agent.observe(sensed)
-            with watch.stage("judging"):
-                truth = judge.observe(world.truth(ROBOT), estimate.pose)
+            for name, observation in sensed.items():
+                searches[name].observe(observation)
+            if len(searches) > 1:
+                log.add_seen([search.judge.coverage for search in searches.values()])
             if interrupt.is_requested:
-                log.ended = interrupt.word
-            if log.ended != "running":
+                _end(searches, interrupt.word)
+            if any(search.log.ended != "running" for search in searches.values()):
                 break
-            decision = agent.decide()
-            if decision is None:
-                log.ended = "explored"
+            commands = {}
+            for name in team.next_decision():
+                team.deliver(name)
+                commands[name] = searches[name].decide(on_step)
+            if all(command is None for command in commands.values()):
+                _end(searches, "explored")
                 break
-            log.add_links(agent.measurements, robot.links)
-            replacement = on_step(log, Step(number=log.steps, sensed=sensed, decided=decision, true=truth))
-            command = decision.command if replacement is None else replacement
-            sensed = world.step({ROBOT: command})[ROBOT]
-    log.contacts = None if robot.movers is None else robot.movers.contacts
-    log.transmitters = agent.mapper.transmitters()
-    return log, estimate
+            # A robot with nothing left to do waits for the others.
+            sensed = world.step({n: Action.WAIT if c is None else c for n, c in commands.items()})
+    for name, search in searches.items():
+        log.maps[name] = search.finish()
+    log.sent_bytes = team.exchange.sent_bytes
+    return log
+
+
+class _Search:
+    """The search of one robot: its agent, and a judge with the log."""
+
+    def __init__(self, name: str, entrant: Entrant, agent: Agent, world: World, watch: Stopwatch) -> None:
+        self._name, self._agent, self._world, self._watch = name, agent, world, watch
+        self._robot = robot = world.robots[name]
+        agent.interpret = robot.interpreter(entrant.config.link_states)
+        if agent.policy.uses_true_map:
+            agent.mapper = TrueMapper(world.building, lambda: robot.pose, robot.config.robot.height_m)
+        seeks_target = agent.policy.seeks_target
+        self.log = EpisodeLog(entrant.task, seconds=watch.seconds, seeks_target=seeks_target)
+        self.judge = Judge(self.log, robot, entrant.reach, entrant.config.max_steps)
+
+    def observe(self, sensed: Observation) -> None:
+        """Let the agent observe, and the judge."""
+        self._sensed, self._estimate = sensed, self._agent.observe(sensed)
+        with self._watch.stage("judging"):
+            self._truth = self.judge.observe(self._world.truth(self._name), self._estimate.pose)
+
+    def decide(self, on_step: Observer) -> Command | None:
+        """Let the agent decide; None if it has nothing left to do."""
+        decision = self._agent.decide()
+        if decision is None:
+            return None
+        self.log.add_links(self._agent.measurements, self._robot.links)
+        step = Step(number=self.log.steps, sensed=self._sensed, decided=decision, true=self._truth)
+        replacement = on_step(self.log, step)
+        return decision.command if replacement is None else replacement
+
+    def finish(self) -> MapEstimate:
+        """Complete the log, and return the last map."""
+        movers = self._robot.movers
+        self.log.contacts = None if movers is None else movers.contacts
+        self.log.transmitters = self._agent.mapper.transmitters()
+        return self._agent.shared_map(self._estimate)
+
+
+def _end(searches: Mapping[str, _Search], word: str) -> None:
+    for search in searches.values():
+        search.log.ended = word

@@ -11,6 +11,7 @@ from robosim.policies.fused import FusedConfig
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import ADVANCED, SEED, STEPS, checked
+from robosim.team.team_config import TeamConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +39,8 @@ class EpisodeConfig:
     """Simulated robot, radio and sensors."""
     link_states: ClassifierPart = "generated"
     """Link-state classifier: a shipped one by name, a .safetensors file, or "true" for the true states."""
+    team: TeamConfig = field(default_factory=TeamConfig)
+    """Robots that search together."""
     fused: FusedConfig = field(default_factory=FusedConfig)
     """How the goal policy `fused` weighs what it knows."""
 

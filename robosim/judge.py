@@ -27,11 +27,11 @@ class Judge:
         self.log, self._robot, self._max_steps = log, robot, max_steps
         floor = reach.swept(reach.part_near(log.task.start[:2], reach.radius_m))
         image = robot.config.image
-        self._coverage = Coverage(robot.building.plan, floor, np.radians(image.hfov_deg), image.ahead_m)
+        self.coverage = Coverage(robot.building.plan, floor, np.radians(image.hfov_deg), image.ahead_m)
 
     def observe(self, truth: Truth, estimate: Float[np.ndarray, "3"]) -> Truth:
         """Log a step; set `log.ended` if the episode ends with it. Returns the truth with the coverage so far."""
-        log, coverage = self.log, self._coverage
+        log, coverage = self.log, self.coverage
         coverage.update(truth.pose, self._robot.true_depth, self._robot.true_laser)
         log.add_pose(truth.motion, truth.pose, estimate, coverage.fraction)
         if log.seeks_target and log.arrived:

@@ -56,16 +56,19 @@ def make_navigator(
     mapper: Part = "classical",
     controller: Part = "planned",
     known_map: str | None = None,
+    *,
+    meets_others: bool = False,
 ) -> Navigator:
     """Make the navigator of the simulated robot, of classical parts where no others are named.
 
-    `known_map` is a floor plan that the robot knows; its mapper is then `slam.mapping.known_map_mapper`.
+    `known_map` is a floor plan that the robot knows; its mapper is then `slam.mapping.known_map_mapper`. A robot that
+    `meets_others` tracks them as it tracks people.
     """
     robot = calibrated_robot(config)
     mapping = MapperConfig(
         # Obstacles higher than the mast and the camera on it do not stop the robot.
         band=Band(high_m=robot.mast_m + 0.1),
-        moving=MovingConfig(tracks=config.movers.any and config.movers.tracking),
+        moving=MovingConfig(tracks=(config.movers.any or meets_others) and config.movers.tracking),
     )
     return Navigator(
         MAPPER.make(mapper, robot, mapping, field="mapper")

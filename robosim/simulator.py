@@ -5,7 +5,7 @@ the true one), both after Active Neural SLAM, and the depth camera. Each step re
 for judging only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -21,6 +21,7 @@ from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import Recogniser, target_mesh
 from robosim.lidar import Lidar
 from robosim.movers.movers import MoversConfig, make_movers
+from robosim.movers.teammates import Teammates
 from robosim.parts import (
     CAMERA,
     LIDAR,
@@ -114,17 +115,18 @@ class Simulator:
         *,
         uses_radio: bool = False,
         uses_camera: bool = False,
+        others: Sequence[RobotConfig] = (),
     ) -> None:
         """Build the scene: collision shapes, and the lit building for the camera.
 
         `watch` collects the time by stage. The robot has a radio if `uses_radio`, and the target is searched for in
-        pictures if `uses_camera`.
+        pictures if `uses_camera`. `others` are the other robots in the building, placed by `teammates`.
         """
         self.building = building
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
-            self.movers = make_movers(self.config.movers, building, self.config.robot.hull.turning_m)
+            self._meet(others)
             self.world = self._make_world()
             # Light takes a second in a large building; it cuts walls into pieces.
             plain = self.config.renderer in ("none", "plan")
@@ -150,15 +152,23 @@ class Simulator:
         self._rng = self._radio_rng = self._depth_rng = self._lidar_rng = np.random.default_rng()
         self._depth = np.zeros((0, 0), np.float32)
 
-    def clone(self) -> "Simulator":
-        """A second robot, alone in the same building; both share what is built for the building."""
+    def clone(self, others: Sequence[RobotConfig] = ()) -> "Simulator":
+        """A second robot in the same building, among others; both share what is built for the building."""
         other = copy(self)
-        other.movers = make_movers(self.config.movers, self.building, self.config.robot.hull.turning_m)
+        other._meet(others)
         other.world = (self.world.clone() if other.movers is None else None) or other._make_world()
         other.radio = None if self.radio is None else self.radio.clone()
         other.anchors, other._anchor_rngs = {}, {}
         other._camera, other._target = None, None
         return other
+
+    def _meet(self, others: Sequence[RobotConfig]) -> None:
+        """Make the movers, among them other robots."""
+        self.teammates = Teammates(others)
+        """The other robots in the building."""
+        groups = [self.teammates] if others else []
+        radius_m = self.config.robot.hull.turning_m
+        self.movers = make_movers(self.config.movers, self.building, radius_m, groups)
 
     def _make_world(self) -> Physics:
         # A physics engine of a user need not know of movers, where there are none.

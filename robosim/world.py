@@ -1,10 +1,9 @@
 """The world: a building, what moves in it, transmitters, and robots.
 
 Robots are known by name; most worlds have one, `ROBOT`. The robots of a world share walls, scene and radio tables, and
-each has its own motion, sensors, radio and noise. What they sense is for their agents (`robosim.agent`); the truth is
-for judges, logs and drawings only.
-
-Left out: robots that collide with each other, or see each other.
+each has its own motion, sensors, radio and noise. They act in turn: each meets the others where they are after their
+last actions, as bodies that stop it, that its camera and lidar see, and that weaken its radio paths. What they sense is
+for their agents (`robosim.agent`); the truth is for judges, logs and drawings only.
 """
 
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from robosim.building.building import Building
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Truth
 from robosim.support.randomness import named_generator
@@ -55,33 +55,51 @@ class World:
             raise ValueError(
                 f"{len(robots)} robots among people or other movers are not supported. Leave out the movers."
             )
+        self.building = building
         self.robots: dict[str, Simulator] = {}
         for name, config in robots.items():
+            others = self._others(name, robots)
             equal = (robot for robot in self.robots.values() if robot.config == config)
             if (twin := next(equal, None)) is not None:
-                self.robots[name] = twin.clone()
+                self.robots[name] = twin.clone(others)
             else:
                 self.robots[name] = Simulator(
-                    building, config, watch, uses_radio=uses_radio, uses_camera=uses_camera
+                    building, config, watch, uses_radio=uses_radio, uses_camera=uses_camera, others=others
                 )
 
+    @staticmethod
+    def _others(name: str, robots: Mapping[str, SimulatorConfig]) -> list[RobotConfig]:
+        return [config.robot for other, config in robots.items() if other != name]
+
     def clone(self) -> "World":
-        """Return a world of other robots, alone in the same building; both share what is built for the building."""
-        other = copy(self)
-        other.robots = {name: robot.clone() for name, robot in self.robots.items()}
+        """Return a world of other robots in the same building; both share what is built for the building."""
+        other, configs = copy(self), {name: robot.config for name, robot in self.robots.items()}
+        other.robots = {
+            name: robot.clone(self._others(name, configs)) for name, robot in self.robots.items()
+        }
         return other
 
     def reset(self, tasks: Mapping[str, Task], rng: np.random.Generator) -> dict[str, Observation]:
         """Put each robot at the start of its task, and the target in its place; all noise depends on the generator."""
         alone = len(self.robots) == 1
+        for name, robot in self.robots.items():
+            robot.teammates.place(np.array([tasks[other].start for other in self.robots if other != name]))
         return {
             name: robot.reset(tasks[name], rng if alone else named_generator(rng, name))
             for name, robot in self.robots.items()
         }
 
     def step(self, commands: Mapping[str, Command]) -> dict[str, Observation]:
-        """Carry out a command of each of these robots; the others stand still."""
-        return {name: self.robots[name].step(command)[0] for name, command in commands.items()}
+        """Carry out a command of each of these robots, one after the other; the others stand still."""
+        return {name: self._meet_others(name).step(command)[0] for name, command in commands.items()}
+
+    def _meet_others(self, name: str) -> Simulator:
+        """Return a robot, after it was shown where the others are now."""
+        robot = self.robots[name]
+        if len(self.robots) > 1 and robot.movers is not None:
+            robot.teammates.place(np.array([r.pose for other, r in self.robots.items() if other != name]))
+            robot.movers.look_again()
+        return robot
 
     def truth(self, name: str) -> Truth:
         """Return the ground truth of a robot after its last command."""

@@ -12,7 +12,7 @@ import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
@@ -246,6 +246,17 @@ class MovingThing:
     """Time since it was last seen [s]."""
     number: int
     """Number of the track, constant in all estimates."""
+    radius_m: float | None = None
+    """Radius [m]; None if it is not known."""
+
+
+class Claim(NamedTuple):
+    """Where another robot is bound."""
+
+    xy: Float[np.ndarray, "2"]
+    """Its goal in `map` [m]."""
+    cost_m: float
+    """Length of its path there [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -273,6 +284,8 @@ class MapEstimate:
     furniture, round corners. None if the mapper does not guess."""
     moving: tuple[MovingThing, ...] = ()
     """People and others who move, if they are tracked; they are not part of the map."""
+    claims: tuple[Claim, ...] = ()
+    """Where other robots of a team are bound."""
 
     def __repr__(self) -> str:
         x, y, yaw = self.pose

@@ -88,6 +88,10 @@ class Movers:
         ]
         self.poses = self._group.poses(0.0, self._robot)
 
+    def look_again(self) -> None:
+        """Take the poses of bodies that moved while the robot's own time stood still, as other robots do."""
+        self.poses, self._surfaces = self._group.poses(self.time_s, self._robot), None
+
     @property
     def present(self) -> Float[np.ndarray, "m 4"]:
         """Pose and radius of each body that is there: x [m], y [m], yaw [rad], radius [m]."""
@@ -181,9 +185,11 @@ class Movers:
         return RGBD(rgb, depth)
 
 
-def make_movers(config: MoversConfig, building: Building, robot_radius_m: float) -> Movers | None:
-    """The movers of a configuration; None if nothing moves."""
-    movers: list[Mover] = []
+def make_movers(
+    config: MoversConfig, building: Building, robot_radius_m: float, others: Sequence[Mover] = ()
+) -> Movers | None:
+    """The movers of a configuration and others; None if nothing moves."""
+    movers: list[Mover] = [*others]
     if config.people:
         movers.append(Walkers(config.people, config.walking, config.person))
     if config.mover != "none":

@@ -155,7 +155,14 @@ class TargetBelief:
         apart_m = c.apart_m * estimate.size_factor
         if self._last is not None and math.hypot(*(place - self._last)) < apart_m:
             return False
-        self._last, self._probability = place.copy(), None
+        self._last = place.copy()
+        self.add_heard(measurement, estimate)
+        return True
+
+    def add_heard(self, measurement: Measurement, estimate: MapEstimate) -> None:
+        """Add a measurement of another robot, whatever its distance from the last one."""
+        c, place = self.config, measurement.pose[:2]
+        self._probability = None
         self._grow(_ends(measurement, c))
         survey = self.survey(estimate)
         surely = in_sight(survey.known, place, self.frame, c.half_side_m, through_unknown=False)
@@ -177,7 +184,6 @@ class TargetBelief:
             self._ranges += (c.weight * np.log(density)).astype(np.float32)
         # No cell is excluded permanently.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
-        return True
 
     def _weigh(self, measurement: Measurement, survey: MapSurvey, around: Around) -> None:
         """Multiply the belief by the likelihood of a measurement."""

@@ -1,6 +1,6 @@
 """The estimates of a robot: with the `Observation`, they are all inputs of a goal policy."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,8 @@ class Estimates:
     """Map and pose."""
     measurement: Measurement | None = None
     """Radio measurement of the target; None without a radio."""
+    heard: Sequence[Measurement] = ()
+    """Measurements of the target that other robots of a team have taken, since the last decision."""
     anchors: Mapping[str, Measurement] = field(default_factory=dict)
     """Radio measurements of other transmitters, by name."""
     anchor_places: Mapping[str, Float[np.ndarray, "2"]] = field(default_factory=dict)

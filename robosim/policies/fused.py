@@ -23,6 +23,7 @@ from robosim.policies.reason import GoalKind, Reason
 from robosim.policies.regions import Region, find_regions, values_first
 from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
+from slam.exploration.claims import unclaimed
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
@@ -31,6 +32,10 @@ from slam.poses import to_map
 from slam.robot import Robot
 from wireless.paths import LinkState
 from wireless.tracing.tracer import OPAQUE_HZ
+
+
+#: Two goals nearer than this are the same place [m].
+_SAME_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +117,8 @@ class Fused:
         if self.belief is None:
             self.belief = self.make_belief(estimated.pose[:2], self._belief_config)
         self.belief.add(estimated.require_measurement(), estimate)
+        for measurement in estimated.heard:
+            self.belief.add_heard(measurement, estimate)
         if sensed.target is not None:
             self._seen = to_map(estimate.pose, sensed.target)
         return self.belief
@@ -161,8 +168,11 @@ class Fused:
     def _choose(self, estimate: MapEstimate, belief: TargetBelief) -> Float[np.ndarray, "2"] | None:
         place, mass = belief.peak()
         self._mass = mass
-        if mass >= self.config.sure:
-            if math.hypot(*(place - estimate.pose[:2])) > 0.2:
+        away_m = math.hypot(*(place - estimate.pose[:2]))
+        if mass >= self.config.sure and not any(
+            math.hypot(*(claim.xy - place)) < _SAME_M and claim.cost_m < away_m for claim in estimate.claims
+        ):
+            if away_m > 0.2:
                 self._set_reason(GoalKind.BELIEVED, f"{mass:.0%} of the belief lies within 0.5 m of it")
                 return place
             belief.rule_out(place, 0.3)
@@ -197,6 +207,9 @@ class Fused:
             if not (np.hypot(*(given_up - frontier.goal_xy).T) < 0.25).any()
         ]
         regions = find_regions(frontiers, belief.survey(estimate), belief.probability(), estimate.pose)
+        if estimate.claims:
+            mine = unclaimed(frontiers, estimate.claims, times)
+            regions = [region for region in regions if region.frontier in mine]
         regions.sort(key=lambda region: -region.belief / (region.decisions + c.far))
         del regions[c.candidates :]
         if not regions:

@@ -214,7 +214,7 @@ class RadioLink:
     def _paths(self, at: Float[np.ndarray, "2"]) -> Paths:
         paths = None if self.config.engine == "live" else self.table.at(at)
         # No node of the table is visible from a niche.
-        return self._trace(at) if paths is None else paths
+        return self.trace(at) if paths is None else paths
 
     @cached_property
     def _sight(self) -> Tracer:
@@ -222,7 +222,8 @@ class RadioLink:
         config = replace(SIGHT, polarisation=self.config.tracer.polarisation)
         return Tracer(self._building, frequency_hz=self.config.frequency_hz, config=config)
 
-    def _trace(self, at: Float[np.ndarray, "2"]) -> Paths:
+    def trace(self, at: Float[np.ndarray, "2"]) -> Paths:
+        """True paths from the transmitter to a place [m] in the building without people."""
         return self._tracer.trace(self._target[None], np.array([[*at, self.config.height_m]]), workers=1)
 
 

@@ -271,6 +271,7 @@ class World:
         self._steps, self._moved, self._deepest_m, self._touched = 0, 0, 0.0, False
         # The floor looks the same everywhere; back to the middle, so that it never runs out.
         self._floor[:] = 0.0
+        self._place_movers()
 
     def _advance(self, steps: int) -> None:
         """Let physics go on, and watch the hull's contacts at each step."""

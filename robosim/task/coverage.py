@@ -30,9 +30,9 @@ class Coverage:
         The camera's field of view is horizontal [rad]; it is as far ahead of the robot's centre [m].
         """
         self.plan = plan
-        self._region = np.array(region)
-        self._unseen = self._region.copy()
-        self._n_region, self._n_seen = int(self._region.sum()), 0
+        self.region = np.array(region)
+        self._unseen = self.region.copy()
+        self._n_region, self._n_seen = int(self.region.sum()), 0
         self._tan_half, self._ahead_m = float(np.tan(hfov_rad / 2)), ahead_m
         # Half a cell: the wall that a border cell touches may lie before that cell's centre.
         self._slack_m = plan.resolution_m / 2
@@ -98,4 +98,4 @@ class Coverage:
     @property
     def seen(self) -> Bool[np.ndarray, "ny nx"]:
         """Which cells of the plan were seen."""
-        return self._region & ~self._unseen
+        return self.region & ~self._unseen

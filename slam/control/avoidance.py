@@ -56,16 +56,16 @@ class Avoidance:
 
     def around(self, estimate: MapEstimate) -> MapEstimate:
         """The map with things that stand as obstacles; the same one if there are none."""
-        places = [
-            thing.xy
+        standing = [
+            thing
             for thing in estimate.moving
             if thing.stood_s >= self.config.stood_s and thing.unseen_s <= self.config.unseen_s
         ]
-        if not places:
+        if not standing:
             return estimate
         probability = estimate.obstacle_probability.copy()
-        for place in places:
-            rows, columns, covered = estimate.frame.disc(place, self.config.body_m)
+        for thing in standing:
+            rows, columns, covered = estimate.frame.disc(thing.xy, thing.radius_m or self.config.body_m)
             probability[rows, columns][covered] = 1.0
         return replace(estimate, obstacle_probability=probability)
 
@@ -90,7 +90,7 @@ class Avoidance:
         share = np.linspace(0.25, 1.0, 4)
         share_left = max(1 - self._waited / config.waits, 0.0)
         distance_m = config.squeeze_m + share_left * (config.distance_m - config.squeeze_m)
-        least_m = self._hull_m + config.body_m + distance_m
+        least_m = self._hull_m + (thing.radius_m or config.body_m) + distance_m
         std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)
         # The velocity of a person who has just come into view is not known yet.
         unsure_mps = config.deviations * std_mps if thing.unseen_s == 0 and std_mps > _UNSURE_MPS else 0.0

@@ -20,6 +20,7 @@ from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD
+from slam.exploration.claims import unclaimed
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.exploration.tour import costs_between, shared_areas, values_of_orders
@@ -223,6 +224,8 @@ class FrontierExplorer:
                 piece_m=self.config.piece_m,
                 given_up=np.array(list(self._given_up)).reshape(-1, 2),
             )
+            if estimate.claims:
+                frontiers = unclaimed(frontiers, estimate.claims, travel_time)
             if frontiers:
                 return self._best(box, travel_time, frontiers)
         return None

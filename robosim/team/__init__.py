@@ -1,0 +1,1 @@
+"""Several robots that search together: what they tell each other, and when it arrives."""

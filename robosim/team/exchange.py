@@ -1,0 +1,53 @@
+"""Exchange: which notes arrive, and when.
+
+By radio, each pair of robots has a link through the building, with the arrays that they receive the target with at both
+ends. Its rate is that of Shannon for the signal-to-noise ratio of all paths together, over the bandwidth, for the share
+of the time that a pair is given. What does not fit is sent later, what is short and about robots first.
+
+Left out: interference between pairs, retransmissions.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from itertools import combinations
+
+
+from robosim.team.member import Member
+from robosim.team.team_config import TeamConfig
+from robosim.team.team_radio import TeamRadio
+
+#: Time of a decision [s].
+_DECISION_S = 1.0
+
+
+class Exchange:
+    """Delivers the notes of a team."""
+
+    def __init__(self, config: TeamConfig, members: Mapping[str, Member], radio: TeamRadio | None) -> None:
+        self._config, self._members, self._radio = config, members, radio
+        pairs = combinations(members, 2)
+        self._bytes_left = dict.fromkeys(pairs, math.inf if config.exchange == "perfect" else 0.0)
+        self.sent_bytes = dict.fromkeys(members, 0)
+        """Bytes that each robot has sent."""
+
+    def measure(self, decision: int) -> None:
+        """Grant each pair the bytes of another decision; the radio is measured now and then."""
+        if self._radio is None:
+            return
+        if decision % self._config.every == 0:
+            self._radio.measure()
+        for pair in self._bytes_left:
+            rate_bps = self._radio.rate_bps(pair)
+            # Time that was not used is lost.
+            self._bytes_left[pair] = rate_bps * self._config.airtime * _DECISION_S / 8
+
+    def deliver(self, receiver: str, going: Collection[str]) -> None:
+        """Give a robot the notes of those that are going which reach it now."""
+        for pair in self._bytes_left:
+            sender = pair[0] if pair[1] == receiver else pair[1]
+            if receiver not in pair or sender not in going:
+                continue
+            for note in self._members[sender].notes.news_for(receiver, self._bytes_left[pair]):
+                self._bytes_left[pair] -= note.size
+                self.sent_bytes[sender] += note.size
+                self._members[receiver].hear(note)

@@ -1,0 +1,166 @@
+"""The map of a robot, continued by what others have told of theirs.
+
+Robots tell their maps in square tiles, of one byte per cell: whether it was seen, and how probable an obstacle is.
+Where a robot has seen a cell itself, its own map counts; elsewhere that of the others. Tiles are put on the lattice of
+the robot's own map, to the nearest cell.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+from zlib import crc32
+
+import numpy as np
+from jaxtyping import UInt8
+
+from slam.grid import GridFrame, MapEstimate
+
+#: Side of a tile [cells].
+TILE = 64
+#: Codes of cells: a bit for seen ones, and the obstacle probability in steps; the last stands for bumped obstacles.
+_SEEN, _STEPS, _BUMPED = np.uint8(128), 126, np.uint8(127)
+_UNKNOWN = np.uint8(_STEPS // 2)
+#: Probability of each code.
+_PROBABILITY = np.tile(np.append(np.linspace(0.0, 1.0, _STEPS + 1), 1.0), 2).astype(np.float32)
+#: Half side of the surroundings of the robot that follow its own map at every decision [m].
+_NEAR_M = 7.0
+
+
+class Tile(NamedTuple):
+    """A part of a map."""
+
+    origin_xy: tuple[float, float]
+    """Lower-left corner in `map` [m]."""
+    codes: UInt8[np.ndarray, "ny nx"]
+    """Its cells."""
+
+
+def _codes_of(estimate: MapEstimate) -> UInt8[np.ndarray, "ny nx"]:
+    codes = np.rint(np.asarray(estimate.obstacle_probability) * np.float32(_STEPS)).astype(np.uint8)
+    codes[estimate.blocked] = _BUMPED
+    codes[estimate.explored] |= _SEEN
+    return codes
+
+
+class TileChanges:
+    """Finds the tiles of a map that have changed."""
+
+    def __init__(self) -> None:
+        self._sums: dict[tuple[int, int], int] = {}
+
+    def of(self, estimate: MapEstimate) -> Iterator[tuple[tuple[int, int], Tile]]:
+        """Row, column and content of each tile with seen cells that differs from that of the last call."""
+        frame, codes = estimate.frame, _codes_of(estimate)
+        # Tiles are counted from the origin of `map`, so that they stay where they are as the map grows.
+        x, y = (round(value / frame.resolution_m) for value in frame.origin_xy)
+        ny, nx = frame.shape
+        for row in range(y // TILE, (y + ny - 1) // TILE + 1):
+            for column in range(x // TILE, (x + nx - 1) // TILE + 1):
+                rows = slice(max(row * TILE - y, 0), min((row + 1) * TILE - y, ny))
+                columns = slice(max(column * TILE - x, 0), min((column + 1) * TILE - x, nx))
+                if not estimate.explored[rows, columns].any():
+                    continue
+                block = np.ascontiguousarray(codes[rows, columns])
+                if (total := crc32(block)) != self._sums.get((row, column)):
+                    self._sums[row, column] = total
+                    yield (row, column), Tile(frame.window_frame(rows, columns).origin_xy, block)
+
+
+class SharedMap:
+    """Tiles of others on the lattice of a robot's own map."""
+
+    def __init__(self) -> None:
+        self._frame: GridFrame | None = None
+        self._codes: dict[str, np.ndarray] = {}
+        self._merged: MapEstimate | None = None
+
+    def add(self, author: str, tile: Tile, own: MapEstimate) -> None:
+        """Add or replace a tile of another robot."""
+        frame = self._cover(own, tile)
+        codes = self._codes.setdefault(author, np.full(frame.shape, _UNKNOWN))
+        column, row = np.rint(frame.to_cells(np.array(tile.origin_xy))).astype(int)
+        ny, nx = tile.codes.shape
+        codes[row : row + ny, column : column + nx] = tile.codes
+        self._merged = None
+
+    def _cover(self, own: MapEstimate, tile: Tile | None = None) -> GridFrame:
+        """Let the lattice reach over the robot's own map and a tile; returns its frame."""
+        old = self._frame or own.frame
+        corners = [*own.frame.to_points(np.array([[0, 0], own.frame.shape[::-1]]))]
+        if tile is not None:
+            low = np.array(tile.origin_xy)
+            corners += [low, low + np.array(tile.codes.shape[::-1]) * old.resolution_m]
+        cells = np.rint(old.to_cells(np.array(corners))).astype(int)
+        (left, below), (right, above) = -cells.min(axis=0), cells.max(axis=0) - old.shape[::-1]
+        # In whole tiles, so that this is rare.
+        pads = [max(0, -(-pad // TILE) * TILE) for pad in (int(left), int(right), int(below), int(above))]
+        if any(pads):
+            self._frame, sides = old.padded(*pads), ((pads[2], pads[3]), (pads[0], pads[1]))
+            self._codes = {
+                author: np.pad(codes, sides, constant_values=_UNKNOWN)
+                for author, codes in self._codes.items()
+            }
+            self._merged = None
+        elif self._frame is None:
+            self._frame = old
+        return self._frame or old
+
+    def merge(self, own: MapEstimate) -> MapEstimate:
+        """The robot's own map, continued by those of others; its own one, as long as nothing was heard."""
+        if not self._codes:
+            return own
+        frame = self._cover(own)
+        column, row = np.rint(frame.to_cells(np.array(own.frame.origin_xy))).astype(int)
+        ny, nx = own.frame.shape
+        if self._merged is None:
+            self._merged = self._begin(frame, own)
+            near = (0, ny), (0, nx)
+        else:
+            cells = own.frame.to_cells(own.pose[:2])[::-1]
+            reach = round(_NEAR_M / frame.resolution_m)
+            near = (
+                (max(int(cells[0]) - reach, 0), min(int(cells[0]) + reach, ny)),
+                (max(int(cells[1]) - reach, 0), min(int(cells[1]) + reach, nx)),
+            )
+        (y0, y1), (x0, x1) = near
+        self._put(own, np.s_[y0:y1, x0:x1], np.s_[row + y0 : row + y1, column + x0 : column + x1])
+        return replace(self._merged, pose=own.pose, moving=own.moving)
+
+    def refresh(self) -> None:
+        """Let the whole map follow the robot's own one at the next decision."""
+        self._merged = None
+
+    def _begin(self, frame: GridFrame, own: MapEstimate) -> MapEstimate:
+        """The map by the others alone."""
+        codes = np.full(frame.shape, _UNKNOWN)
+        for layer in self._codes.values():
+            is_news = (layer >= _SEEN) | ((codes == _UNKNOWN) & (layer != _UNKNOWN))
+            np.copyto(codes, layer, where=is_news & (codes < _SEEN))
+        self._others = codes
+        probability = _PROBABILITY[codes]
+        offset = None if own.surface_offset_m is None else np.zeros((*frame.shape, 2), np.float32)
+        return MapEstimate(
+            frame=frame,
+            obstacle_probability=probability,
+            explored=codes >= _SEEN,
+            blocked=(codes & _BUMPED) == _BUMPED,
+            pose=own.pose,
+            surface_offset_m=offset,
+            anticipated_probability=None if own.anticipated_probability is None else probability.copy(),
+        )
+
+    def _put(self, own: MapEstimate, part: tuple[slice, slice], at: tuple[slice, slice]) -> None:
+        """Put a part of the robot's own map to its place; where only others have seen the floor, theirs stays."""
+        merged = self._merged
+        assert merged is not None
+        heard, seen = self._others[at], own.explored[part]
+        is_own = seen | (heard < _SEEN)
+        probability = own.obstacle_probability[part]
+        known = is_own & ((heard == _UNKNOWN) | seen | (probability != 0.5))
+        np.copyto(merged.obstacle_probability[at], probability, where=known)
+        merged.explored[at] = seen | (heard >= _SEEN)
+        merged.blocked[at] = own.blocked[part] | ((heard & _BUMPED) == _BUMPED)
+        if merged.anticipated_probability is not None and own.anticipated_probability is not None:
+            np.copyto(merged.anticipated_probability[at], own.anticipated_probability[part], where=known)
+        if merged.surface_offset_m is not None and own.surface_offset_m is not None:
+            np.copyto(merged.surface_offset_m[at], own.surface_offset_m[part], where=is_own[..., None])

@@ -1,0 +1,37 @@
+"""A team: robots in one world that tell each other what they know."""
+
+from collections.abc import Mapping
+
+from robosim.agent import Agent
+from robosim.team.exchange import Exchange
+from robosim.team.member import Member
+from robosim.team.team_config import TeamConfig
+from robosim.team.team_radio import TeamRadio
+from robosim.world import World
+
+
+class Team:
+    """The robots of an episode, in the order in which they decide; a single one tells nobody anything."""
+
+    def __init__(self, config: TeamConfig, agents: Mapping[str, Agent], world: World) -> None:
+        """Make a member of each robot, known to its agent."""
+        self._config, self._decision = config, -1
+        self._going = list(agents)
+        members = {}
+        if len(agents) > 1:
+            for name, agent in agents.items():
+                turning_m = world.robots[name].config.robot.hull.turning_m
+                members[name] = agent.member = Member(name, turning_m, config.every)
+        radio = TeamRadio(world.robots) if config.exchange == "radio" and members else None
+        self.exchange = Exchange(config, members, radio)
+
+    def next_decision(self) -> list[str]:
+        """Begin the next decision; names of the robots that take it, without those that were lost."""
+        self._decision += 1
+        self._going = [name for name in self._going if not self._config.is_lost(name, self._decision)]
+        self.exchange.measure(self._decision)
+        return self._going
+
+    def deliver(self, name: str) -> None:
+        """Let a robot hear what reaches it from those that were not lost."""
+        self.exchange.deliver(name, self._going)

@@ -1,0 +1,54 @@
+"""Log of a team: the logs of its robots, the floor that they have seen together, and the scores computed from them."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from robosim.episode_log import EpisodeLog
+from robosim.task.coverage import Coverage
+from slam.grid import MapEstimate
+
+
+@dataclass(eq=False)
+class TeamLog:
+    """Logs by robot."""
+
+    robots: dict[str, EpisodeLog]
+    """Log of each robot by its name."""
+    maps: dict[str, MapEstimate] = field(default_factory=dict)
+    """Last map of each robot, as far as it was told of the others' maps: continued by them."""
+    coverage: list[float] = field(default_factory=list)
+    """Part of the reachable floor that the robots have seen together, after each decision; empty for one robot."""
+    overlap: list[float] = field(default_factory=list)
+    """Part of what was seen that several robots have seen, after each decision."""
+    sent_bytes: Mapping[str, int] = field(default_factory=dict)
+    """Bytes that each robot has sent to others."""
+
+    def add_seen(self, coverages: Iterable[Coverage]) -> None:
+        """Add what the robots have seen so far."""
+        seen = np.sum([coverage.seen for coverage in coverages], axis=0, dtype=np.uint8)
+        region = next(iter(coverages)).region
+        together = np.count_nonzero(seen)
+        self.coverage.append(together / max(np.count_nonzero(region), 1))
+        self.overlap.append(np.count_nonzero(seen > 1) / max(together, 1))
+
+    @property
+    def first(self) -> EpisodeLog:
+        """Log of the robot that arrived, or of the first one if none did."""
+        logs = list(self.robots.values())
+        return next((log for log in logs if log.arrived_at is not None), logs[0])
+
+    def result(self) -> dict[str, Any]:
+        """Scores of the robot that arrived first, of the team, and of each robot."""
+        return {
+            **self.first.result(),
+            "coverage": self.coverage[-1],
+            "robots": {name: log.result() for name, log in self.robots.items()},
+            "overlap": self.overlap[-1],
+            "contacts_between_robots": sum(
+                contact.by_robot for log in self.robots.values() for contact in log.contacts or ()
+            ),
+            "sent_bytes": dict(self.sent_bytes),
+        }
