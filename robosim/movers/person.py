@@ -92,6 +92,7 @@ def person_colours(rng: np.random.Generator) -> UInt8[np.ndarray, "n 3"]:
     return np.concatenate([np.outer(shade, colour) for colour in parts]).astype(np.uint8)
 
 
+@lru_cache(64)
 def cylinder_triangles(radius_m: float, height_m: float) -> Float[np.ndarray, "n 3 3"]:
     """Triangles of an upright cylinder of twelve sides on the floor at the origin [m]."""
     return _frustum(np.zeros(3), np.array([0.0, 0.0, height_m]), (radius_m,) * 2, (radius_m,) * 2, 2 * _SIDES)

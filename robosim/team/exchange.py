@@ -2,17 +2,19 @@
 
 By radio, each pair of robots has a link through the building, with the arrays that they receive the target with at both
 ends. Its rate is that of Shannon for the signal-to-noise ratio of all paths together, over the bandwidth, for the share
-of the time that a pair is given. What does not fit is sent later, what is short and about robots first.
+of the time that a pair is given. Statuses are sent at each decision; measurements and tiles less often, and those that
+do not fit later.
 
 Left out: interference between pairs, retransmissions.
 """
 
 import math
 from collections.abc import Collection, Mapping
-from itertools import combinations
+from itertools import combinations, product
 
 
 from robosim.team.member import Member
+from robosim.team.notes import SUBJECTS
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_radio import TeamRadio
 
@@ -27,27 +29,29 @@ class Exchange:
         self._config, self._members, self._radio = config, members, radio
         pairs = combinations(members, 2)
         self._bytes_left = dict.fromkeys(pairs, math.inf if config.exchange == "perfect" else 0.0)
+        self._subjects = SUBJECTS
         self.sent_bytes = dict.fromkeys(members, 0)
         """Bytes that each robot has sent."""
 
-    def measure(self, decision: int) -> None:
-        """Grant each pair the bytes of another decision; the radio is measured now and then."""
+    def begin(self, decision: int) -> None:
+        """Grant each pair the time of another decision; the radio is measured now and then."""
+        self._subjects = SUBJECTS if decision % self._config.every == 0 else SUBJECTS[:1]
         if self._radio is None:
             return
         if decision % self._config.every == 0:
             self._radio.measure()
         for pair in self._bytes_left:
-            rate_bps = self._radio.rate_bps(pair)
             # Time that was not used is lost.
-            self._bytes_left[pair] = rate_bps * self._config.airtime * _DECISION_S / 8
+            self._bytes_left[pair] = self._radio.rate_bps(pair) * self._config.airtime * _DECISION_S / 8
 
     def deliver(self, receiver: str, going: Collection[str]) -> None:
-        """Give a robot the notes of those that are going which reach it now."""
-        for pair in self._bytes_left:
+        """Give a robot the notes of those that are going which reach it now: statuses always, others now and then."""
+        for subject, pair in product(self._subjects, self._bytes_left):
             sender = pair[0] if pair[1] == receiver else pair[1]
             if receiver not in pair or sender not in going:
                 continue
-            for note in self._members[sender].notes.news_for(receiver, self._bytes_left[pair]):
+            heard = self._members[receiver].notes
+            for note in list(self._members[sender].notes.news_for(heard, subject, self._bytes_left[pair])):
                 self._bytes_left[pair] -= note.size
                 self.sent_bytes[sender] += note.size
                 self._members[receiver].hear(note)

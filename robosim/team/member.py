@@ -70,8 +70,8 @@ class Member:
 
     def hear(self, note: Note) -> None:
         """Receive a note of another robot."""
-        if self.notes.hear(note):
-            self._inbox.append(note)
+        self.notes.hear(note)
+        self._inbox.append(note)
 
     def know(self, own: MapEstimate) -> MapEstimate:
         """The robot's own map, continued by what the others have told."""

@@ -1,7 +1,8 @@
 """Notes: what robots tell each other, as bytes, so that nothing is shared by reference.
 
 A note has an author, a topic and an edition; a later edition of a topic replaces an earlier one. Robots pass on the
-notes of others, so that a robot in between connects two that do not hear each other.
+notes of others, so that a robot in between connects two that do not hear each other. Two robots that exchange notes
+compare their editions first, so that nothing is sent twice.
 """
 
 import pickle
@@ -17,7 +18,7 @@ class Topic(NamedTuple):
     author: str
     """Name of the robot that wrote it."""
     subject: str
-    """What it is about: "status", "measurement" or "tile"."""
+    """One of `SUBJECTS`."""
     number: tuple[int, ...] = ()
     """Which one of these."""
 
@@ -42,43 +43,37 @@ class Note:
 
 #: Bytes of author, subject, number, edition and length.
 _HEADER = 16
+#: Subjects of notes, in the order in which they are sent.
+SUBJECTS = ("status", "measurement", "tile")
 
 
 class Notebook:
-    """The notes that a robot has written or heard, and those that each other robot has been sent."""
+    """The notes that a robot has written or heard."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
-        self._notes: dict[Topic, Note] = {}
-        self._sent: dict[str, dict[Topic, int]] = {}
+        self._notes: dict[str, dict[Topic, Note]] = {subject: {} for subject in SUBJECTS}
 
     def write(self, subject: str, content: Any, number: tuple[int, ...] = ()) -> None:
         """Write a note of one's own, or a later edition of it."""
         topic = Topic(self.owner, subject, number)
-        before = self._notes.get(topic)
         packed = zlib.compress(pickle.dumps(content, protocol=5), 1)
-        if before is None or before.content != packed:
-            self._notes[topic] = Note(topic, 1 if before is None else before.edition + 1, packed)
+        self._notes[subject][topic] = Note(topic, self.edition(topic) + 1, packed)
 
-    def hear(self, note: Note) -> bool:
-        """Add the note of another robot; returns whether it is news."""
-        before = self._notes.get(note.topic)
-        if note.topic.author == self.owner or (before is not None and before.edition >= note.edition):
-            return False
-        self._notes[note.topic] = note
-        return True
+    def hear(self, note: Note) -> None:
+        """Add the note of another robot."""
+        self._notes[note.topic.subject][note.topic] = note
 
-    def news_for(self, other: str, most_bytes: float) -> Iterator[Note]:
-        """Notes that another robot was not sent yet, as many as fit, tiles last; each counts as sent once taken."""
-        sent = self._sent.setdefault(other, {})
-        news = [
-            note
-            for topic, note in self._notes.items()
-            if topic.author != other and sent.get(topic, 0) < note.edition
-        ]
-        for note in sorted(news, key=lambda note: note.topic.subject):
-            most_bytes -= note.size
-            if most_bytes < 0:
-                return
-            sent[note.topic] = note.edition
-            yield note
+    def edition(self, topic: Topic) -> int:
+        """Number of the edition that the robot has; 0 without one."""
+        note = self._notes[topic.subject].get(topic)
+        return 0 if note is None else note.edition
+
+    def news_for(self, other: "Notebook", subject: str, most_bytes: float) -> Iterator[Note]:
+        """Notes of which another robot has no edition, or an earlier one, as many as fit."""
+        for topic, note in self._notes[subject].items():
+            if topic.author != other.owner and other.edition(topic) < note.edition:
+                most_bytes -= note.size
+                if most_bytes < 0:
+                    return
+                yield note

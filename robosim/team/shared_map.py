@@ -13,17 +13,17 @@ from zlib import crc32
 import numpy as np
 from jaxtyping import UInt8
 
+from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
 
 #: Side of a tile [cells].
 TILE = 64
 #: Codes of cells: a bit for seen ones, and the obstacle probability in steps; the last stands for bumped obstacles.
-_SEEN, _STEPS, _BUMPED = np.uint8(128), 126, np.uint8(127)
-_UNKNOWN = np.uint8(_STEPS // 2)
+_SEEN, _STEPS, _BUMPED, _UNKNOWN = 128, 126, 127, 63
 #: Probability of each code.
 _PROBABILITY = np.tile(np.append(np.linspace(0.0, 1.0, _STEPS + 1), 1.0), 2).astype(np.float32)
 #: Half side of the surroundings of the robot that follow its own map at every decision [m].
-_NEAR_M = 7.0
+_NEAR_M = 6.0
 
 
 class Tile(NamedTuple):
@@ -150,17 +150,45 @@ class SharedMap:
         )
 
     def _put(self, own: MapEstimate, part: tuple[slice, slice], at: tuple[slice, slice]) -> None:
-        """Put a part of the robot's own map to its place; where only others have seen the floor, theirs stays."""
+        """Put a part of the robot's own map to its place."""
         merged = self._merged
         assert merged is not None
-        heard, seen = self._others[at], own.explored[part]
-        is_own = seen | (heard < _SEEN)
-        probability = own.obstacle_probability[part]
-        known = is_own & ((heard == _UNKNOWN) | seen | (probability != 0.5))
-        np.copyto(merged.obstacle_probability[at], probability, where=known)
-        merged.explored[at] = seen | (heard >= _SEEN)
-        merged.blocked[at] = own.blocked[part] | ((heard & _BUMPED) == _BUMPED)
-        if merged.anticipated_probability is not None and own.anticipated_probability is not None:
-            np.copyto(merged.anticipated_probability[at], own.anticipated_probability[part], where=known)
-        if merged.surface_offset_m is not None and own.surface_offset_m is not None:
-            np.copyto(merged.surface_offset_m[at], own.surface_offset_m[part], where=is_own[..., None])
+        guesses, guessed = own.anticipated_probability, merged.anticipated_probability
+        offsets, offset = own.surface_offset_m, merged.surface_offset_m
+        if guesses is None or guessed is None:
+            guesses, guessed = own.obstacle_probability, merged.obstacle_probability
+        _put(
+            self._others[at],
+            own.explored[part],
+            own.blocked[part],
+            (own.obstacle_probability[part], guesses[part]),
+            merged.explored[at],
+            merged.blocked[at],
+            (merged.obstacle_probability[at], guessed[at]),
+        )
+        if offsets is not None and offset is not None:
+            offset[at] = offsets[part]
+
+
+@compiled
+def _put(
+    heard: np.ndarray,
+    own_seen: np.ndarray,
+    own_blocked: np.ndarray,
+    own: tuple[np.ndarray, np.ndarray],
+    seen: np.ndarray,
+    blocked: np.ndarray,
+    merged: tuple[np.ndarray, np.ndarray],
+) -> None:
+    """Let a robot's own cells replace those heard of, but where only others have seen the floor, or know a cell.
+
+    The last arguments hold obstacle probabilities and anticipated ones.
+    """
+    for y in range(heard.shape[0]):
+        for x in range(heard.shape[1]):
+            code, sees = heard[y, x], own_seen[y, x]
+            seen[y, x] = sees or code >= _SEEN
+            blocked[y, x] = own_blocked[y, x] or code % _SEEN == _BUMPED
+            if sees or code == _UNKNOWN or (code < _SEEN and own[0][y, x] != 0.5):
+                for k in range(2):
+                    merged[k][y, x] = own[k][y, x]

@@ -29,7 +29,7 @@ class Team:
         """Begin the next decision; names of the robots that take it, without those that were lost."""
         self._decision += 1
         self._going = [name for name in self._going if not self._config.is_lost(name, self._decision)]
-        self.exchange.measure(self._decision)
+        self.exchange.begin(self._decision)
         return self._going
 
     def deliver(self, name: str) -> None:
