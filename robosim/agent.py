@@ -19,16 +19,17 @@ from robosim.navigation import Navigator, calibrated_robot, make_navigator
 from robosim.policies.belief import BeliefConfig
 from robosim.policies.estimates import Estimates
 from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
-from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
+from robosim.policies.reason import GIVES_WAY, LOOP_DETECTED, UNKNOWN_REASON, GoalKind
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Interpret, Measurement, bearings_of, check_classifier
 from robosim.simulator import Observation
 from robosim.step import Decision
 from robosim.support.parts import accepted
 from robosim.support.stopwatch import Stopwatch
-from robosim.team.member import Member
 from robosim.task.tasks import Task
-from slam.actions import Command
+from robosim.team.giving_way import turn_along
+from robosim.team.member import Member
+from slam.actions import Action, Command
 from slam.control.avoidance import Avoidance
 from slam.grid import MapEstimate
 from slam.planning.loop_detector import LoopDetector, Remedy
@@ -115,17 +116,21 @@ class Agent:
         if requested is None:
             return self._decided(None)
         with self._watch.stage("planner"):
-            goal = self._loop_detector.goal(requested, map_.pose)
+            away = None if self.member is None else self.member.give_way(self._avoidance.waited, map_)
+            goal = self._loop_detector.goal(requested, map_.pose) if away is None else away
             reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
+            reason = reason if away is None else GIVES_WAY
             # A robot sees the floor of a niche from outside; but a target may stand in it.
             look = reason.kind is GoalKind.EXPLORE and not self.policy.seeks_target
             plan = self._planner.plan(around, goal, look=look)
             if self._loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 self._planner.look_closely()
             self._chosen = self.policy.action()
-            if self._chosen is None:
+            if self._chosen is None or away is not None:
                 self._chosen = self._controller.act(map_.pose, plan)
             command = self._avoidance.checked(map_, self._chosen)
+            if away is not None and command is Action.WAIT:
+                command = turn_along(map_.pose, plan.path)
         return self._decided(
             Decision(
                 goal=goal,

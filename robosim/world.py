@@ -74,9 +74,7 @@ class World:
     def clone(self) -> "World":
         """Return a world of other robots in the same building; both share what is built for the building."""
         other, configs = copy(self), {name: robot.config for name, robot in self.robots.items()}
-        other.robots = {
-            name: robot.clone(self._others(name, configs)) for name, robot in self.robots.items()
-        }
+        other.robots = {name: robot.clone(self._others(name, configs)) for name, robot in self.robots.items()}
         return other
 
     def reset(self, tasks: Mapping[str, Task], rng: np.random.Generator) -> dict[str, Observation]:

@@ -57,6 +57,15 @@ class Velocity(NamedTuple):
 Command = Action | Velocity
 
 
+def ahead_m(command: Command | None) -> float:
+    """Distance [m] that a command leads ahead, negative backwards; 0 for none."""
+    if isinstance(command, Velocity):
+        return command.v_mps * command.duration_s
+    return (
+        0.0 if command is None else {Action.FORWARD: FORWARD_M, Action.BACKWARD: -FORWARD_M}.get(command, 0.0)
+    )
+
+
 def nearest_action(command: Command) -> Action:
     """The discrete action that is most like a command."""
     if isinstance(command, Action):

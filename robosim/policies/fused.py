@@ -33,7 +33,6 @@ from slam.robot import Robot
 from wireless.paths import LinkState
 from wireless.tracing.tracer import OPAQUE_HZ
 
-
 #: Two goals nearer than this are the same place [m].
 _SAME_M = 1.0
 

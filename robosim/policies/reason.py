@@ -28,6 +28,8 @@ class GoalKind(StrEnum):
     """A point in the direction of an action that a network chooses."""
     EXPLORE = "map's edge"
     """A frontier, chosen without the radio."""
+    AWAY = "gives way"
+    """A place where another robot can pass."""
     PREVIOUS = "goal kept"  # stored name
     """An earlier goal, since two of them alternated."""
     OTHER = "not told"  # stored name
@@ -48,6 +50,7 @@ KNOWN = Reason(kind=GoalKind.KNOWN, because="the policy is given the place of th
 SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
 ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
+GIVES_WAY = Reason(kind=GoalKind.AWAY, because="another robot is to pass")
 UNKNOWN_REASON = Reason(kind=GoalKind.OTHER)
 #: Reason of an earlier goal that the loop detector (`slam.planning.loop_detector`) returns.
 LOOP_DETECTED = Reason(

@@ -12,7 +12,6 @@ import math
 from collections.abc import Collection, Mapping
 from itertools import combinations, product
 
-
 from robosim.team.member import Member
 from robosim.team.notes import SUBJECTS
 from robosim.team.team_config import TeamConfig

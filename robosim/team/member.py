@@ -14,12 +14,18 @@ from jaxtyping import Float
 from robosim.policies.reason import GoalKind
 from robosim.radio.measurement import Measurement
 from robosim.step import Decision
+from robosim.team.giving_way import AROUND_M, NEAR_M, GivingWay
 from robosim.team.notes import Note, Notebook
 from robosim.team.shared_map import SharedMap, TileChanges
+from slam.actions import ahead_m
 from slam.grid import Claim, MapEstimate, MovingThing
+from slam.hull import Hull
+from slam.poses import to_map
 
 #: Least distance between two measurements that are told [m].
 _APART_M = 1.0
+#: A track nearer than this to where a robot says it is, is that robot [m].
+_SAME_M = 0.6
 #: A robot that was not heard for so many decisions is bound for nothing any more.
 _SILENT = 40
 
@@ -32,6 +38,8 @@ class Status:
     """Number of its decision."""
     pose: Float[np.ndarray, "3"]
     """Estimated pose in `map`."""
+    next_xy: Float[np.ndarray, "2"]
+    """Where it will be after what it does now [m]."""
     radius_m: float
     """Radius in which it turns [m]."""
     stood: int
@@ -55,8 +63,10 @@ class Status:
 class Member:
     """A robot of a team."""
 
-    def __init__(self, name: str, radius_m: float, every: int) -> None:
-        self.name, self._radius_m, self._every = name, radius_m, every
+    def __init__(self, name: str, order: int, hull: Hull, every: int) -> None:
+        """Begin with nothing known; `order` counts the robots of the team from 0."""
+        self.name, self._radius_m, self._every = name, hull.turning_m, every
+        self._giving_way = GivingWay(order, hull)
         self.notes = Notebook(name)
         self.others: dict[str, Status] = {}
         """Last status of each other robot that was heard."""
@@ -92,8 +102,27 @@ class Member:
         merged = self._map.merge(own)
         there = [status for status in self.others.values() if self._decision - status.decision <= _SILENT]
         claims = [Claim(xy=s.goal, cost_m=s.left_m) for s in there if s.goal is not None]
-        moving = (*own.moving, *(_thing(k, status) for k, status in enumerate(self.others.values())))
-        return replace(merged, claims=tuple(claims), moving=moving)
+        robots = [_thing(k, status, self._decision) for k, status in enumerate(self.others.values())]
+        # A track of a robot that tells where it is is that robot.
+        tracks = [
+            track
+            for track in own.moving
+            if all(math.hypot(*(track.xy - robot.xy)) > _SAME_M for robot in robots)
+        ]
+        return replace(merged, claims=tuple(claims), moving=(*tracks, *robots))
+
+    def give_way(self, waited: int, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The place to back off to, if another robot has kept this one from going on for a while; else None."""
+        here, paths, another = estimate.pose[:2], [], False
+        for thing in estimate.moving:
+            if not self.others and math.hypot(*(thing.xy - here)) < NEAR_M:
+                # It comes this way, as far as nothing else is known.
+                paths.append((np.array([thing.xy, 2 * here - thing.xy]), self._radius_m))
+        for status in self.others.values():
+            if math.hypot(*(status.pose[:2] - here)) < AROUND_M and status.path is not None:
+                paths.append((np.vstack([status.pose[:2], status.path]), status.radius_m))
+                another |= status.kind is GoalKind.AWAY
+        return self._giving_way.place(waited, estimate, paths, another=another, hears=bool(self.others))
 
     def heard(self) -> list[Measurement]:
         """Measurements of the target by others since the last call."""
@@ -104,27 +133,33 @@ class Member:
         """Write down what the robot has measured and decided."""
         self._stood = self._stood + 1 if np.allclose(own.pose, self._at, atol=0.02) else 0
         self._at = np.array(own.pose)
-        status = Status(self._decision, self._at, self._radius_m, self._stood)
+        command = None if decided is None else decided.command
+        ahead = np.array([ahead_m(command), 0.0])
+        status = Status(self._decision, self._at, to_map(own.pose, ahead), self._radius_m, self._stood)
         if decided is not None:
             status = replace(status, goal=decided.goal, path=decided.path, kind=decided.reason.kind)
             measured = decided.estimates.measurement
             place = own.pose[:2]
-            if measured is not None and (
-                self._told is None or math.hypot(*(place - self._told)) >= _APART_M
-            ):
+            if measured is not None and (self._told is None or math.hypot(*(place - self._told)) >= _APART_M):
                 self._told = place.copy()
                 self._measurements += 1
                 self.notes.write("measurement", measured, (self._measurements,))
         self.notes.write("status", status)
 
 
-def _thing(number: int, status: Status) -> MovingThing:
-    """Another robot, as something to keep away from; `number` is not that of a track."""
+def _thing(number: int, status: Status, decision: int) -> MovingThing:
+    """Another robot, as something to keep away from, at a decision; `number` is not that of a track.
+
+    One that has nothing to do, or is not heard any more, is an obstacle to plan around; others will go on.
+    """
+    silent = decision - status.decision
+    # It has not moved yet if its last decision is as late as this one.
+    waits_to_move = silent <= 0
     return MovingThing(
-        xy=status.pose[:2],
-        velocity=np.zeros(2),
+        xy=status.pose[:2] if waits_to_move else status.next_xy,
+        velocity=status.next_xy - status.pose[:2] if waits_to_move else np.zeros(2),
         covariance=1e-4 * np.eye(4),
-        stood_s=float(status.stood),
+        stood_s=float(status.stood if status.goal is None else 0) + silent,
         unseen_s=0.0,
         number=-1 - number,
         radius_m=status.radius_m,

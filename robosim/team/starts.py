@@ -31,9 +31,13 @@ def starts_near(task: Task, reach: Reach, count: int) -> list[Task]:
         if all(np.hypot(*(place - other)) >= apart_m for other in starts):
             starts.append(place)
     if len(starts) < count:
-        raise MapError(f"{reach.plan.name}: there is room for {len(starts)} robots at the start, not for {count}.")
+        raise MapError(
+            f"{reach.plan.name}: there is room for {len(starts)} robots at the start, not for {count}."
+        )
     to_target_m = reach.travel_m(task.target)
-    return [task] + [
-        replace(task, start=np.array([*place, task.start[2]]), shortest_m=max(reach.remaining_m(to_target_m, place) - ARRIVAL_M, 0.0))
-        for place in starts[1:]
-    ]
+
+    def task_at(place: np.ndarray) -> Task:
+        shortest_m = max(reach.remaining_m(to_target_m, place) - ARRIVAL_M, 0.0)
+        return replace(task, start=np.array([*place, task.start[2]]), shortest_m=shortest_m)
+
+    return [task, *(task_at(place) for place in starts[1:])]

@@ -19,9 +19,9 @@ class Team:
         self._going = list(agents)
         members = {}
         if len(agents) > 1:
-            for name, agent in agents.items():
-                turning_m = world.robots[name].config.robot.hull.turning_m
-                members[name] = agent.member = Member(name, turning_m, config.every)
+            for order, (name, agent) in enumerate(agents.items()):
+                hull = world.robots[name].config.robot.hull
+                members[name] = agent.member = Member(name, order, hull, config.every)
         radio = TeamRadio(world.robots) if config.exchange == "radio" and members else None
         self.exchange = Exchange(config, members, radio)
 

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
 
-
 from robosim.radio.link import RadioLink
 from robosim.simulator import Simulator
 

@@ -34,6 +34,8 @@ class AvoidanceConfig:
     """Distance that a step keeps between hull and person [m]."""
     squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
     """Distance after several waits, for places where there is no more space [m]."""
+    robots_m: Annotated[float, Range(0, 5, "m")] = 0.1
+    """The same between robots, which do not step aside by themselves [m]."""
     waits: Annotated[int, Range(1, 1000, "waits")] = 2
     """Waits in which the distance falls to `squeeze_m`."""
     deviations: Annotated[float, Range(0, 5)] = 0.5
@@ -52,7 +54,8 @@ class Avoidance:
     def __init__(self, robot: Robot = Robot(), config: AvoidanceConfig = AvoidanceConfig()) -> None:
         self._hull_m = robot.hull.turning_m
         self.config = config
-        self._waited = 0
+        self.waited = 0
+        """Waits since the robot was last free to go on."""
 
     def around(self, estimate: MapEstimate) -> MapEstimate:
         """The map with things that stand as obstacles; the same one if there are none."""
@@ -81,15 +84,16 @@ class Avoidance:
             return action
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
         meets = any(self._meets(estimate, step, thing) for thing in estimate.moving)
-        self._waited = self._waited + 1 if meets else 0
+        self.waited = self.waited + 1 if meets else 0
         return Action.WAIT if meets else action
 
     def _meets(self, estimate: MapEstimate, step: Float[np.ndarray, "2"], thing: MovingThing) -> bool:
         """Whether a step comes too near to a thing, and nearer than waiting would."""
         config = self.config
         share = np.linspace(0.25, 1.0, 4)
-        share_left = max(1 - self._waited / config.waits, 0.0)
-        distance_m = config.squeeze_m + share_left * (config.distance_m - config.squeeze_m)
+        share_left = max(1 - self.waited / config.waits, 0.0)
+        squeeze_m = config.squeeze_m if thing.radius_m is None else config.robots_m
+        distance_m = squeeze_m + share_left * (config.distance_m - squeeze_m)
         least_m = self._hull_m + (thing.radius_m or config.body_m) + distance_m
         std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)
         # The velocity of a person who has just come into view is not known yet.

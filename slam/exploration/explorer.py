@@ -20,8 +20,8 @@ from jaxtyping import Float, Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.exploration.claims import unclaimed
 from slam.exploration.choosing import Offer, describe
+from slam.exploration.claims import unclaimed
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.exploration.tour import costs_between, shared_areas, values_of_orders
 from slam.grid import MapEstimate

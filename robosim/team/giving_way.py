@@ -1,0 +1,107 @@
+"""Giving way: of two robots that meet where there is no room to pass, one backs off.
+
+A robot that another keeps from going on waits. After some waits it goes to the nearest place next to the other's path,
+unless the other backs off, and stays there until the other has passed, or for a while. Robots wait for different
+times, by their order in the team, so that they do not all back off at once, nor forever in turns.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.actions import TURN_RAD, Action
+from slam.grid import MapEstimate
+from slam.hull import Hull
+from slam.planning.cost_map import CostConfig, cut_box, travel_time_from_robot
+from slam.planning.paths import along
+from slam.poses import to_robot
+
+#: Waits after which the first robot of a team backs off, and each further one has waited for longer.
+_WAITS, _WAITS_MORE = 3, 5
+#: Most decisions for which it stays away.
+_AWAY = 25
+#: Half side of the surroundings in which it looks for a place [m]; space that it leaves to the other's hull [m].
+AROUND_M, _SPACE_M = 5.0, 0.12
+#: Robots nearer than this may be in each other's way; a path leads past a place that it comes nearer to [m].
+NEAR_M, _PAST_M = 2.0, 0.7
+#: Length of the other's path that is kept free [m].
+_PATH_M = 4.0
+
+
+class GivingWay:
+    """Decides when a robot backs off, and to where."""
+
+    def __init__(self, order: int, hull: Hull) -> None:
+        """Begin; `order` counts the robots of the team from 0."""
+        self._patience, self._hull = _WAITS + _WAITS_MORE * order, hull
+        self._place: np.ndarray | None = None
+        self._left, self._from = 0, np.zeros(2)
+
+    def place(
+        self,
+        waited: int,
+        estimate: MapEstimate,
+        paths: list[tuple[Float[np.ndarray, "n 2"], float]],
+        *,
+        another: bool,
+        hears: bool,
+    ) -> Float[np.ndarray, "2"] | None:
+        """The place to back off to; None if there is no need.
+
+        Args:
+            waited: Decisions for which something has kept the robot from going on.
+            estimate: Its map.
+            paths: Paths of the robots around from where they are, and their radii [m].
+            another: Whether another one of them backs off.
+            hears: Whether the paths were told; else they are guesses, and say nothing of robots out of sight.
+        """
+        here = estimate.pose[:2]
+        self._left -= 1
+        passes = any(_leads_past(path, place) for path, _ in paths for place in (self._from, here))
+        if self._left > 0 and hears and not passes:
+            self._left = 0
+        is_near = any(np.hypot(*(path[0] - here)) < NEAR_M for path, _ in paths)
+        if self._left <= 0 and waited >= self._patience and is_near and not another:
+            self._place, self._left, self._from = self._find(estimate, paths), _AWAY, here.copy()
+        return self._place if self._left > 0 else None
+
+    def _find(
+        self, estimate: MapEstimate, paths: list[tuple[Float[np.ndarray, "n 2"], float]]
+    ) -> Float[np.ndarray, "2"] | None:
+        """The nearest place with room for all others to pass; the one with most room if there is none."""
+        here = estimate.pose[:2]
+        box = cut_box(estimate, here - AROUND_M, here + AROUND_M)
+        for path, radius_m in paths:
+            # It cannot pass the other either.
+            rows, columns, covered = box.frame.disc(path[0], radius_m)
+            box.obstacle[rows, columns][covered] = True
+        travel = travel_time_from_robot(box, CostConfig(), self._hull, through_unknown=False)
+        cells = np.isfinite(travel.cost_m)
+        places, cost_m = travel.frame.centres(cells), travel.cost_m[cells]
+        room_m = np.full(len(places), np.inf)
+        for path, radius_m in paths:
+            points = along(path, 0.1, _PATH_M) if len(path) > 1 else path
+            gaps_m = np.hypot(*(places[:, None] - points).transpose(2, 0, 1)).min(axis=1)
+            room_m = np.minimum(room_m, gaps_m - radius_m - self._hull.turning_m)
+        if not len(places):
+            return None
+        is_enough = room_m >= _SPACE_M
+        best = np.where(is_enough, cost_m, np.inf).argmin() if is_enough.any() else room_m.argmax()
+        return np.asarray(places[best])
+
+
+def _leads_past(path: Float[np.ndarray, "n 2"], place: Float[np.ndarray, "2"]) -> bool:
+    """Whether a path leads past a place."""
+    points = along(path, 0.2, 2 * AROUND_M) if len(path) > 1 else path
+    return bool((np.hypot(*(points - place).T) < _PAST_M).any())
+
+
+def turn_along(pose: Float[np.ndarray, "3"], path: Float[np.ndarray, "n 2"]) -> Action:
+    """The turn towards a path, for a robot that another keeps from going the way it looks."""
+    ahead = path[np.hypot(*(path - pose[:2]).T) > 0.05]
+    if not len(ahead):
+        return Action.WAIT
+    left = to_robot(pose, ahead[0])
+    angle = math.atan2(left[1], left[0])
+    return Action.WAIT if abs(angle) < TURN_RAD / 2 else Action.LEFT if angle > 0 else Action.RIGHT
