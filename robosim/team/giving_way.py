@@ -22,7 +22,9 @@ _WAITS, _WAITS_MORE = 3, 5
 #: Most decisions for which it stays away.
 _AWAY = 25
 #: Half side of the surroundings in which it looks for a place [m]; space that it leaves to the other's hull [m].
-AROUND_M, _SPACE_M = 5.0, 0.12
+AROUND_M, _SPACE_M = 5.0, 0.35
+#: Space that it keeps from the other as it goes there [m].
+_MARGIN_M = 0.1
 #: Robots nearer than this may be in each other's way; a path leads past a place that it comes nearer to [m].
 NEAR_M, _PAST_M = 2.0, 0.7
 #: Length of the other's path that is kept free [m].
@@ -74,7 +76,7 @@ class GivingWay:
         box = cut_box(estimate, here - AROUND_M, here + AROUND_M)
         for path, radius_m in paths:
             # It cannot pass the other either.
-            rows, columns, covered = box.frame.disc(path[0], radius_m)
+            rows, columns, covered = box.frame.disc(path[0], radius_m + _MARGIN_M)
             box.obstacle[rows, columns][covered] = True
         travel = travel_time_from_robot(box, CostConfig(), self._hull, through_unknown=False)
         cells = np.isfinite(travel.cost_m)

@@ -159,7 +159,7 @@ def _thing(number: int, status: Status, decision: int) -> MovingThing:
         xy=status.pose[:2] if waits_to_move else status.next_xy,
         velocity=status.next_xy - status.pose[:2] if waits_to_move else np.zeros(2),
         covariance=1e-4 * np.eye(4),
-        stood_s=float(status.stood if status.goal is None else 0) + silent,
+        stood_s=float(status.stood) + silent,
         unseen_s=0.0,
         number=-1 - number,
         radius_m=status.radius_m,
