@@ -21,14 +21,14 @@ from robosim.episode_log import EpisodeLog
 from robosim.judge import Judge
 from robosim.policies.shortest import TrueMapper
 from robosim.simulator import Observation
-from robosim.step import Step
+from robosim.step import Decision, Step, idle
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from robosim.team.team import Team
 from robosim.team.team_log import TeamLog
 from robosim.world import ROBOT, World
-from slam.actions import Action, Command
+from slam.actions import Command
 from slam.grid import MapEstimate
 
 #: Called at each step after the command is chosen and before it is done. If it returns a command, that one is done
@@ -107,16 +107,19 @@ def run_team(
                 _end(searches, interrupt.word)
             if any(search.log.ended != "running" for search in searches.values()):
                 break
-            commands = {}
+            decisions = {}
             for name in team.next_decision():
                 team.deliver(name)
-                commands[name] = searches[name].decide(on_step)
-            if all(command is None for command in commands.values()):
-                _end(searches, "explored")
+                decisions[name] = agents[name].decide()
+            if all(decision is None for decision in decisions.values()):
+                _end(searches, "explored" if decisions else "lost")
                 break
-            # A robot with nothing left to do waits for the others.
-            sensed = world.step({n: Action.WAIT if c is None else c for n, c in commands.items()})
+            sensed = world.step(
+                {name: searches[name].command(decision, on_step) for name, decision in decisions.items()}
+            )
     for name, search in searches.items():
+        if search.log.ended == "running":
+            search.log.ended = "another arrived" if name in decisions else "lost"
         log.maps[name] = search.finish()
     log.sent_bytes = team.exchange.sent_bytes
     return log
@@ -132,7 +135,7 @@ class _Search:
         if agent.policy.uses_true_map:
             agent.mapper = TrueMapper(world.building, lambda: robot.pose, robot.config.robot.height_m)
         seeks_target = agent.policy.seeks_target
-        self.log = EpisodeLog(entrant.task, seconds=watch.seconds, seeks_target=seeks_target)
+        self.log = EpisodeLog(entrant.task, seconds=watch.seconds, seeks_target=seeks_target, robot=name)
         self.judge = Judge(self.log, robot, entrant.reach, entrant.config.max_steps)
 
     def observe(self, sensed: Observation) -> None:
@@ -141,11 +144,9 @@ class _Search:
         with self._watch.stage("judging"):
             self._truth = self.judge.observe(self._world.truth(self._name), self._estimate.pose)
 
-    def decide(self, on_step: Observer) -> Command | None:
-        """Let the agent decide; None if it has nothing left to do."""
-        decision = self._agent.decide()
-        if decision is None:
-            return None
+    def command(self, decision: Decision | None, on_step: Observer) -> Command:
+        """Log a decision, and return its command; a robot with nothing left to do waits for the others."""
+        decision = decision or idle(self._estimate)
         self.log.add_links(self._agent.measurements, self._robot.links)
         step = Step(number=self.log.steps, sensed=self._sensed, decided=decision, true=self._truth)
         replacement = on_step(self.log, step)

@@ -76,6 +76,8 @@ class EpisodeLog:
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
     seeks_target: bool = True
     """Whether the target is searched for; an episode of exploration is scored by its coverage."""
+    robot: str = "robot"
+    """Name of the robot."""
 
     def __repr__(self) -> str:
         return f"<EpisodeLog: {self.ended} after {counted(self.steps, 'step')}>"

@@ -16,7 +16,8 @@ from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.drawing.picture import Picture, status_line
 from robosim.drawing.plan_view import building_rings
-from robosim.episode import run_episode
+from robosim.drawing.team_picture import TeamPicture
+from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.plans.files import write_ros
@@ -33,6 +34,8 @@ from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.task.tasks import Anchor, make_task, with_anchors
+from robosim.team.entrants import make_entrants
+from robosim.team.team_log import TeamLog
 from slam.grid import MapEstimate
 
 #: Files of an episode, in the order in which they are listed.
@@ -93,10 +96,16 @@ def record_episode(
             task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
             task = with_anchors(task, places, anchors)
         _print_cut_off(places, task.start, console)
-        rings = building_rings(building)
-        title = f"{plan.name}  {part_name(config.goal)}"
-        picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
-        steps = EpisodeWriter(rings)
+        entrants = make_entrants(building, places, task, config)
+        alone = len(entrants) == 1
+        folders = {name: out if alone else out / name for name in entrants}
+        rings, title = building_rings(building), f"{plan.name}  {part_name(config.goal)}"
+        steps = {name: EpisodeWriter(rings) for name in entrants}
+        picture: Picture | TeamPicture
+        if alone:
+            picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
+        else:
+            picture = TeamPicture(rings, task.target, list(entrants), title=title)
         ends = text_column("{task.description}"), text_column("{task.fields[note]}")
         columns = ends[0], BarColumn(bar_width=12), MofNCompleteColumn(), ends[1]
         with ExitStack() as files, Progress(*columns, console=console, refresh_per_second=4) as progress:
@@ -106,72 +115,89 @@ def record_episode(
 
                 writer = VideoWriter(out / "episode.mp4", picture.size)
                 files.callback(_timed, writer.close, watch, "video")
-            recording = None
+            recordings = {}
             if rerun:
                 simulator = config.simulator
-                place = out / RECORDING, building, task
-                recording = RerunRecording(*place, simulator.image, simulator.radio.height_m)
-                files.callback(_timed, recording.close, watch, "rerun")
+                for name, folder in folders.items():
+                    folder.mkdir(exist_ok=True)
+                    place = folder / RECORDING, building, entrants[name].task
+                    recordings[name] = RerunRecording(*place, simulator.image, simulator.radio.height_m)
+                    files.callback(_timed, recordings[name].close, watch, "rerun")
             bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
             def record(log: EpisodeLog, step: Step) -> None:
                 picture.target = task.target if log.seeks_target else None
-                text = status_line(step, picture.target)
-                progress.update(bar, completed=log.steps, note=text)
+                progress.update(bar, completed=log.steps, note=status_line(step, picture.target))
                 with watch.stage("log"):
-                    steps.add(step)
-                if writer is not None:
-                    with watch.stage("video"):
-                        writer.add(picture.draw(step))
-                if recording is not None:
+                    steps[log.robot].add(step)
+                with watch.stage("video"):
+                    image = picture.add(log.robot, step) if writer is not None else None
+                    if writer is not None and image is not None:
+                        writer.add(image)
+                if log.robot in recordings:
                     with watch.stage("rerun"):
-                        recording.add(step)
+                        recordings[log.robot].add(step)
 
-            log, estimate = run_episode(building, places, task, config, record, watch)
-        return _write_files(out, plan, building, config, log, watch, steps, estimate)
+            team = run_team(building, entrants, record, watch)
+        with noted_interrupt("writing the files"):
+            about = {"plan": plan.name, "goal": part_name(config.goal), "seed": config.seed}
+            for name, folder in folders.items():
+                folder.mkdir(exist_ok=True)
+                _write_robot(folder, building, team.robots[name], team.maps[name], about, steps[name])
+            return _write_team(out, building, config, team, watch, about)
 
 
-def _write_files(
+def _write_robot(
     out: Path,
-    plan: FloorPlan,
     building: Building,
-    config: EpisodeConfig,
     log: EpisodeLog,
-    watch: Stopwatch,
-    steps: EpisodeWriter,
     estimate: MapEstimate,
-) -> dict[str, Any]:
-    """Write all files but the video, and return the result: times are under `timing`, the rest depends on the seed."""
+    about: dict[str, Any],
+    steps: EpisodeWriter,
+) -> None:
+    """Write the files of one robot: trajectories, steps and map."""
     from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
 
+    log.save_trajectories(out)
+    row = {"plan": about["plan"], "policy": about["goal"], "seed": about["seed"], **plain(log.result())}
+    seconds = {stage: round(value, 3) for stage, value in log.seconds.items()}
+    head = Head(row=row, seeks_target=log.seeks_target, timing=plain(seconds))
+    write_whole(out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times()))
+    write_ros(built_plan(estimate, about["plan"]), out / "map.yaml")
+    plot_episode(out / "map.png", building, log, estimate)
+
+
+def _write_team(
+    out: Path,
+    building: Building,
+    config: EpisodeConfig,
+    team: TeamLog,
+    watch: Stopwatch,
+    about: dict[str, Any],
+) -> dict[str, Any]:
+    """Write the result, and return it: times are under `timing`, the rest depends on the seed."""
+    from robosim.drawing.plots import plot_team
+
     loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
-    goal, scores = part_name(config.goal), log.result()
-    seconds = {stage: round(value, 3) for stage, value in watch.seconds.items()}
-    with noted_interrupt("writing the files"):
-        log.save_trajectories(out)
-        result: dict[str, Any] = {
-            "plan": plan.name,
-            "goal": goal,
-            "seed": config.seed,
-            "seeks_target": log.seeks_target,
-            **scores,
-            "walls": len(building.walls_2d),
-            "config": to_dict(config),
-            "versions": {name: package_version(name) for name in ("robosim", "mujoco", "numpy")},
-            "timing": {
-                "seconds": seconds,
-                "decisions_per_s": log.steps / loop if loop else 0.0,
-                "decisions_per_s_with_video": log.steps / (loop + watch.seconds["video"]) if loop else 0.0,
-            },
-        }
-        row = {"plan": plan.name, "policy": goal, "seed": config.seed, **plain(scores)}
-        head = Head(row=row, seeks_target=log.seeks_target, timing=plain(seconds))
-        write_whole(
-            out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times())
-        )
-        write_ros(built_plan(estimate, plan.name), out / "map.yaml")
-        plot_episode(out / "map.png", building, log, estimate)
-        write_json(out / "result.json", plain(result))  # the last: it shows that all files are there
+    steps = sum(log.steps for log in team.robots.values())
+    result: dict[str, Any] = {
+        **about,
+        "seeks_target": team.first.seeks_target,
+        **team.result(),
+        "walls": len(building.walls_2d),
+        "config": to_dict(config),
+        "versions": {name: package_version(name) for name in ("robosim", "mujoco", "numpy")},
+        "timing": {
+            "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},
+            "decisions_per_s": steps / loop if loop else 0.0,
+            "decisions_per_s_with_video": steps / (loop + watch.seconds["video"]) if loop else 0.0,
+        },
+    }
+    if len(team.robots) > 1:
+        plot_team(out / "map.png", building, team)
+        for name, log in team.robots.items():
+            write_json(out / name / "result.json", plain({**about, **log.result()}))
+    write_json(out / "result.json", plain(result))  # the last: it shows that all files are there
     return plain(result)
 
 

@@ -13,10 +13,11 @@ from jaxtyping import Float
 
 from robosim.layers import Belief, Layer, layer_of_belief, layer_of_map
 from robosim.policies.estimates import Estimates
-from robosim.policies.reason import Reason, decisions_along
+from robosim.policies.reason import IDLE, Reason, decisions_along
 from robosim.robot.motion import Motion
 from robosim.simulator import Observation
-from slam.actions import Command
+from slam.actions import Action, Command
+from slam.grid import MapEstimate
 from slam.poses import wrap
 from wireless.paths import LinkState, Paths
 
@@ -37,6 +38,17 @@ class Decision:
     """Map, pose and link that it was decided by."""
     belief: Belief | None = None
     """Where the policy believes the target to be; None if it has no such belief."""
+
+
+def idle(estimate: MapEstimate) -> Decision:
+    """The decision of a robot with nothing left to do: it waits where it is."""
+    return Decision(
+        goal=estimate.pose[:2],
+        reason=IDLE,
+        path=np.zeros((0, 2)),
+        command=Action.WAIT,
+        estimates=Estimates(estimate),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

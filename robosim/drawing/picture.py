@@ -188,6 +188,10 @@ class Picture:
         """Width and height [pixels]."""
         return HEIGHT + len(self._palettes) * self._view.width + LEGEND, HEIGHT + _STRIP
 
+    def add(self, robot: str, step: Step) -> UInt8[np.ndarray, "height width 3"]:
+        """The picture of a step of the robot, of which there is one."""
+        return self.draw(step)
+
     def draw(self, step: Step) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of a step; trajectories and time lines grow by one point per call.
 

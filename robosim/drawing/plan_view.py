@@ -186,12 +186,20 @@ class PlanView:
             )
             cv2.line(canvas, self._pixel(at), self._pixel(nose), OBSTACLE_BLACK, 1, cv2.LINE_AA)
 
+    def draw_dot(self, canvas: np.ndarray, at: Float[np.ndarray, "2"], colour: Colour) -> None:
+        """Mark a robot of a team [m]."""
+        cv2.circle(canvas, self._pixel(at), 5, colour, -1, cv2.LINE_AA)
+
+    def draw_scale(self, canvas: np.ndarray) -> None:
+        """Draw the scale."""
+        draw_scale(canvas, self._px_per_m)
+
     def draw_robot(self, canvas: np.ndarray, pose: Float[np.ndarray, "3"], title: str = "") -> None:
         """Draw the robot at its true pose, the scale, and a title."""
         nose = pose[:2] + 0.3 * np.array([np.cos(pose[2]), np.sin(pose[2])])
         cv2.circle(canvas, self._pixel(pose[:2]), 4, TRUE_GREEN, -1, cv2.LINE_AA)
         cv2.line(canvas, self._pixel(pose[:2]), self._pixel(nose), TRUE_GREEN, 2, cv2.LINE_AA)
-        draw_scale(canvas, self._px_per_m)
+        self.draw_scale(canvas)
         write(canvas, title, (8, 16), TITLE_SIZE)
 
     def _resampled(self, grid: np.ndarray, frame: GridFrame, interpolation: int) -> np.ndarray:

@@ -23,8 +23,9 @@ from robosim.logs.trajectory_scores import align_trajectory
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import Runs
 from robosim.support.axes import axes_in_metres
-from robosim.support.colours import FURNISHING, WALL
+from robosim.support.colours import FURNISHING, ROBOTS, TARGET, WALL, css
 from robosim.support.figures import save_figure
+from robosim.team.team_log import TeamLog
 from slam.grid import MapEstimate
 from wireless.support.counting import counted
 
@@ -117,6 +118,29 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
         f"{building.plan.name}: {log.ended} after {counted(log.steps, 'step')}, {result['path_length_m']:.1f} m"
         f"{shortest}, {100 * result['coverage']:.0f} % seen, pose error "
         f"{100 * result['position_error_rms_m']:.0f} cm RMS",
+        fontsize=9,
+        parse_math=False,  # names may have dollars in them
+    )
+    save_figure(figure, path)
+
+
+def plot_team(path: Path, building: Building, log: TeamLog) -> None:
+    """Draw plan, the map of the first robot to arrive, and the true trajectories of all, each in its colour."""
+    figure, axes = plan_axes(building)
+    log.maps[log.first.robot].plot(axes, robot=False)
+    building.draw_walls(axes)
+    for k, (name, robot) in enumerate(log.robots.items()):
+        track, colour = np.array(robot.poses)[:, :2], css(ROBOTS[k % len(ROBOTS)])
+        axes.plot(*track.T, color=colour, lw=1.6, label=f"{name}: {robot.ended}")
+        axes.plot(*track[0], "o", color=colour)
+    if log.first.seeks_target:
+        axes.plot(*log.first.task.target, "*", color=TARGET, ms=13, label="target")
+    explain(axes, [*wall_keys(bool(building.furnishings)), *map_keys()], "the team's map, and the truth")
+    result = log.result()
+    axes.set_title(
+        f"{building.plan.name}: {log.first.ended} after {counted(log.first.steps, 'step')} of "
+        f"{counted(len(log.robots), 'robot')}, {100 * result['coverage']:.0f} % seen, "
+        f"{100 * result['overlap']:.0f} % of it by several",
         fontsize=9,
         parse_math=False,  # names may have dollars in them
     )

@@ -22,9 +22,8 @@ from rich.text import Text
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.reach import Reach, reach
 from robosim.drawing.plan_view import building_rings
-from robosim.episode import run_episode
+from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
-from robosim.episode_log import EpisodeLog
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
@@ -36,6 +35,8 @@ from robosim.support.progress import unit_progress
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.support.workers import Workers
 from robosim.task.tasks import Task, make_task
+from robosim.team.entrants import make_entrants
+from robosim.team.team_log import TeamLog
 from slam.hull import Outline
 
 #: Columns that are looked at by name. All others are numbers, or null where there is none.
@@ -224,16 +225,19 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     begin = perf_counter()
     building, places = job.scene()
     task = task_of(places, job.task)
-    steps = EpisodeWriter(building_rings(building), pictures=False)
-    log, estimate = run_episode(building, places, task, job.config, lambda _, step: steps.add(step), watch)
+    entrants = make_entrants(building, places, task, job.config)
+    steps = {name: EpisodeWriter(building_rings(building), pictures=False) for name in entrants}
+    team = run_team(building, entrants, lambda log, step: steps[log.robot].add(step), watch)
+    log = team.first
     if log.ended in ("interrupted", "terminated"):
         raise KeyboardInterrupt
     seconds = perf_counter() - begin
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
     timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
-    row = _row(job, log, building)
+    row = _row(job, team, building)
     head = Head(row=row, seeks_target=log.seeks_target, timing=timing, made_by=job.made_by)
-    return steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times())
+    end = log.poses[-1], log.coverage[-1], team.maps[log.robot], log.times()
+    return steps[log.robot].content(head, *end)
 
 
 def draw_plan(
@@ -268,12 +272,13 @@ def task_of(places: Reach, task: SuiteTask) -> Task:
         raise MapError(f"task {task.number} of {task.plan}: {error}") from error
 
 
-def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
+def _row(job: Job, team: TeamLog, building: Building) -> dict[str, Any]:
     """Identity and scores; all values of the log's result are included."""
-    robot = job.config.simulator.robot
+    log, robot = team.first, job.config.simulator.robot
+    coverage = team.coverage or log.coverage
     walls, poses = building.floor(robot.height_m).boundary, np.array(log.poses)
     clearance = shapely.distance(shapely.points(poses[:, :2]), walls)
-    seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
+    seen = {f"coverage_{n}": coverage[min(n, len(coverage) - 1)] for n in MILESTONES}
     deepest = max(0.0, robot.hull.radius_m - float(clearance.min()))
     if robot.outline_m:
         hull = robot.hull
@@ -282,7 +287,7 @@ def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
     return {
         **job.identity,
         "seed": job.config.seed,
-        **plain(log.result()),
+        **plain(team.result()),
         **seen,
         "deepest_by_distance_m": deepest,
     }

@@ -50,6 +50,7 @@ KNOWN = Reason(kind=GoalKind.KNOWN, because="the policy is given the place of th
 SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
 ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
+IDLE = Reason(kind=GoalKind.OTHER, because="nothing is left to do")
 GIVES_WAY = Reason(kind=GoalKind.AWAY, because="another robot is to pass")
 UNKNOWN_REASON = Reason(kind=GoalKind.OTHER)
 #: Reason of an earlier goal that the loop detector (`slam.planning.loop_detector`) returns.

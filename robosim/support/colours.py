@@ -30,6 +30,17 @@ STATE_COLOURS: dict[int, Colour] = {
     LinkCategory.FIRST_ORDER: (86, 180, 233),
     LinkCategory.HIGHER_ORDER: (230, 159, 0),
 }
+#: Colours of the robots of a team, in their order: those of Okabe and Ito (2008), without that of walls.
+ROBOTS: tuple[Colour, ...] = (
+    (0, 158, 115),
+    (213, 94, 0),
+    (0, 114, 178),
+    (204, 121, 167),
+    (230, 159, 0),
+    (91, 25, 102),
+    (20, 20, 20),
+    (140, 109, 70),
+)
 
 
 def css(colour: Colour) -> str:

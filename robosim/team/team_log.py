@@ -41,14 +41,20 @@ class TeamLog:
         return next((log for log in logs if log.arrived_at is not None), logs[0])
 
     def result(self) -> dict[str, Any]:
-        """Scores of the robot that arrived first, of the team, and of each robot."""
+        """Scores of the robot that arrived first, or of the only one; with others also those of the team."""
+        first = self.first.result()
+        if len(self.robots) == 1:
+            return first
+        logs = self.robots.values()
         return {
-            **self.first.result(),
+            **first,
             "coverage": self.coverage[-1],
-            "robots": {name: log.result() for name, log in self.robots.items()},
+            "robots": len(logs),
+            "path_length_all_m": sum(log.result()["path_length_m"] for log in logs),
+            "collisions": sum(motion.collided for log in logs for motion in log.motions),
             "overlap": self.overlap[-1],
             "contacts_between_robots": sum(
-                contact.by_robot for log in self.robots.values() for contact in log.contacts or ()
+                contact.by_robot for log in logs for contact in log.contacts or ()
             ),
-            "sent_bytes": dict(self.sent_bytes),
+            "sent_bytes": sum(self.sent_bytes.values()),
         }

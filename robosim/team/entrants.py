@@ -1,0 +1,80 @@
+"""What the robots of a team begin with: they start close together, as robots that are switched on at a door."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.building.building import Building
+from robosim.building.reach import Reach, reach
+from robosim.episode import Entrant
+from robosim.episode_config import EpisodeConfig
+from robosim.parts import ROBOT as ROBOT_PART
+from robosim.plans.floorplan import MapError
+from robosim.task.tasks import ARRIVAL_M, Task
+from robosim.world import ROBOT
+
+#: Space between the hulls of two robots at their starts [m].
+_GAP_M = 0.3
+
+
+def make_entrants(building: Building, places: Reach, task: Task, config: EpisodeConfig) -> dict[str, Entrant]:
+    """The robots of a configuration by name, each with its own task.
+
+    Args:
+        building: Where.
+        places: What the hull of the configuration's robot can reach there.
+        task: Of the first robot; the others start near it, and have the same target.
+        config: How, with the team.
+
+    Raises:
+        MapError: If there is no room for all robots at the start.
+        ValueError: If there is no robot of a name.
+    """
+    team = config.team
+    if team.size == 1:
+        return {ROBOT: Entrant(task, config, places)}
+    configs = [config] * team.size
+    if team.models:
+        configs = [config.of_robot(ROBOT_PART.make(model, field="robots")) for model in team.models]
+    reaches = {config.simulator.robot.hull_m: places}
+    for hull_m in {config.simulator.robot.hull_m for config in configs} - set(reaches):
+        reaches[hull_m] = reach(building, *hull_m)
+    by_robot = [reaches[config.simulator.robot.hull_m] for config in configs]
+    starts = starts_near(task.start, by_robot)
+    return {
+        name: Entrant(_task_at(start, task, places), config, places)
+        for name, start, config, places in zip(team.names, starts, configs, by_robot, strict=True)
+    }
+
+
+def starts_near(start: Float[np.ndarray, "3"], reaches: Sequence[Reach]) -> list[Float[np.ndarray, "3"]]:
+    """Starts of several robots: that of the first, and the nearest places with room for the hulls of the others.
+
+    Raises:
+        MapError: If there is no room for so many.
+    """
+    starts = [start]
+    for places in reaches[1:]:
+        travel_m = places.travel_m(start[:2])
+        is_free = np.isfinite(travel_m) & places.roomy
+        for other, room in zip(starts, reaches, strict=False):
+            apart_m = np.hypot(*(places.plan.centres(is_free) - other[:2]).T)
+            is_free[is_free] = apart_m >= places.hull.turning_m + room.hull.turning_m + _GAP_M
+        if not is_free.any():
+            raise MapError(
+                f"{places.plan.name}: there is room for {len(starts)} of {len(reaches)} robots at the start "
+                f"({start[0]:g}, {start[1]:g}) m. Take fewer robots."
+            )
+        place = places.plan.centres(is_free)[travel_m[is_free].argmin()]
+        starts.append(np.array([*place, start[2]]))
+    return starts
+
+
+def _task_at(start: Float[np.ndarray, "3"], task: Task, places: Reach) -> Task:
+    """The task from another start."""
+    if start is task.start:
+        return task
+    shortest_m = places.remaining_m(places.travel_m(task.target), start[:2]) - ARRIVAL_M
+    return replace(task, start=start, shortest_m=max(shortest_m, 0.0))
