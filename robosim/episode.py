@@ -9,13 +9,13 @@ episodes have one robot; those of a team tell each other what they know, as far 
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from signal import SIGINT, SIGTERM
-from typing import NamedTuple
 
 import numpy as np
 
 from robosim.agent import Agent, make_agent
 from robosim.building.building import Building
 from robosim.building.reach import Reach
+from robosim.entrants import Entrant
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.judge import Judge
@@ -34,17 +34,6 @@ from slam.grid import MapEstimate
 #: Called at each step after the command is chosen and before it is done. If it returns a command, that one is done
 #: instead: this is how a person drives.
 Observer = Callable[[EpisodeLog, Step], Command | None]
-
-
-class Entrant(NamedTuple):
-    """What one robot of an episode begins with."""
-
-    task: Task
-    """From where to where."""
-    config: EpisodeConfig
-    """How it searches."""
-    reach: Reach
-    """What its hull can reach; coverage is counted over it."""
 
 
 def run_episode(
@@ -91,7 +80,9 @@ def run_team(
         uses_camera=any(agent.policy.uses_camera for agent in agents.values()),
     )
     searches = {name: _Search(name, entrants[name], agents[name], world, watch) for name in entrants}
-    team = Team(first.team, agents, world)
+    team = Team(first.team, world.robots)
+    for name, member in team.members.items():
+        agents[name].member = member
     log = TeamLog({name: search.log for name, search in searches.items()})
     with closing(world), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
         rng = np.random.default_rng([first.seed, 1])

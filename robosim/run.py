@@ -17,6 +17,7 @@ from robosim.building.reach import Reach, reach
 from robosim.drawing.picture import Picture, status_line
 from robosim.drawing.plan_view import building_rings
 from robosim.drawing.team_picture import TeamPicture
+from robosim.entrants import make_entrants
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
@@ -34,7 +35,6 @@ from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.task.tasks import Anchor, make_task, with_anchors
-from robosim.team.entrants import make_entrants
 from robosim.team.team_log import TeamLog
 from slam.grid import MapEstimate
 

@@ -20,6 +20,7 @@ from robosim.camera.model import Camera, CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import Recogniser, target_mesh
 from robosim.lidar import Lidar
+from robosim.movers.mover import Body
 from robosim.movers.movers import MoversConfig, make_movers
 from robosim.movers.teammates import Teammates
 from robosim.parts import (
@@ -164,7 +165,12 @@ class Simulator:
 
     def _meet(self, others: Sequence[RobotConfig]) -> None:
         """Make the movers, among them other robots."""
-        self.teammates = Teammates(others)
+        self.teammates = Teammates(
+            [
+                Body(radius_m=robot.hull.turning_m, height_m=robot.height_m, look="cylinder")
+                for robot in others
+            ]
+        )
         """The other robots in the building."""
         groups = [self.teammates] if others else []
         radius_m = self.config.robot.hull.turning_m

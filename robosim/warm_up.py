@@ -103,13 +103,14 @@ def _search(config: "EpisodeConfig") -> None:
     """Search for three steps in two rooms."""
     from robosim.building.building import make_building
     from robosim.building.reach import reach
-    from robosim.episode import run_episode
+    from robosim.entrants import make_entrants
+    from robosim.episode import run_team
     from robosim.task.tasks import make_task
 
     building = make_building(_two_rooms())
     places = reach(building, *config.simulator.robot.hull_m)
     task = make_task(places, np.random.default_rng(0))
-    run_episode(building, places, task, replace(config, max_steps=3))
+    run_team(building, make_entrants(building, places, task, replace(config, max_steps=3)))
 
 
 def _search_otherwise() -> None:
@@ -119,6 +120,7 @@ def _search_otherwise() -> None:
     from robosim.movers.movers import MoversConfig
     from robosim.robot.named import JACKAL, TURTLEBOT4
     from robosim.robot.robots import RobotConfig
+    from robosim.team.team_config import TeamConfig
 
     default = EpisodeConfig()
     scanning = RobotConfig(lidar="rplidar-a1", depth_noise=DepthNoise(level=1.0))
@@ -134,6 +136,7 @@ def _search_otherwise() -> None:
     )
     _search(replace(default, simulator=tabled, goal="fused"))
     _search(replace(default, goal="shortest"))
+    _search(replace(default, simulator=blind, mapper="classical", team=TeamConfig(robots="2")))
     for camera in ("plan", "embree"):
         flat = replace(default.simulator, camera=camera, physics="kinematic")
         _search(replace(default, simulator=flat, controller="velocity", goal="explore"))

@@ -22,6 +22,7 @@ from rich.text import Text
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.reach import Reach, reach
 from robosim.drawing.plan_view import building_rings
+from robosim.entrants import make_entrants
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
@@ -35,7 +36,6 @@ from robosim.support.progress import unit_progress
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.support.workers import Workers
 from robosim.task.tasks import Task, make_task
-from robosim.team.entrants import make_entrants
 from robosim.team.team_log import TeamLog
 from slam.hull import Outline
 

@@ -1,22 +1,19 @@
 """The other robots of a world, as one of them meets them: upright cylinders that stop it, and that its sensors see."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.movers.mover import Body, Surroundings
-from robosim.robot.robots import RobotConfig
 
 
 class Teammates:
     """Robots that stand where the world has put them (`robosim.movers.mover.Mover`)."""
 
-    def __init__(self, robots: Iterable[RobotConfig]) -> None:
-        self.bodies = [
-            Body(radius_m=robot.hull.turning_m, height_m=robot.height_m, look="cylinder") for robot in robots
-        ]
-        self._at = np.full((len(self.bodies), 3), np.nan)
+    def __init__(self, bodies: Sequence[Body]) -> None:
+        self.bodies = bodies
+        self._at = np.full((len(bodies), 3), np.nan)
 
     def place(self, poses: Float[np.ndarray, "n 3"]) -> None:
         """Put them at poses x [m], y [m], yaw [rad] in `map`."""

@@ -7,7 +7,8 @@ from time import perf_counter
 
 #: The stages that make up one decision of an episode; building scenes and drawing videos come on top.
 LOOP_STAGES = (
-    "physics", "camera", "noise", "lidar", "radio", "recognition", "mapper", "link state", "goal", "planner", "judging",
+    "physics", "camera", "noise", "lidar", "radio", "recognition", "mapper", "link state", "team", "goal", "planner",
+    "judging",
 )  # fmt: skip
 
 

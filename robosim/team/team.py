@@ -2,28 +2,27 @@
 
 from collections.abc import Mapping
 
-from robosim.agent import Agent
+from robosim.simulator import Simulator
 from robosim.team.exchange import Exchange
 from robosim.team.member import Member
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_radio import TeamRadio
-from robosim.world import World
 
 
 class Team:
     """The robots of an episode, in the order in which they decide; a single one tells nobody anything."""
 
-    def __init__(self, config: TeamConfig, agents: Mapping[str, Agent], world: World) -> None:
-        """Make a member of each robot, known to its agent."""
+    def __init__(self, config: TeamConfig, robots: Mapping[str, Simulator]) -> None:
+        """Make the members, for the robots' agents."""
         self._config, self._decision = config, -1
-        self._going = list(agents)
-        members = {}
-        if len(agents) > 1:
-            for order, (name, agent) in enumerate(agents.items()):
-                hull = world.robots[name].config.robot.hull
-                members[name] = agent.member = Member(name, order, hull, config.every)
-        radio = TeamRadio(world.robots) if config.exchange == "radio" and members else None
-        self.exchange = Exchange(config, members, radio)
+        self._going = list(robots)
+        self.members: dict[str, Member] = {}
+        """Members by name; none of a single robot."""
+        if len(robots) > 1:
+            for order, (name, robot) in enumerate(robots.items()):
+                self.members[name] = Member(name, order, robot.config.robot.hull, config.every)
+        radio = TeamRadio(robots) if config.exchange == "radio" and self.members else None
+        self.exchange = Exchange(config, self.members, radio)
 
     def next_decision(self) -> list[str]:
         """Begin the next decision; names of the robots that take it, without those that were lost."""

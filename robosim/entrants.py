@@ -1,14 +1,14 @@
-"""What the robots of a team begin with: they start close together, as robots that are switched on at a door."""
+"""What the robots of an episode begin with; those of a team start close together, as if switched on at a door."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach, reach
-from robosim.episode import Entrant
 from robosim.episode_config import EpisodeConfig
 from robosim.parts import ROBOT as ROBOT_PART
 from robosim.plans.floorplan import MapError
@@ -17,6 +17,17 @@ from robosim.world import ROBOT
 
 #: Space between the hulls of two robots at their starts [m].
 _GAP_M = 0.3
+
+
+class Entrant(NamedTuple):
+    """What one robot of an episode begins with."""
+
+    task: Task
+    """From where to where."""
+    config: EpisodeConfig
+    """How it searches."""
+    reach: Reach
+    """What its hull can reach; coverage is counted over it."""
 
 
 def make_entrants(building: Building, places: Reach, task: Task, config: EpisodeConfig) -> dict[str, Entrant]:
