@@ -81,7 +81,8 @@ class World:
         """Put each robot at the start of its task, and the target in its place; all noise depends on the generator."""
         alone = len(self.robots) == 1
         for name, robot in self.robots.items():
-            robot.teammates.place(np.array([tasks[other].start for other in self.robots if other != name]))
+            others = [tasks[other].start for other in self.robots if other != name]
+            robot.teammates.place(np.reshape(others, (-1, 3)))
         return {
             name: robot.reset(tasks[name], rng if alone else named_generator(rng, name))
             for name, robot in self.robots.items()

@@ -28,7 +28,7 @@ class Exchange:
         self._config, self._members, self._radio = config, members, radio
         pairs = combinations(members, 2)
         self._bytes_left = dict.fromkeys(pairs, math.inf if config.exchange == "perfect" else 0.0)
-        self._subjects = SUBJECTS
+        self._subjects: tuple[str, ...] = SUBJECTS
         self.sent_bytes = dict.fromkeys(members, 0)
         """Bytes that each robot has sent."""
 

@@ -30,9 +30,9 @@ class TeamLog:
         """Add what the robots have seen so far."""
         seen = np.sum([coverage.seen for coverage in coverages], axis=0, dtype=np.uint8)
         region = next(iter(coverages)).region
-        together = np.count_nonzero(seen)
-        self.coverage.append(together / max(np.count_nonzero(region), 1))
-        self.overlap.append(np.count_nonzero(seen > 1) / max(together, 1))
+        reachable, together, twice = (int(np.count_nonzero(cells)) for cells in (region, seen, seen > 1))
+        self.coverage.append(together / max(reachable, 1))
+        self.overlap.append(twice / max(together, 1))
 
     @property
     def first(self) -> EpisodeLog:

@@ -1,0 +1,71 @@
+"""Giving way to another robot."""
+
+import numpy as np
+
+from robosim.team.giving_way import GivingWay, turn_along
+from slam.actions import Action
+from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
+
+_HULL = Hull(radius_m=0.1)
+
+
+def _corridor(pose: tuple[float, float, float]) -> MapEstimate:
+    """A room of 4 m with a corridor of 0.5 m to its right, with the robot in it."""
+    probability = np.full((80, 160), 0.95, np.float32)
+    probability[2:78, 2:80] = 0.05
+    probability[35:45, 80:158] = 0.05
+    return MapEstimate(
+        frame=GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.05, shape=probability.shape),
+        obstacle_probability=probability,
+        explored=np.ones(probability.shape, bool),
+        blocked=np.zeros(probability.shape, bool),
+        pose=np.array(pose),
+    )
+
+
+#: Path of a robot that comes along the corridor, and goes to the left end of the room.
+_PATH = np.array([[5.4, 2.0], [1.0, 2.0]])
+
+
+def _place(giving_way: GivingWay, waited: int, path: np.ndarray = _PATH, another: bool = False) -> np.ndarray | None:
+    estimate = _corridor((4.9, 2.0, 0.0))
+    return giving_way.place(waited, estimate, [(path, 0.1)], another=another, hears=True)
+
+
+def test_giving_way_goes_to_a_place_beside_the_path() -> None:
+    place = _place(GivingWay(0, _HULL), 3)
+    assert place is not None
+    assert place[0] < 4.0  # out of the corridor
+    assert abs(place[1] - 2.0) >= 0.2 + 0.3
+
+
+def test_giving_way_waits_first_and_later_robots_longer() -> None:
+    assert _place(GivingWay(0, _HULL), 2) is None
+    assert _place(GivingWay(1, _HULL), 3) is None
+    assert _place(GivingWay(1, _HULL), 8) is not None
+
+
+def test_giving_way_is_left_to_another() -> None:
+    assert _place(GivingWay(0, _HULL), 9, another=True) is None
+
+
+def test_giving_way_ends_once_the_other_has_passed() -> None:
+    giving_way = GivingWay(0, _HULL)
+    assert _place(giving_way, 3) is not None
+    assert _place(giving_way, 0) is not None
+    assert _place(giving_way, 0, path=np.array([[1.2, 2.0], [1.0, 2.0]])) is None
+
+
+def test_giving_way_ends_after_a_while() -> None:
+    giving_way = GivingWay(0, _HULL)
+    places = [_place(giving_way, 3 if k == 0 else 0) for k in range(40)]
+    assert places[0] is not None and places[-1] is None
+
+
+def test_turn_along_turns_to_the_nearer_side() -> None:
+    pose = np.array([0.0, 0.0, 0.0])
+    assert turn_along(pose, np.array([[0.0, 0.0], [0.0, 1.0]])) is Action.LEFT
+    assert turn_along(pose, np.array([[0.0, 0.0], [0.0, -1.0]])) is Action.RIGHT
+    assert turn_along(pose, np.array([[0.0, 0.0], [1.0, 0.0]])) is Action.WAIT
+    assert turn_along(pose, np.array([[0.0, 0.0]])) is Action.WAIT

@@ -1,0 +1,92 @@
+"""Maps that robots of a team share."""
+
+import numpy as np
+import pytest
+
+from robosim.team.shared_map import TILE, SharedMap, TileChanges
+from slam.grid import GridFrame, MapEstimate
+
+
+def _map(
+    origin: tuple[float, float], shape: tuple[int, int], seen: tuple[slice, slice], wall_row: int | None = None
+) -> MapEstimate:
+    """A map with floor in a window, and a wall in one row of it."""
+    probability, explored = np.full(shape, 0.5, np.float32), np.zeros(shape, bool)
+    probability[seen], explored[seen] = 0.1, True
+    if wall_row is not None:
+        probability[wall_row, seen[1]] = 0.9
+    return MapEstimate(
+        frame=GridFrame(origin_xy=origin, resolution_m=0.05, shape=shape),
+        obstacle_probability=probability,
+        explored=explored,
+        blocked=np.zeros(shape, bool),
+        pose=np.array([origin[0] + 1.0, origin[1] + 1.0, 0.0]),
+        surface_offset_m=np.zeros((*shape, 2), np.float32),
+        anticipated_probability=probability.copy(),
+    )
+
+
+def _tell(other: MapEstimate, own: MapEstimate, shared: SharedMap) -> None:
+    for _, tile in TileChanges().of(other):
+        shared.add("other", tile, own)
+
+
+def test_merge_nothing_heard_is_own_map() -> None:
+    own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
+    assert SharedMap().merge(own) is own
+
+
+def test_merge_continues_own_map_beyond_its_frame() -> None:
+    own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
+    other = _map((5.0, -4.0), (100, 120), np.s_[20:90, 5:100], wall_row=40)
+    shared = SharedMap()
+    _tell(other, own, shared)
+    merged = shared.merge(own)
+    assert merged.explored.sum() == own.explored.sum() + other.explored.sum()
+    row, column = (int(v) for v in merged.frame.index(np.array([5.0 + 50.5 * 0.05, -4.0 + 40.5 * 0.05])))
+    assert merged.obstacle_probability[row, column] == pytest.approx(0.9, abs=0.005)
+    assert merged.obstacle[row, column] and not merged.obstacle[row - 1, column]
+    assert merged.anticipated_probability is not None
+    assert merged.anticipated_probability[row, column] > 0.5
+
+
+def test_merge_own_sight_counts_where_both_have_seen() -> None:
+    own = _map((0.0, 0.0), (80, 80), np.s_[10:50, 10:50])
+    other = _map((0.0, 0.0), (80, 80), np.s_[10:70, 10:70], wall_row=20)
+    shared = SharedMap()
+    _tell(other, own, shared)
+    merged = shared.merge(own)
+    at = tuple(int(v) for v in merged.frame.index(np.array([20.5 * 0.05, 20.5 * 0.05])))
+    beyond = tuple(int(v) for v in merged.frame.index(np.array([60.5 * 0.05, 20.5 * 0.05])))
+    assert merged.obstacle_probability[at] == pytest.approx(0.1)
+    assert merged.obstacle_probability[beyond] == pytest.approx(0.9, abs=0.005)
+
+
+def test_merge_follows_own_map_around_the_robot() -> None:
+    own = _map((0.0, 0.0), (80, 80), np.s_[10:20, 10:20])
+    other = _map((3.0, 3.0), (60, 60), np.s_[10:50, 10:50])
+    shared = SharedMap()
+    _tell(other, own, shared)
+    before = shared.merge(own).explored.sum()
+    own.explored[10:30, 10:30] = True
+    assert shared.merge(own).explored.sum() == before + 300
+
+
+def test_merge_places_lattices_to_half_a_cell() -> None:
+    own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
+    other = _map((4.02, 1.0), (60, 60), np.s_[10:30, 10:30])
+    shared = SharedMap()
+    _tell(other, own, shared)
+    merged = shared.merge(own)
+    told = merged.frame.centres(merged.explored)
+    assert told[:, 0].max() == pytest.approx(4.02 + 29.5 * 0.05, abs=0.0251)
+
+
+def test_changes_are_told_once() -> None:
+    own, changes = _map((-1.0, 2.0), (200, 200), np.s_[5:150, 5:150]), TileChanges()
+    first = dict(changes.of(own))
+    assert len(first) > 4
+    assert all(max(tile.codes.shape) <= TILE for tile in first.values())
+    assert not dict(changes.of(own))
+    own.obstacle_probability[30, 30] = 0.9
+    assert len(dict(changes.of(own))) == 1

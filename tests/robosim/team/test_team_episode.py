@@ -1,0 +1,167 @@
+"""Episodes of several robots."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robosim.building.building import Building, make_building
+from robosim.building.reach import Reach, reach
+from robosim.entrants import make_entrants, starts_near
+from robosim.episode import run_episode, run_team
+from robosim.episode_config import EpisodeConfig
+from robosim.episode_log import EpisodeLog
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from robosim.step import Step
+from robosim.task.tasks import Task
+from robosim.team.team_config import TeamConfig
+from robosim.team.team_log import TeamLog
+
+_CONFIG = EpisodeConfig(
+    goal="explore",
+    explorer="gain",
+    mapper="classical",
+    max_steps=40,
+    seed=3,
+    simulator=SimulatorConfig(physics="kinematic", camera="plan"),
+    team=TeamConfig(robots="2", exchange="perfect"),
+)
+
+
+def _plan() -> FloorPlan:
+    """Three rooms in a row with doors of 0.9 m."""
+    occupancy = np.full((84, 244), OCCUPIED, np.uint8)
+    for left in (2, 82, 162):
+        occupancy[2:82, left : left + 78] = FREE
+    occupancy[32:50, 60:180] = FREE
+    return FloorPlan(occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="rooms")
+
+
+@pytest.fixture(scope="module")
+def scene() -> tuple[Building, Reach]:
+    building = make_building(_plan())
+    return building, reach(building, *_CONFIG.simulator.robot.hull_m)
+
+
+def _task(start: tuple[float, float, float], target: tuple[float, float]) -> Task:
+    return Task(np.array(start), np.array(target), 1.0)
+
+
+_TASK = _task((6.0, 2.0, 0.0), (11.0, 1.0))
+
+
+def _run(scene: tuple[Building, Reach], config: EpisodeConfig, task: Task = _TASK) -> TeamLog:
+    building, places = scene
+    return run_team(building, make_entrants(building, places, task, config))
+
+
+def _poses(team: TeamLog) -> dict[str, np.ndarray]:
+    return {name: np.array(log.poses) for name, log in team.robots.items()}
+
+
+def test_team_same_seed_same_poses(scene) -> None:
+    one, other = (_poses(_run(scene, _CONFIG)) for _ in range(2))
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    different = _poses(_run(scene, replace(_CONFIG, seed=4)))
+    assert not np.array_equal(one["robot1"], different["robot1"])
+
+
+def test_team_sees_more_than_each_robot(scene) -> None:
+    team = _run(scene, _CONFIG)
+    assert team.coverage[-1] > max(log.coverage[-1] for log in team.robots.values())
+    # Both know what each has seen.
+    known = [np.count_nonzero(estimate.explored) for estimate in team.maps.values()]
+    assert min(known) > 0.9 * max(known)
+
+
+def test_team_without_exchange_knows_nothing_of_the_others(scene) -> None:
+    alone = replace(_CONFIG, team=TeamConfig(robots="2", exchange="none"))
+    team = _run(scene, alone)
+    assert sum(team.sent_bytes.values()) == 0
+    seen_m2 = np.count_nonzero(team.maps["robot1"].explored) * 0.05**2
+    together_m2 = team.coverage[-1] * np.count_nonzero(scene[1].floor) * 0.05**2
+    assert seen_m2 < together_m2
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "dynamic"])
+def test_team_robots_do_not_pass_through_each_other(scene, physics: str) -> None:
+    simulator = replace(_CONFIG.simulator, physics=physics)
+    config = replace(_CONFIG, simulator=simulator, goal="oracle", max_steps=30)
+    # Both want to the same place.
+    team = _run(scene, config, _task((2.0, 2.0, 0.0), (6.0, 2.0)))
+    a, b = (poses[:, :2] for poses in _poses(team).values())
+    n = min(len(a), len(b))
+    assert np.hypot(*(a[:n] - b[:n]).T).min() > 2 * config.simulator.robot.hull.radius_m - 0.01
+
+
+def test_team_ends_when_the_first_robot_arrives(scene) -> None:
+    team = _run(scene, replace(_CONFIG, goal="oracle"), _task((9.0, 2.0, 0.0), (10.5, 2.0)))
+    assert team.first.arrived_at is not None
+    others = [log.ended for log in team.robots.values() if log is not team.first]
+    assert others == ["another arrived"] or others == ["arrived"]
+
+
+def test_team_lost_robot_stops_and_the_others_go_on(scene) -> None:
+    config = replace(_CONFIG, team=TeamConfig(robots="2", exchange="perfect", lose=("1@5",)))
+    team = _run(scene, config)
+    assert team.robots["robot1"].ended == "lost"
+    assert team.robots["robot1"].steps == 5
+    assert team.robots["robot2"].steps == config.max_steps
+
+
+def test_team_of_lost_robots_ends(scene) -> None:
+    config = replace(_CONFIG, team=TeamConfig(robots="2", lose=("1@5", "2@7")))
+    team = _run(scene, config)
+    assert [log.ended for log in team.robots.values()] == ["lost", "lost"]
+
+
+def test_team_of_one_is_the_episode_of_one(scene) -> None:
+    building, places = scene
+    config = replace(_CONFIG, team=TeamConfig())
+    log, _ = run_episode(building, places, _TASK, config)
+    (other,) = _run(scene, config).robots.values()
+    assert np.array_equal(log.poses, other.poses)
+
+
+def test_team_robot_is_seen_and_tracked_or_told(scene) -> None:
+    building, places = scene
+    seen: dict[str, int] = {}
+
+    def look(log: EpisodeLog, step: Step) -> None:
+        seen[log.robot] = max(seen.get(log.robot, 0), len(step.estimated.map.moving))
+        assert len(step.true.bodies) == 1
+
+    run_team(building, make_entrants(building, places, _TASK, _CONFIG), look)
+    assert seen == {"robot1": 1, "robot2": 1}
+
+
+def test_starts_near_have_room_for_unequal_hulls(scene) -> None:
+    building, places = scene
+    wide = reach(building, 0.3, 0.5)
+    starts = starts_near(_TASK.start, [places, wide, places])
+    gaps = [np.hypot(*(starts[i] - starts[k])[:2]) for i, k in ((0, 1), (1, 2), (0, 2))]
+    assert min(gaps[:2]) >= 0.1 + 0.3 + 0.3 and gaps[2] >= 0.5
+    assert all(place.part_at(start[:2]) for place, start in zip([places, wide, places], starts, strict=True))
+
+
+def test_starts_near_refuses_more_robots_than_there_is_room_for(scene) -> None:
+    occupancy = np.full((24, 24), OCCUPIED, np.uint8)
+    occupancy[2:22, 2:22] = FREE
+    plan = FloorPlan(occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="closet")
+    places = reach(make_building(plan), *_CONFIG.simulator.robot.hull_m)
+    with pytest.raises(MapError, match="there is room for"):
+        starts_near(np.array([0.6, 0.6, 0.0]), [places] * 20)
+
+
+def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
+    config = replace(_CONFIG, max_steps=8)
+    result = record_episode(_plan(), config, tmp_path, start=_TASK.start, target=_TASK.target, video=True)
+    assert result["robots"] == 2
+    assert {"result.json", "map.png", "episode.mp4"} <= {path.name for path in tmp_path.iterdir()}
+    for name in ("robot1", "robot2"):
+        folder = tmp_path / name
+        assert {"episode.npz", "map.yaml", "trajectory.tum", "estimate.tum"} <= {p.name for p in folder.iterdir()}
+        assert json.loads((folder / "result.json").read_text())["steps"] == 8
