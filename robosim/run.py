@@ -144,6 +144,9 @@ def record_episode(
             for name, folder in folders.items():
                 folder.mkdir(exist_ok=True)
                 _write_robot(folder, building, team.robots[name], team.maps[name], about, steps[name])
+                if not alone:
+                    own = {**about, **team.robots[name].result(), "config": to_dict(entrants[name].config)}
+                    write_json(folder / "result.json", plain(own))
             return _write_team(out, building, config, team, watch, about)
 
 
@@ -195,8 +198,6 @@ def _write_team(
     }
     if len(team.robots) > 1:
         plot_team(out / "map.png", building, team)
-        for name, log in team.robots.items():
-            write_json(out / name / "result.json", plain({**about, **log.result()}))
     write_json(out / "result.json", plain(result))  # the last: it shows that all files are there
     return plain(result)
 

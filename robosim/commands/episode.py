@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from signal import SIGINT, SIGTERM
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from rich.text import Text
@@ -16,6 +16,7 @@ from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import NO_OPTIONS, XY, NamedPlace, Pose, Reading, output_folder, read
 from robosim.parts import GoalPart
 from robosim.recording.bag_export import BAG, LAYOUT, export_bag, require_rosbags
+from robosim.recording.episode_file import robots_of_team
 from robosim.run import FILES, record_episode
 from robosim.support.checks import ADVANCED, check_number
 from robosim.support.installation import install_first
@@ -45,7 +46,8 @@ def episode(
 
     Writes result.json, trajectory.tum (true) and estimate.tum, the map (map.yaml, map.pgm), map.png, episode.npz,
     which `robosim replay` draws from, and episode.mp4. Ctrl-C or SIGTERM ends the episode; the same files are written
-    of the steps until then. One seed gives one result.
+    of the steps until then. One seed gives one result. With --robots 3 three robots search together, and each has a
+    folder with its files; the team's are result.json, map.png and episode.mp4.
 
     Example: robosim episode flat --goal explore --seed 3 --robot.radius-m 0.18 --out out/explore
 
@@ -99,14 +101,24 @@ def episode(
     details = (
         f" after {counted(result['steps'], 'step')} and {result['path_length_m']:.2f} m"
         f"{shortest if result['seeks_target'] else ''}, {seen}, "
-        f"{counted(result['collisions'], 'collision')}, {result['timing']['decisions_per_s']:.0f} decisions/s"
+        f"{counted(result['collisions'], 'collision')}, {_of_team(result)}"
+        f"{result['timing']['decisions_per_s']:.0f} decisions/s"
     )
     console.print(Text.assemble((result["ended"], "bold"), details))
     # An episode that ends where it starts has no video.
     names = (*FILES, *((BAG, LAYOUT) if mcap else ()))
     console.print(f"Wrote {', '.join(name for name in names if (folder / name).exists())} in {folder}")
-    true, estimated = (quote(str(folder / f"{name}.tum")) for name in ("trajectory", "estimate"))
+    first = next(iter(robots_of_team(folder)), "")
+    true, estimated = (quote(str(folder / first / f"{name}.tum")) for name in ("trajectory", "estimate"))
     console.print(f"Next: {install_first('evo')}evo_ape tum {true} {estimated}")
     for number in (SIGINT, SIGTERM):
         if result["ended"] == Interrupt(number).word:
             sys.exit(SIGNALLED + number)
+
+
+def _of_team(result: dict[str, Any]) -> str:
+    """Words about a team; none about a single robot."""
+    if "robots" not in result:
+        return ""
+    contacts = counted(result["contacts_between_robots"], "contact")
+    return f"{counted(result['robots'], 'robot')}, {contacts} between them, {result['sent_bytes'] / 1e3:.0f} kB sent, "

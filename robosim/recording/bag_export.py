@@ -29,7 +29,7 @@ from scipy.constants import speed_of_light
 
 from robosim.camera.model import CameraConfig
 from robosim.layers import FREE, GUESS, TOP_LEVEL, UNKNOWN, Layer
-from robosim.recording.episode_file import RecordedEpisode, read_episode
+from robosim.recording.episode_file import RecordedEpisode, read_episode, robots_of_team
 from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from robosim.support.files import partial_path, write_whole
@@ -42,6 +42,8 @@ from slam.sensing.laser import LaserScan
 
 #: Name of the bag, a folder with an MCAP file, and of the layout.
 BAG, LAYOUT = "episode_bag", "foxglove.json"
+#: Topics that all robots share.
+_SHARED = ("/tf", "/tf_static")
 #: Length of the arrow of a path without additional delay [m], and its thickness.
 _ARROW_M, _SHAFT_M = 0.6, 0.03
 #: An arrow of a path this much weaker than the strongest is as faint as it gets [dB], and its opacity.
@@ -53,6 +55,8 @@ _OPTICAL = (-0.5, 0.5, -0.5, 0.5)
 def export_bag(folder: Path, out: Path | None = None) -> Path:
     """Write the bag of the episode in a folder; returns the bag's folder.
 
+    Topics and frames of a team's robots, but `map`, begin with the robot's name.
+
     Raises:
         FileError: If the episode is damaged.
         ImportError: If `rosbags` is not installed.
@@ -60,25 +64,31 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
     require_rosbags()
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    episode = read_episode(folder)
+    robots = robots_of_team(folder)
+    episodes = {name: (read_episode(folder / name), _camera(folder / name)) for name in robots or [""]}
     bag = (out or folder) / BAG
     partial = partial_path(bag)
     shutil.rmtree(partial, ignore_errors=True)
-    messages = _Messages()
     with Writer(partial, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connections: dict[str, Any] = {}
-        for topic, time_s, message in messages.of(episode, episode.times, _camera(folder)):
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)
-            writer.write(connections[topic], round(1e9 * time_s), messages.store.serialize_cdr(message, kind))
+        for name, (episode, camera) in episodes.items():
+            messages = _Messages(name)
+            for topic, time_s, message in messages.of(episode, episode.times, camera):
+                kind, topic = (
+                    message.__msgtype__,
+                    topic if topic in _SHARED or not name else f"/{name}{topic}",
+                )
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)
+                content = messages.store.serialize_cdr(message, kind)
+                writer.write(connections[topic], round(1e9 * time_s), content)
     # The file in the folder has the folder's name, which metadata.yaml repeats.
     metadata = partial / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace(partial.name, BAG))
     (partial / f"{partial.name}.mcap").rename(partial / f"{BAG}.mcap")
     shutil.rmtree(bag, ignore_errors=True)
     os.replace(partial, bag)
-    write_whole(bag.parent / LAYOUT, json.dumps(_layout(), indent=1).encode())
+    write_whole(bag.parent / LAYOUT, json.dumps(_layout(robots[:1]), indent=1).encode())
     return bag
 
 
@@ -101,10 +111,15 @@ def _camera(folder: Path) -> CameraConfig:
 class _Messages:
     """Messages of ROS 2 of an episode."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: str = "") -> None:
+        """Begin; frames of a named robot, but `map`, begin with its name."""
         from rosbags.typesys import Stores, get_typestore
 
         self.store = get_typestore(Stores.ROS2_HUMBLE)
+        self._robot = robot
+
+    def _frame(self, name: str) -> str:
+        return f"{self._robot}/{name}" if self._robot and name != "map" else name
 
     def of(
         self, episode: RecordedEpisode, times: Float[np.ndarray, " m"], camera: CameraConfig
@@ -175,7 +190,7 @@ class _Messages:
         stamp = self._make(
             "builtin_interfaces/msg/Time", sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9
         )
-        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=self._frame(frame))
 
     def _pose(
         self, xyz: tuple[float, float, float], quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
@@ -200,7 +215,7 @@ class _Messages:
         transform = self._make(
             "geometry_msgs/msg/TransformStamped",
             header=self._header(time_s, parent),
-            child_frame_id=child,
+            child_frame_id=self._frame(child),
             transform=self._make(
                 "geometry_msgs/msg/Transform", translation=vector, rotation=pose.orientation
             ),
@@ -216,7 +231,7 @@ class _Messages:
         return self._make(
             "nav_msgs/msg/Odometry",
             header=self._header(time_s, "odom"),
-            child_frame_id="base_link",
+            child_frame_id=self._frame("base_link"),
             pose=self._make("geometry_msgs/msg/PoseWithCovariance", pose=self._planar(pose)),
         )
 
@@ -319,14 +334,15 @@ class _Messages:
         return self._make("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
-def _layout() -> dict[str, Any]:
-    """The world next to camera and link state, for Foxglove."""
-    topics = ("/map", "/scan", "/plan", "/goal", "/arrivals", "/true_pose")
+def _layout(robot: list[str]) -> dict[str, Any]:
+    """The world next to camera and link state, for Foxglove; of the robot of a name, if there is one."""
+    prefix = "".join(f"/{name}" for name in robot)
+    topics = [f"{prefix}/{topic}" for topic in ("map", "scan", "plan", "goal", "arrivals", "true_pose")]
     world = {"followTf": "map", "topics": {topic: {"visible": True} for topic in topics}}
     panels = {
         "3D!world": world,
-        "Image!camera": {"imageMode": {"imageTopic": "/camera/image"}},
-        "RawMessages!link": {"topicPath": "/link_state.data"},
+        "Image!camera": {"imageMode": {"imageTopic": f"{prefix}/camera/image"}},
+        "RawMessages!link": {"topicPath": f"{prefix}/link_state.data"},
     }
     column = {"first": "Image!camera", "second": "RawMessages!link", "direction": "column"}
     layout = {"first": "3D!world", "second": column, "direction": "row", "splitPercentage": 70}

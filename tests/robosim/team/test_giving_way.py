@@ -28,7 +28,9 @@ def _corridor(pose: tuple[float, float, float]) -> MapEstimate:
 _PATH = np.array([[5.4, 2.0], [1.0, 2.0]])
 
 
-def _place(giving_way: GivingWay, waited: int, path: np.ndarray = _PATH, another: bool = False) -> np.ndarray | None:
+def _place(
+    giving_way: GivingWay, waited: int, path: np.ndarray = _PATH, another: bool = False
+) -> np.ndarray | None:
     estimate = _corridor((4.9, 2.0, 0.0))
     return giving_way.place(waited, estimate, [(path, 0.1)], another=another, hears=True)
 

@@ -8,7 +8,10 @@ from slam.grid import GridFrame, MapEstimate
 
 
 def _map(
-    origin: tuple[float, float], shape: tuple[int, int], seen: tuple[slice, slice], wall_row: int | None = None
+    origin: tuple[float, float],
+    shape: tuple[int, int],
+    seen: tuple[slice, slice],
+    wall_row: int | None = None,
 ) -> MapEstimate:
     """A map with floor in a window, and a wall in one row of it."""
     probability, explored = np.full(shape, 0.5, np.float32), np.zeros(shape, bool)

@@ -163,5 +163,7 @@ def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
     assert {"result.json", "map.png", "episode.mp4"} <= {path.name for path in tmp_path.iterdir()}
     for name in ("robot1", "robot2"):
         folder = tmp_path / name
-        assert {"episode.npz", "map.yaml", "trajectory.tum", "estimate.tum"} <= {p.name for p in folder.iterdir()}
+        assert {"episode.npz", "map.yaml", "trajectory.tum", "estimate.tum"} <= {
+            p.name for p in folder.iterdir()
+        }
         assert json.loads((folder / "result.json").read_text())["steps"] == 8

@@ -43,4 +43,6 @@ def test_unclaimed_is_all_where_everything_is_claimed() -> None:
 def test_unclaimed_goal_in_a_wall_counts_from_the_nearest_floor() -> None:
     times = _corridor()
     east = _frontier(9.55, times)
-    assert unclaimed([east, _frontier(1.0, times)], [Claim(xy=np.array([9.5, 3.0]), cost_m=0.0)], times) != [east]
+    assert unclaimed([east, _frontier(1.0, times)], [Claim(xy=np.array([9.5, 3.0]), cost_m=0.0)], times) != [
+        east
+    ]
