@@ -45,6 +45,11 @@ from robosim.environments.sources import GeneratedHomes as GeneratedHomes
 from robosim.task.tasks import make_task as make_task
 from robosim.task.tasks import Task as Task
 from robosim.episode import run_episode as run_episode
+from robosim.episode import run_team as run_team
+from robosim.entrants import make_entrants as make_entrants
+from robosim.entrants import Entrant as Entrant
+from robosim.team.team_config import TeamConfig as TeamConfig
+from robosim.team.team_log import TeamLog as TeamLog
 from robosim.run import record_episode as record_episode
 from robosim.episode_config import EpisodeConfig as EpisodeConfig
 from robosim.episode_log import EpisodeLog as EpisodeLog
