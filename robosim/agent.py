@@ -19,7 +19,7 @@ from robosim.navigation import Navigator, calibrated_robot, make_navigator
 from robosim.policies.belief import BeliefConfig
 from robosim.policies.estimates import Estimates
 from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
-from robosim.policies.reason import GIVES_WAY, LOOP_DETECTED, UNKNOWN_REASON, GoalKind
+from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, YIELDS, GoalKind
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Interpret, Measurement, bearings_of, check_classifier
 from robosim.simulator import Observation
@@ -27,8 +27,8 @@ from robosim.step import Decision
 from robosim.support.parts import accepted
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
-from robosim.team.giving_way import turn_along
 from robosim.team.member import Member
+from robosim.team.yielding import turn_along
 from slam.actions import Action, Command
 from slam.control.avoidance import Avoidance
 from slam.grid import MapEstimate
@@ -109,17 +109,17 @@ class Agent:
         if self.member is not None:
             with self._watch.stage("team"):
                 map_ = self.shared_map(map_)
-                estimates = replace(estimates, map=map_, heard=self.member.heard())
+                estimates = replace(estimates, map=map_, received=self.member.received())
         with self._watch.stage("goal"):
             around = self._avoidance.around(map_)
             requested = self.policy.goal(sensed, replace(estimates, map=around))
         if requested is None:
             return self._decided(None)
         with self._watch.stage("planner"):
-            away = None if self.member is None else self.member.give_way(self._avoidance.waited, map_)
+            away = None if self.member is None else self.member.place_to_yield(self._avoidance.waited, map_)
             goal = self._loop_detector.goal(requested, map_.pose) if away is None else away
             reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
-            reason = reason if away is None else GIVES_WAY
+            reason = reason if away is None else YIELDS
             # A robot sees the floor of a niche from outside; but a target may stand in it.
             look = reason.kind is GoalKind.EXPLORE and not self.policy.seeks_target
             plan = self._planner.plan(around, goal, look=look)
@@ -142,14 +142,14 @@ class Agent:
             )
         )
 
-    def shared_map(self, own: MapEstimate) -> MapEstimate:
-        """The robot's own map, continued by what the team has told of theirs; alone, its own one."""
-        return own if self.member is None else self.member.know(own)
+    def shared_map(self, own_map: MapEstimate) -> MapEstimate:
+        """The robot's own map, continued by what the team has reported of theirs; alone, its own one."""
+        return own_map if self.member is None else self.member.merged(own_map)
 
     def _decided(self, decision: Decision | None) -> Decision | None:
-        """Return a decision, after the team was told."""
+        """Return a decision, after the team was reported."""
         if self.member is not None and self._map is not None:
-            self.member.tell(self._map, decision)
+            self.member.report(self._map, decision)
         return decision
 
     def _estimates(self, sensed: Observation, map_: MapEstimate) -> Estimates:

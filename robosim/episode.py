@@ -3,7 +3,7 @@
 This is the whole system on one page: a world with robots in it, an agent that drives each robot, a judge who knows the
 truth, and the loop of sensing and acting. `robosim.agent` is what a robot makes of what it senses; it never sees the
 truth. Of the policies only the oracle is given the target, and `shortest`, the physical limit, the building too. Most
-episodes have one robot; those of a team tell each other what they know, as far as their radio allows (`robosim.team`).
+episodes have one robot; those of a team exchange what they know, as far as their radio allows (`robosim.team`).
 """
 
 from collections.abc import Callable, Mapping

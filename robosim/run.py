@@ -145,8 +145,12 @@ def record_episode(
                 folder.mkdir(exist_ok=True)
                 _write_robot(folder, building, team.robots[name], team.maps[name], about, steps[name])
                 if not alone:
-                    own = {**about, **team.robots[name].result(), "config": to_dict(entrants[name].config)}
-                    write_json(folder / "result.json", plain(own))
+                    content = {
+                        **about,
+                        **team.robots[name].result(),
+                        "config": to_dict(entrants[name].config),
+                    }
+                    write_json(folder / "result.json", plain(content))
             return _write_team(out, building, config, team, watch, about)
 
 

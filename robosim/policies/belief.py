@@ -156,10 +156,10 @@ class TargetBelief:
         if self._last is not None and math.hypot(*(place - self._last)) < apart_m:
             return False
         self._last = place.copy()
-        self.add_heard(measurement, estimate)
+        self.add_received(measurement, estimate)
         return True
 
-    def add_heard(self, measurement: Measurement, estimate: MapEstimate) -> None:
+    def add_received(self, measurement: Measurement, estimate: MapEstimate) -> None:
         """Add a measurement of another robot, whatever its distance from the last one."""
         c, place = self.config, measurement.pose[:2]
         self._probability = None

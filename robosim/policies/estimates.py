@@ -19,7 +19,7 @@ class Estimates:
     """Map and pose."""
     measurement: Measurement | None = None
     """Radio measurement of the target; None without a radio."""
-    heard: Sequence[Measurement] = ()
+    received: Sequence[Measurement] = ()
     """Measurements of the target that other robots of a team have taken, since the last decision."""
     anchors: Mapping[str, Measurement] = field(default_factory=dict)
     """Radio measurements of other transmitters, by name."""

@@ -116,8 +116,8 @@ class Fused:
         if self.belief is None:
             self.belief = self.make_belief(estimated.pose[:2], self._belief_config)
         self.belief.add(estimated.require_measurement(), estimate)
-        for measurement in estimated.heard:
-            self.belief.add_heard(measurement, estimate)
+        for measurement in estimated.received:
+            self.belief.add_received(measurement, estimate)
         if sensed.target is not None:
             self._seen = to_map(estimate.pose, sensed.target)
         return self.belief

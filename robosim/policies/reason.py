@@ -28,7 +28,7 @@ class GoalKind(StrEnum):
     """A point in the direction of an action that a network chooses."""
     EXPLORE = "map's edge"
     """A frontier, chosen without the radio."""
-    AWAY = "gives way"
+    AWAY = "yields"
     """A place where another robot can pass."""
     PREVIOUS = "goal kept"  # stored name
     """An earlier goal, since two of them alternated."""
@@ -51,7 +51,7 @@ SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
 ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
 IDLE = Reason(kind=GoalKind.OTHER, because="nothing is left to do")
-GIVES_WAY = Reason(kind=GoalKind.AWAY, because="another robot is to pass")
+YIELDS = Reason(kind=GoalKind.AWAY, because="another robot is to pass")
 UNKNOWN_REASON = Reason(kind=GoalKind.OTHER)
 #: Reason of an earlier goal that the loop detector (`slam.planning.loop_detector`) returns.
 LOOP_DETECTED = Reason(

@@ -1,1 +1,1 @@
-"""Several robots that search together: what they tell each other, and when it arrives."""
+"""Several robots that search together: what they exchange, and when it arrives."""

@@ -33,7 +33,7 @@ class Exchange:
         """Bytes that each robot has sent."""
 
     def begin(self, decision: int) -> None:
-        """Grant each pair the time of another decision; the radio is measured now and then."""
+        """Grant each pair the time of another decision; the radio is measured occasionally."""
         self._subjects = SUBJECTS if decision % self._config.every == 0 else SUBJECTS[:1]
         if self._radio is None:
             return
@@ -44,13 +44,13 @@ class Exchange:
             self._bytes_left[pair] = self._radio.rate_bps(pair) * self._config.airtime * _DECISION_S / 8
 
     def deliver(self, receiver: str, going: Collection[str]) -> None:
-        """Give a robot the notes of those that are going which reach it now: statuses always, others now and then."""
+        """Give a robot the notes of those that are going which reach it now: statuses always, others occasionally."""
         for subject, pair in product(self._subjects, self._bytes_left):
             sender = pair[0] if pair[1] == receiver else pair[1]
             if receiver not in pair or sender not in going:
                 continue
-            heard = self._members[receiver].notes
-            for note in list(self._members[sender].notes.news_for(heard, subject, self._bytes_left[pair])):
+            received = self._members[receiver].notes
+            for note in list(self._members[sender].notes.news_for(received, subject, self._bytes_left[pair])):
                 self._bytes_left[pair] -= note.size
                 self.sent_bytes[sender] += note.size
-                self._members[receiver].hear(note)
+                self._members[receiver].receive(note)

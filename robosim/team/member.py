@@ -1,7 +1,7 @@
-"""Member of a team: what a robot tells the others, and what it knows by them.
+"""Member of a team: what a robot reports to the others, and what it knows from them.
 
-It tells its status (pose, goal, path), its map in tiles, and its measurements of the target, of which those taken
-closer together than a metre say little new. Of the others it knows the same. Its own goal policy is given the merged
+It reports its status (pose, goal, path), its map in tiles, and its measurements of the target, of which those taken
+closer together than a metre add little. Of the others it knows the same. Its own goal policy is given the merged
 map, measurements of all, and where the others are bound, so that it leaves to them what they reach sooner.
 """
 
@@ -14,19 +14,19 @@ from jaxtyping import Float
 from robosim.policies.reason import GoalKind
 from robosim.radio.measurement import Measurement
 from robosim.step import Decision
-from robosim.team.giving_way import AROUND_M, NEAR_M, GivingWay
 from robosim.team.notes import Note, Notebook
 from robosim.team.shared_map import SharedMap, TileChanges
+from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
 from slam.actions import ahead_m
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
 from slam.poses import to_map
 
-#: Least distance between two measurements that are told [m].
+#: Least distance between two measurements that are reported [m].
 _APART_M = 1.0
 #: A track nearer than this to where a robot says it is, is that robot [m].
 _SAME_M = 0.6
-#: A robot that was not heard for so many decisions is bound for nothing any more.
+#: A robot whose last status is older than so many decisions is bound for nothing.
 _SILENT = 40
 
 
@@ -47,13 +47,13 @@ class Status:
     goal: Float[np.ndarray, "2"] | None = None
     """Where it is bound, in `map` [m]; None if it has nothing to do."""
     path: Float[np.ndarray, "n 2"] | None = None
-    """Corners of its way there [m]."""
+    """Corners of its path there [m]."""
     kind: GoalKind | None = None
     """Why it goes there."""
 
     @property
     def left_m(self) -> float:
-        """Length of its way to the goal [m]."""
+        """Length of its path to the goal [m]."""
         if self.path is None or self.goal is None:
             return math.inf
         points = np.vstack([self.pose[:2], self.path, self.goal])
@@ -66,82 +66,84 @@ class Member:
     def __init__(self, name: str, order: int, hull: Hull, every: int) -> None:
         """Begin with nothing known; `order` counts the robots of the team from 0."""
         self.name, self._radius_m, self._every = name, hull.turning_m, every
-        self._giving_way = GivingWay(order, hull)
+        self._yielding = Yielding(order, hull)
         self.notes = Notebook(name)
         self.others: dict[str, Status] = {}
-        """Last status of each other robot that was heard."""
+        """Last status of each other robot that was received."""
         self._map, self._changes = SharedMap(), TileChanges()
         self._decision, self._stood = 0, 0
         self._at = np.full(3, np.nan)
-        self._told: np.ndarray | None = None
+        self._reported: np.ndarray | None = None
         self._measurements = 0
-        self._heard: list[Measurement] = []
+        self._received: list[Measurement] = []
         self._inbox: list[Note] = []
 
-    def hear(self, note: Note) -> None:
+    def receive(self, note: Note) -> None:
         """Receive a note of another robot."""
-        self.notes.hear(note)
+        self.notes.receive(note)
         self._inbox.append(note)
 
-    def know(self, own: MapEstimate) -> MapEstimate:
-        """The robot's own map, continued by what the others have told."""
+    def merged(self, own_map: MapEstimate) -> MapEstimate:
+        """The robot's own map, continued by what the others have reported."""
         self._decision += 1
         for note in self._inbox:
             content, author = note.read(), note.topic.author
             if note.topic.subject == "status":
                 self.others[author] = content
             elif note.topic.subject == "measurement":
-                self._heard.append(content)
+                self._received.append(content)
             else:
-                self._map.add(author, content, own)
+                self._map.add(author, content, own_map)
         self._inbox.clear()
         if self._decision % self._every == 1:
             self._map.refresh()
-            for number, tile in self._changes.of(own):
+            for number, tile in self._changes.of(own_map):
                 self.notes.write("tile", tile, number)
-        merged = self._map.merge(own)
+        merged = self._map.merge(own_map)
         there = [status for status in self.others.values() if self._decision - status.decision <= _SILENT]
         claims = [Claim(xy=s.goal, cost_m=s.left_m) for s in there if s.goal is not None]
         robots = [_thing(k, status, self._decision) for k, status in enumerate(self.others.values())]
-        # A track of a robot that tells where it is is that robot.
+        # A track of a robot that reports where it is is that robot.
         tracks = [
             track
-            for track in own.moving
+            for track in own_map.moving
             if all(math.hypot(*(track.xy - robot.xy)) > _SAME_M for robot in robots)
         ]
         return replace(merged, claims=tuple(claims), moving=(*tracks, *robots))
 
-    def give_way(self, waited: int, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """The place to back off to, if another robot has kept this one from going on for a while; else None."""
+    def place_to_yield(self, waited: int, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The place to back off to, if another robot has blocked this one for a while; else None."""
         here, paths, another = estimate.pose[:2], [], False
         for thing in estimate.moving:
             if not self.others and math.hypot(*(thing.xy - here)) < NEAR_M:
-                # It comes this way, as far as nothing else is known.
+                # Its path is unknown: it may come straight on.
                 paths.append((np.array([thing.xy, 2 * here - thing.xy]), self._radius_m))
         for status in self.others.values():
             if math.hypot(*(status.pose[:2] - here)) < AROUND_M and status.path is not None:
                 paths.append((np.vstack([status.pose[:2], status.path]), status.radius_m))
                 another |= status.kind is GoalKind.AWAY
-        return self._giving_way.place(waited, estimate, paths, another=another, hears=bool(self.others))
+        return self._yielding.place(waited, estimate, paths, another=another, receives=bool(self.others))
 
-    def heard(self) -> list[Measurement]:
+    def received(self) -> list[Measurement]:
         """Measurements of the target by others since the last call."""
-        heard, self._heard = self._heard, []
-        return heard
+        received, self._received = self._received, []
+        return received
 
-    def tell(self, own: MapEstimate, decided: Decision | None) -> None:
+    def report(self, own_map: MapEstimate, decided: Decision | None) -> None:
         """Write down what the robot has measured and decided."""
-        self._stood = self._stood + 1 if np.allclose(own.pose, self._at, atol=0.02) else 0
-        self._at = np.array(own.pose)
+        self._stood = self._stood + 1 if np.allclose(own_map.pose, self._at, atol=0.02) else 0
+        self._at = np.array(own_map.pose)
         command = None if decided is None else decided.command
         ahead = np.array([ahead_m(command), 0.0])
-        status = Status(self._decision, self._at, to_map(own.pose, ahead), self._radius_m, self._stood)
+        status = Status(self._decision, self._at, to_map(own_map.pose, ahead), self._radius_m, self._stood)
         if decided is not None:
             status = replace(status, goal=decided.goal, path=decided.path, kind=decided.reason.kind)
             measured = decided.estimates.measurement
-            place = own.pose[:2]
-            if measured is not None and (self._told is None or math.hypot(*(place - self._told)) >= _APART_M):
-                self._told = place.copy()
+            place = own_map.pose[:2]
+            if measured is not None and (
+                self._reported is None or math.hypot(*(place - self._reported)) >= _APART_M
+            ):
+                self._reported = place.copy()
                 self._measurements += 1
                 self.notes.write("measurement", measured, (self._measurements,))
         self.notes.write("status", status)
@@ -150,7 +152,7 @@ class Member:
 def _thing(number: int, status: Status, decision: int) -> MovingThing:
     """Another robot, as something to keep away from, at a decision; `number` is not that of a track.
 
-    One that has nothing to do, or is not heard any more, is an obstacle to plan around; others will go on.
+    One that has nothing to do, or is not received any more, is an obstacle to plan around; others will go on.
     """
     silent = decision - status.decision
     # It has not moved yet if its last decision is as late as this one.

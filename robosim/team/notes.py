@@ -1,7 +1,7 @@
-"""Notes: what robots tell each other, as bytes, so that nothing is shared by reference.
+"""Notes: what robots exchange, as bytes, so that nothing is shared by reference.
 
 A note has an author, a topic and an edition; a later edition of a topic replaces an earlier one. Robots pass on the
-notes of others, so that a robot in between connects two that do not hear each other. Two robots that exchange notes
+notes of others, so that a robot in between connects two that do not receive each other. Two robots that exchange notes
 compare their editions first, so that nothing is sent twice.
 """
 
@@ -25,7 +25,7 @@ class Topic(NamedTuple):
 
 @dataclass(frozen=True)
 class Note:
-    """Something that a robot tells."""
+    """Something that a robot reports."""
 
     topic: Topic
     edition: int
@@ -48,7 +48,7 @@ SUBJECTS = ("status", "measurement", "tile")
 
 
 class Notebook:
-    """The notes that a robot has written or heard."""
+    """The notes that a robot has written or received."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
@@ -60,7 +60,7 @@ class Notebook:
         packed = zlib.compress(pickle.dumps(content, protocol=5), 1)
         self._notes[subject][topic] = Note(topic, self.edition(topic) + 1, packed)
 
-    def hear(self, note: Note) -> None:
+    def receive(self, note: Note) -> None:
         """Add the note of another robot."""
         self._notes[note.topic.subject][note.topic] = note
 

@@ -1,8 +1,8 @@
-"""The map of a robot, continued by what others have told of theirs.
+"""The map of a robot, continued by what others have reported of theirs.
 
-Robots tell their maps in square tiles, of one byte per cell: whether it was seen, and how probable an obstacle is.
-Where a robot has seen a cell itself, its own map counts; elsewhere that of the others. Tiles are put on the lattice of
-the robot's own map, to the nearest cell.
+Robots report their maps in square tiles, of one byte per cell: whether it was seen, and how probable an obstacle is.
+Where a robot has seen a cell itself, its own map counts, and where it has not, those of the others. Tiles are put on
+the lattice of its own map, to the nearest cell.
 """
 
 from collections.abc import Iterator
@@ -74,19 +74,19 @@ class SharedMap:
         self._codes: dict[str, np.ndarray] = {}
         self._merged: MapEstimate | None = None
 
-    def add(self, author: str, tile: Tile, own: MapEstimate) -> None:
+    def add(self, author: str, tile: Tile, own_map: MapEstimate) -> None:
         """Add or replace a tile of another robot."""
-        frame = self._cover(own, tile)
+        frame = self._cover(own_map, tile)
         codes = self._codes.setdefault(author, np.full(frame.shape, _UNKNOWN))
         column, row = np.rint(frame.to_cells(np.array(tile.origin_xy))).astype(int)
         ny, nx = tile.codes.shape
         codes[row : row + ny, column : column + nx] = tile.codes
         self._merged = None
 
-    def _cover(self, own: MapEstimate, tile: Tile | None = None) -> GridFrame:
+    def _cover(self, own_map: MapEstimate, tile: Tile | None = None) -> GridFrame:
         """Let the lattice reach over the robot's own map and a tile; returns its frame."""
-        old = self._frame or own.frame
-        corners = [*own.frame.to_points(np.array([[0, 0], own.frame.shape[::-1]]))]
+        old = self._frame or own_map.frame
+        corners = [*own_map.frame.to_points(np.array([[0, 0], own_map.frame.shape[::-1]]))]
         if tile is not None:
             low = np.array(tile.origin_xy)
             corners += [low, low + np.array(tile.codes.shape[::-1]) * old.resolution_m]
@@ -105,32 +105,32 @@ class SharedMap:
             self._frame = old
         return self._frame or old
 
-    def merge(self, own: MapEstimate) -> MapEstimate:
-        """The robot's own map, continued by those of others; its own one, as long as nothing was heard."""
+    def merge(self, own_map: MapEstimate) -> MapEstimate:
+        """The robot's own map, continued by those of others; its own one, as long as nothing was received."""
         if not self._codes:
-            return own
-        frame = self._cover(own)
-        column, row = np.rint(frame.to_cells(np.array(own.frame.origin_xy))).astype(int)
-        ny, nx = own.frame.shape
+            return own_map
+        frame = self._cover(own_map)
+        column, row = np.rint(frame.to_cells(np.array(own_map.frame.origin_xy))).astype(int)
+        ny, nx = own_map.frame.shape
         if self._merged is None:
-            self._merged = self._begin(frame, own)
+            self._merged = self._begin(frame, own_map)
             near = (0, ny), (0, nx)
         else:
-            cells = own.frame.to_cells(own.pose[:2])[::-1]
+            cells = own_map.frame.to_cells(own_map.pose[:2])[::-1]
             reach = round(_NEAR_M / frame.resolution_m)
             near = (
                 (max(int(cells[0]) - reach, 0), min(int(cells[0]) + reach, ny)),
                 (max(int(cells[1]) - reach, 0), min(int(cells[1]) + reach, nx)),
             )
         (y0, y1), (x0, x1) = near
-        self._put(own, np.s_[y0:y1, x0:x1], np.s_[row + y0 : row + y1, column + x0 : column + x1])
-        return replace(self._merged, pose=own.pose, moving=own.moving)
+        self._put(own_map, np.s_[y0:y1, x0:x1], np.s_[row + y0 : row + y1, column + x0 : column + x1])
+        return replace(self._merged, pose=own_map.pose, moving=own_map.moving)
 
     def refresh(self) -> None:
         """Let the whole map follow the robot's own one at the next decision."""
         self._merged = None
 
-    def _begin(self, frame: GridFrame, own: MapEstimate) -> MapEstimate:
+    def _begin(self, frame: GridFrame, own_map: MapEstimate) -> MapEstimate:
         """The map by the others alone."""
         codes = np.full(frame.shape, _UNKNOWN)
         for layer in self._codes.values():
@@ -138,57 +138,57 @@ class SharedMap:
             np.copyto(codes, layer, where=is_news & (codes < _SEEN))
         self._others = codes
         probability = _PROBABILITY[codes]
-        offset = None if own.surface_offset_m is None else np.zeros((*frame.shape, 2), np.float32)
+        offset = None if own_map.surface_offset_m is None else np.zeros((*frame.shape, 2), np.float32)
         return MapEstimate(
             frame=frame,
             obstacle_probability=probability,
             explored=codes >= _SEEN,
             blocked=(codes & _BUMPED) == _BUMPED,
-            pose=own.pose,
+            pose=own_map.pose,
             surface_offset_m=offset,
-            anticipated_probability=None if own.anticipated_probability is None else probability.copy(),
+            anticipated_probability=None if own_map.anticipated_probability is None else probability.copy(),
         )
 
-    def _put(self, own: MapEstimate, part: tuple[slice, slice], at: tuple[slice, slice]) -> None:
+    def _put(self, own_map: MapEstimate, window: tuple[slice, slice], at: tuple[slice, slice]) -> None:
         """Put a part of the robot's own map to its place."""
         merged = self._merged
         assert merged is not None
-        guesses, guessed = own.anticipated_probability, merged.anticipated_probability
-        offsets, offset = own.surface_offset_m, merged.surface_offset_m
+        guesses, guessed = own_map.anticipated_probability, merged.anticipated_probability
+        offsets, offset = own_map.surface_offset_m, merged.surface_offset_m
         if guesses is None or guessed is None:
-            guesses, guessed = own.obstacle_probability, merged.obstacle_probability
+            guesses, guessed = own_map.obstacle_probability, merged.obstacle_probability
         _put(
             self._others[at],
-            own.explored[part],
-            own.blocked[part],
-            (own.obstacle_probability[part], guesses[part]),
+            own_map.explored[window],
+            own_map.blocked[window],
+            (own_map.obstacle_probability[window], guesses[window]),
             merged.explored[at],
             merged.blocked[at],
             (merged.obstacle_probability[at], guessed[at]),
         )
         if offsets is not None and offset is not None:
-            offset[at] = offsets[part]
+            offset[at] = offsets[window]
 
 
 @compiled
 def _put(
-    heard: np.ndarray,
+    received: np.ndarray,
     own_seen: np.ndarray,
     own_blocked: np.ndarray,
-    own: tuple[np.ndarray, np.ndarray],
+    mine: tuple[np.ndarray, np.ndarray],
     seen: np.ndarray,
     blocked: np.ndarray,
     merged: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    """Let a robot's own cells replace those heard of, but where only others have seen the floor, or know a cell.
+    """Let a robot's own cells replace those received, but where only others have seen the floor, or know a cell.
 
     The last arguments hold obstacle probabilities and anticipated ones.
     """
-    for y in range(heard.shape[0]):
-        for x in range(heard.shape[1]):
-            code, sees = heard[y, x], own_seen[y, x]
+    for y in range(received.shape[0]):
+        for x in range(received.shape[1]):
+            code, sees = received[y, x], own_seen[y, x]
             seen[y, x] = sees or code >= _SEEN
             blocked[y, x] = own_blocked[y, x] or code % _SEEN == _BUMPED
-            if sees or code == _UNKNOWN or (code < _SEEN and own[0][y, x] != 0.5):
+            if sees or code == _UNKNOWN or (code < _SEEN and mine[0][y, x] != 0.5):
                 for k in range(2):
-                    merged[k][y, x] = own[k][y, x]
+                    merged[k][y, x] = mine[k][y, x]

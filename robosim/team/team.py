@@ -1,4 +1,4 @@
-"""A team: robots in one world that tell each other what they know."""
+"""A team: robots in one world that report each other what they know."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from robosim.team.team_radio import TeamRadio
 
 
 class Team:
-    """The robots of an episode, in the order in which they decide; a single one tells nobody anything."""
+    """The robots of an episode, in the order in which they decide; a single one has no team."""
 
     def __init__(self, config: TeamConfig, robots: Mapping[str, Simulator]) -> None:
         """Make the members, for the robots' agents."""
@@ -32,5 +32,5 @@ class Team:
         return self._going
 
     def deliver(self, name: str) -> None:
-        """Let a robot hear what reaches it from those that were not lost."""
+        """Let a robot receive what reaches it from those that were not lost."""
         self.exchange.deliver(name, self._going)

@@ -64,6 +64,6 @@ class TeamConfig:
         return tuple(f"robot{number}" for number in range(1, self.size + 1))
 
     def is_lost(self, name: str, decision: int) -> bool:
-        """Whether a robot has stopped for good before a decision."""
+        """Whether a robot has stopped permanently before a decision."""
         lost = (text.partition("@") for text in self.lose)
         return any(f"robot{number}" == name and decision >= int(when) for number, _, when in lost)

@@ -18,7 +18,7 @@ class TeamLog:
     robots: dict[str, EpisodeLog]
     """Log of each robot by its name."""
     maps: dict[str, MapEstimate] = field(default_factory=dict)
-    """Last map of each robot, as far as it was told of the others' maps: continued by them."""
+    """Last map of each robot, as far as it was reported of the others' maps: continued by them."""
     coverage: list[float] = field(default_factory=list)
     """Part of the reachable floor that the robots have seen together, after each decision; empty for one robot."""
     overlap: list[float] = field(default_factory=list)

@@ -27,9 +27,9 @@ class TeamRadio:
     def measure(self) -> None:
         """Trace all links at the true places of the robots."""
         for pair in self._snr_db:
-            one, other = (self._robots[name] for name in pair)
-            self._link.place(one.pose[:2])
-            gain = float(self._link.trace(other.pose[:2]).power.sum())
+            sender, receiver = (self._robots[name] for name in pair)
+            self._link.place(sender.pose[:2])
+            gain = float(self._link.trace(receiver.pose[:2]).power.sum())
             sounder = self._link.sounder
             self._snr_db[pair] = sounder.budget_db + 10 * math.log10(gain) if gain > 0 else -math.inf
 

@@ -8,7 +8,7 @@ from robosim.team.notes import Notebook
 def _pass_on(sender: Notebook, receiver: Notebook, most_bytes: float = np.inf, subject: str = "tile") -> int:
     notes = list(sender.news_for(receiver, subject, most_bytes))
     for note in notes:
-        receiver.hear(note)
+        receiver.receive(note)
     return len(notes)
 
 

@@ -29,12 +29,12 @@ def _map(
     )
 
 
-def _tell(other: MapEstimate, own: MapEstimate, shared: SharedMap) -> None:
+def _report(other: MapEstimate, own: MapEstimate, shared: SharedMap) -> None:
     for _, tile in TileChanges().of(other):
         shared.add("other", tile, own)
 
 
-def test_merge_nothing_heard_is_own_map() -> None:
+def test_merge_nothing_received_is_own_map() -> None:
     own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
     assert SharedMap().merge(own) is own
 
@@ -43,7 +43,7 @@ def test_merge_continues_own_map_beyond_its_frame() -> None:
     own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
     other = _map((5.0, -4.0), (100, 120), np.s_[20:90, 5:100], wall_row=40)
     shared = SharedMap()
-    _tell(other, own, shared)
+    _report(other, own, shared)
     merged = shared.merge(own)
     assert merged.explored.sum() == own.explored.sum() + other.explored.sum()
     row, column = (int(v) for v in merged.frame.index(np.array([5.0 + 50.5 * 0.05, -4.0 + 40.5 * 0.05])))
@@ -57,7 +57,7 @@ def test_merge_own_sight_counts_where_both_have_seen() -> None:
     own = _map((0.0, 0.0), (80, 80), np.s_[10:50, 10:50])
     other = _map((0.0, 0.0), (80, 80), np.s_[10:70, 10:70], wall_row=20)
     shared = SharedMap()
-    _tell(other, own, shared)
+    _report(other, own, shared)
     merged = shared.merge(own)
     at = tuple(int(v) for v in merged.frame.index(np.array([20.5 * 0.05, 20.5 * 0.05])))
     beyond = tuple(int(v) for v in merged.frame.index(np.array([60.5 * 0.05, 20.5 * 0.05])))
@@ -69,7 +69,7 @@ def test_merge_follows_own_map_around_the_robot() -> None:
     own = _map((0.0, 0.0), (80, 80), np.s_[10:20, 10:20])
     other = _map((3.0, 3.0), (60, 60), np.s_[10:50, 10:50])
     shared = SharedMap()
-    _tell(other, own, shared)
+    _report(other, own, shared)
     before = shared.merge(own).explored.sum()
     own.explored[10:30, 10:30] = True
     assert shared.merge(own).explored.sum() == before + 300
@@ -79,13 +79,13 @@ def test_merge_places_lattices_to_half_a_cell() -> None:
     own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
     other = _map((4.02, 1.0), (60, 60), np.s_[10:30, 10:30])
     shared = SharedMap()
-    _tell(other, own, shared)
+    _report(other, own, shared)
     merged = shared.merge(own)
-    told = merged.frame.centres(merged.explored)
-    assert told[:, 0].max() == pytest.approx(4.02 + 29.5 * 0.05, abs=0.0251)
+    reported = merged.frame.centres(merged.explored)
+    assert reported[:, 0].max() == pytest.approx(4.02 + 29.5 * 0.05, abs=0.0251)
 
 
-def test_changes_are_told_once() -> None:
+def test_changes_are_reported_once() -> None:
     own, changes = _map((-1.0, 2.0), (200, 200), np.s_[5:150, 5:150]), TileChanges()
     first = dict(changes.of(own))
     assert len(first) > 4

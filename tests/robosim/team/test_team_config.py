@@ -13,13 +13,13 @@ def test_team_config_counts_robots_and_models() -> None:
 
 
 @pytest.mark.parametrize("robots", ["0", "101", "", "jackal,", ",2"])
-def test_team_config_refuses_robots(robots: str) -> None:
+def test_team_config_rejects_robots(robots: str) -> None:
     with pytest.raises(ValueError, match="robots is"):
         TeamConfig(robots=robots)
 
 
 @pytest.mark.parametrize("lose", ["3@10", "0@10", "robot1@5", "1", "1@", "1@-3"])
-def test_team_config_refuses_losses(lose: str) -> None:
+def test_team_config_rejects_losses(lose: str) -> None:
     with pytest.raises(ValueError, match=r"team\.lose is"):
         TeamConfig(robots="2", lose=(lose,))
 

@@ -126,7 +126,7 @@ def test_team_of_one_is_the_episode_of_one(scene) -> None:
     assert np.array_equal(log.poses, other.poses)
 
 
-def test_team_robot_is_seen_and_tracked_or_told(scene) -> None:
+def test_team_robot_is_seen_and_tracked_or_reported(scene) -> None:
     building, places = scene
     seen: dict[str, int] = {}
 
@@ -147,7 +147,7 @@ def test_starts_near_have_room_for_unequal_hulls(scene) -> None:
     assert all(place.part_at(start[:2]) for place, start in zip([places, wide, places], starts, strict=True))
 
 
-def test_starts_near_refuses_more_robots_than_there_is_room_for(scene) -> None:
+def test_starts_near_rejects_more_robots_than_there_is_room_for(scene) -> None:
     occupancy = np.full((24, 24), OCCUPIED, np.uint8)
     occupancy[2:22, 2:22] = FREE
     plan = FloorPlan(occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="closet")

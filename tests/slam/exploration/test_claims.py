@@ -27,7 +27,7 @@ def test_unclaimed_leaves_what_another_reaches_sooner() -> None:
     assert unclaimed([west, near, east], [claim], times) == [west, near]
 
 
-def test_unclaimed_counts_the_way_to_the_goal() -> None:
+def test_unclaimed_counts_the_path_to_the_goal() -> None:
     times = _corridor()
     west, east = (_frontier(x, times) for x in (0.55, 9.55))
     claim = Claim(xy=np.array([8.55, 0.25]), cost_m=6.0)

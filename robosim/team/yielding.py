@@ -1,4 +1,4 @@
-"""Giving way: of two robots that meet where there is no room to pass, one backs off.
+"""Yielding: of two robots that meet where there is no room to pass, one backs off.
 
 A robot that another keeps from going on waits. After some waits it goes to the nearest place next to the other's path,
 unless the other backs off, and stays there until the other has passed, or for a while. Robots wait for different
@@ -25,13 +25,13 @@ _AWAY = 25
 AROUND_M, _SPACE_M = 5.0, 0.35
 #: Space that it keeps from the other as it goes there [m].
 _MARGIN_M = 0.1
-#: Robots nearer than this may be in each other's way; a path leads past a place that it comes nearer to [m].
+#: Robots nearer than this may block each other; a path leads past a place that it comes nearer to [m].
 NEAR_M, _PAST_M = 2.0, 0.7
-#: Length of the other's path that is kept free [m].
+#: Length of the other's path that is left free [m].
 _PATH_M = 4.0
 
 
-class GivingWay:
+class Yielding:
     """Decides when a robot backs off, and to where."""
 
     def __init__(self, order: int, hull: Hull) -> None:
@@ -47,21 +47,21 @@ class GivingWay:
         paths: list[tuple[Float[np.ndarray, "n 2"], float]],
         *,
         another: bool,
-        hears: bool,
+        receives: bool,
     ) -> Float[np.ndarray, "2"] | None:
         """The place to back off to; None if there is no need.
 
         Args:
-            waited: Decisions for which something has kept the robot from going on.
+            waited: Decisions for which something has blocked the robot.
             estimate: Its map.
             paths: Paths of the robots around from where they are, and their radii [m].
             another: Whether another one of them backs off.
-            hears: Whether the paths were told; else they are guesses, and say nothing of robots out of sight.
+            receives: Whether the paths were reported; else they are guesses, and say nothing of robots out of sight.
         """
         here = estimate.pose[:2]
         self._left -= 1
         passes = any(_leads_past(path, place) for path, _ in paths for place in (self._from, here))
-        if self._left > 0 and hears and not passes:
+        if self._left > 0 and receives and not passes:
             self._left = 0
         is_near = any(np.hypot(*(path[0] - here)) < NEAR_M for path, _ in paths)
         if self._left <= 0 and waited >= self._patience and is_near and not another:
@@ -100,7 +100,7 @@ def _leads_past(path: Float[np.ndarray, "n 2"], place: Float[np.ndarray, "2"]) -
 
 
 def turn_along(pose: Float[np.ndarray, "3"], path: Float[np.ndarray, "n 2"]) -> Action:
-    """The turn towards a path, for a robot that another keeps from going the way it looks."""
+    """The turn towards a path, for a robot that another blocks where it looks to."""
     ahead = path[np.hypot(*(path - pose[:2]).T) > 0.05]
     if not len(ahead):
         return Action.WAIT

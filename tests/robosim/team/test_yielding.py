@@ -1,8 +1,8 @@
-"""Giving way to another robot."""
+"""Yielding to another robot."""
 
 import numpy as np
 
-from robosim.team.giving_way import GivingWay, turn_along
+from robosim.team.yielding import Yielding, turn_along
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
 from slam.hull import Hull
@@ -29,39 +29,39 @@ _PATH = np.array([[5.4, 2.0], [1.0, 2.0]])
 
 
 def _place(
-    giving_way: GivingWay, waited: int, path: np.ndarray = _PATH, another: bool = False
+    yielding: Yielding, waited: int, path: np.ndarray = _PATH, another: bool = False
 ) -> np.ndarray | None:
     estimate = _corridor((4.9, 2.0, 0.0))
-    return giving_way.place(waited, estimate, [(path, 0.1)], another=another, hears=True)
+    return yielding.place(waited, estimate, [(path, 0.1)], another=another, receives=True)
 
 
-def test_giving_way_goes_to_a_place_beside_the_path() -> None:
-    place = _place(GivingWay(0, _HULL), 3)
+def test_yielding_goes_to_a_place_next_to_the_path() -> None:
+    place = _place(Yielding(0, _HULL), 3)
     assert place is not None
     assert place[0] < 4.0  # out of the corridor
     assert abs(place[1] - 2.0) >= 0.2 + 0.3
 
 
-def test_giving_way_waits_first_and_later_robots_longer() -> None:
-    assert _place(GivingWay(0, _HULL), 2) is None
-    assert _place(GivingWay(1, _HULL), 3) is None
-    assert _place(GivingWay(1, _HULL), 8) is not None
+def test_yielding_waits_first_and_later_robots_longer() -> None:
+    assert _place(Yielding(0, _HULL), 2) is None
+    assert _place(Yielding(1, _HULL), 3) is None
+    assert _place(Yielding(1, _HULL), 8) is not None
 
 
-def test_giving_way_is_left_to_another() -> None:
-    assert _place(GivingWay(0, _HULL), 9, another=True) is None
+def test_yielding_is_left_to_another() -> None:
+    assert _place(Yielding(0, _HULL), 9, another=True) is None
 
 
-def test_giving_way_ends_once_the_other_has_passed() -> None:
-    giving_way = GivingWay(0, _HULL)
-    assert _place(giving_way, 3) is not None
-    assert _place(giving_way, 0) is not None
-    assert _place(giving_way, 0, path=np.array([[1.2, 2.0], [1.0, 2.0]])) is None
+def test_yielding_ends_once_the_other_has_passed() -> None:
+    yielding = Yielding(0, _HULL)
+    assert _place(yielding, 3) is not None
+    assert _place(yielding, 0) is not None
+    assert _place(yielding, 0, path=np.array([[1.2, 2.0], [1.0, 2.0]])) is None
 
 
-def test_giving_way_ends_after_a_while() -> None:
-    giving_way = GivingWay(0, _HULL)
-    places = [_place(giving_way, 3 if k == 0 else 0) for k in range(40)]
+def test_yielding_ends_after_a_while() -> None:
+    yielding = Yielding(0, _HULL)
+    places = [_place(yielding, 3 if k == 0 else 0) for k in range(40)]
     assert places[0] is not None and places[-1] is None
 
 
