@@ -45,7 +45,7 @@ _SAME, _VAGUE_M = 16.27, 1.0
 #: Additional deviation of links that are compared, as maps bend [m^2, rad^2].
 _BENT = np.diag([0.05, 0.05, 0.01]) ** 2
 #: Links less than this from each other are of one place [m].
-_PLACE_M = 3.0
+_PLACE_M = 2.0
 #: Least places with links that agree, and how many times more they must be than those of any other relative pose.
 _PLACES, _LEAD = 4, 2.0
 #: Least part of surfaces seen from both maps that must not contradict.
@@ -86,11 +86,6 @@ class JoinedMap:
         nodes = self.nodes(robot)
         return poses_of_scans(self.graph.poses[nodes], self.submaps[nodes])
 
-    def start(self, robot: int) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Pose at which a robot began, and its covariance: x [m], y [m], yaw [rad]."""
-        node = self.nodes(robot).start
-        return self.graph.poses[node], self.graph.uncertainty(0)[node]
-
     def n_across(self, robot: int) -> int:
         """Number of closed loops between a robot and others, as far as they are believed."""
         nodes = self.nodes(robot)
@@ -108,7 +103,9 @@ class JoinedMap:
         for node in range(nodes.start, nodes.stop):
             if scan in self.submaps[node].numbers:
                 return node, self.submaps[node].poses[self.submaps[node].numbers.index(scan)]
-        raise ValueError(f"scan {scan} is in no submap of robot {robot}, expected that of a scan it has entered.")
+        raise ValueError(
+            f"scan {scan} is in no submap of robot {robot}, expected that of a scan it has entered."
+        )
 
 
 def find_links(trackers: Sequence[Tracker], first: int, second: int) -> list[Link]:
@@ -126,6 +123,8 @@ def find_links(trackers: Sequence[Tracker], first: int, second: int) -> list[Lin
     if len(trackers[first].submaps) < len(trackers[second].submaps):
         first, second = second, first
     tracker, source = trackers[first], trackers[second]
+    if not tracker.poses().size or not source.poses().size:
+        return []
     levels, places = _whole_map(tracker), _places(tracker)
     middles = _middles(tracker.graph.poses, tracker.submaps)
     numbers = np.array([k for k, submap in enumerate(source.submaps) if submap.poses], int)
@@ -184,6 +183,18 @@ def join_maps(
         del maps[best[1]]
 
 
+def relative_pose(
+    maps: Sequence[JoinedMap], robot: int, other: int
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]] | None:
+    """Pose at which a robot began, seen from where another began, and its covariance; None while it is not known."""
+    for joined in maps:
+        if robot in joined.robots and other in joined.robots:
+            node, origin = joined.nodes(robot).start, joined.nodes(other).start
+            pose = between(joined.graph.poses[origin], joined.graph.poses[node])
+            return pose, joined.graph.uncertainty(origin)[node]
+    return None
+
+
 def agreeing_links(one: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> list[Pending]:
     """Links that agree in the relative pose of two maps; none if they are too few, or hardly more than for another."""
     fits = []
@@ -204,10 +215,10 @@ def agreeing_links(one: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> l
         is_known = np.trace(spread[:2, :2]) < _VAGUE_M**2
         agrees[k, j] = agrees[j, k] = is_same and is_known and fits[k][:2] != fits[j][:2]
         contradicts[k, j] = contradicts[j, k] = not is_same
-    middles = _middles(one.graph.poses, one.submaps)
+    places = np.array(one.graph.poses)[:, :2]
 
     def n_places(group: list[int]) -> int:
-        return _n_apart(middles[[fits[k].here for k in group]])
+        return _n_apart(places[[fits[k].here for k in group]])
 
     best = _largest_group(agrees, np.ones(len(fits), bool))
     rival = _largest_group(agrees, 2 * contradicts[:, best].sum(axis=1) > len(best))
@@ -232,8 +243,8 @@ def agreement(joined: JoinedMap, robots: Sequence[int]) -> float:
             pose = between(joined.graph.poses[here], joined.graph.poses[there])
             overlap, fraction = judge_fit(joined.submaps[there], joined.submaps[here], pose)
             seen += overlap
-            contradicted += overlap / fraction - overlap if overlap else 0.0
-    return seen / max(seen + contradicted, 1.0)
+            contradicted += overlap / max(fraction, 1e-9) - overlap
+    return seen / (seen + contradicted) if seen else 1.0
 
 
 def _search(
@@ -379,9 +390,7 @@ def _places(tracker: Tracker) -> Float[np.ndarray, "k 2"]:
     return _STEP_M * np.unique((cells[:, None] + disc).reshape(-1, 2), axis=0)
 
 
-def _middles(
-    poses: Sequence[Float[np.ndarray, "3"]], submaps: Sequence[Submap]
-) -> Float[np.ndarray, "n 2"]:
+def _middles(poses: Sequence[Float[np.ndarray, "3"]], submaps: Sequence[Submap]) -> Float[np.ndarray, "n 2"]:
     """Middle (x, y) [m] of each submap; infinite for one without scans."""
     return np.array(
         [
