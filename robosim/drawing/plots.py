@@ -195,7 +195,7 @@ def draw_maps(
 
 
 def draw_team(
-    path: Path, plan: FloorPlan, trajectories: Mapping[str, Float[np.ndarray, "n 3"]], title: str
+    path: Path, plan: FloorPlan, trajectories: Mapping[str, Float[np.ndarray, "_ 3"]], title: str
 ) -> None:
     """Draw a map with the trajectories of several robots by name, each in its colour from a dot on."""
     figure, axis = plt.subplots(figsize=(9, 9), layout="compressed")

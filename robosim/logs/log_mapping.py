@@ -134,7 +134,7 @@ class LogConfig:
 
 
 #: A log, and poses of its robot or laser at each scan: x [m], y [m], yaw [rad].
-Run = tuple[RobotLog, Float[np.ndarray, "n 3"]]
+Run = tuple[RobotLog, Float[np.ndarray, "_ 3"]]
 #: Ends of beams, and displacements of odometry with standard deviations.
 _Lines = tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
 

@@ -5,8 +5,8 @@ fit alone proves nothing: offices, doors and corridors look alike. Two maps are 
 places agree with each other in one relative pose, and far more do than in any other; where maps are laid over each
 other by that pose, their surfaces and free space must not contradict. Otherwise maps stay apart.
 
-Joined maps share a pose graph, in which loops between them close as within one map. Measurements between robots of
-other kinds, such as directions and ranges by radio, are links too.
+Joined maps share a pose graph, in which loops between them close as within one map. Relative poses that robots measure
+of each other by other sensors are links too.
 Reference: Mangelson et al., Pairwise consistent measurement set maximization for robust multi-robot map merging, ICRA
 2018; Olson, Real-time correlative scan matching, ICRA 2009.
 """
