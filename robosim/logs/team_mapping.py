@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from robosim.logs.log_mapping import LogConfig, Mapped, map_log
 from robosim.logs.robot_log import RobotLog
-from slam.graph.joining import JoinedMap, find_links, join_maps, relative_pose
+from slam.graph.joining import JoinedMap, join_maps, relative_pose
+from slam.graph.links import find_links
 from slam.graph.pose_graph import chained
 from slam.poses import between, compose
 

@@ -1,14 +1,14 @@
 """Maps of several robots, or of one robot on several days, joined in one frame; relative starts are unknown.
 
-Submaps of one map are searched for on the whole of another (correlative scan matching), and fitted to its submaps. A
-fit alone proves nothing: offices, doors and corridors look alike. Two maps are joined only where fits at several
-places agree with each other in one relative pose, and far more do than in any other; where maps are laid over each
-other by that pose, their surfaces and free space must not contradict. Otherwise maps stay apart.
+Links between robots (`slam.graph.links`) prove nothing alone: offices, doors and corridors look alike. Two maps are
+joined only where links at several places agree with each other in one relative pose, and far more do than in any
+other. Where maps are laid over each other by that pose, their surfaces and free space must not contradict. Otherwise
+maps stay apart.
 
 Joined maps share a pose graph, in which loops between them close as within one map. Relative poses that robots measure
 of each other by other sensors are links too.
 Reference: Mangelson et al., Pairwise consistent measurement set maximization for robust multi-robot map merging, ICRA
-2018; Olson, Real-time correlative scan matching, ICRA 2009.
+2018.
 """
 
 import copy
@@ -21,25 +21,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from slam.graph.least_squares import Constraint
+from slam.graph.links import Link, middles_of, reverse_link
 from slam.graph.loop_closing import LoopCloser, Pending, compare_fits
 from slam.graph.pose_graph import PoseGraph, chained
-from slam.graph.submaps import Fit, Submap, fit, judge_fit, poses_of_scans
+from slam.graph.submaps import Fit, Submap, judge_fit, poses_of_scans
 from slam.graph.tracker import Tracker
-from slam.graph.tracker_config import TrackerConfig
-from slam.matching.levels import ARM_M, SurfaceLevels, difference, most_paired, nearest_poses
-from slam.matching.scan_matching import match_from
-from slam.poses import between, compose, rotation, to_map
+from slam.poses import between, compose, rotation
 
-#: Step of the places at which a submap is tried, and their largest distance from the other robot's trajectory [m].
-_STEP_M, _REACH_M = 0.25, 2.0
-#: Most submaps searched for, their points, poses of each that are fitted, and the least distance between these [m].
-_SEARCHED, _TRIED, _FITTED, _APART_M = 40, 60, 5, 0.3
-#: Submaps that a pose is fitted to, the nearest, and the covariance of a pose that was found on the map [m^2, rad^2].
-_AROUND, _PLACED = 3, np.diag([0.03, 0.03, 0.006]) ** 2
-#: Prior of a submap that may be anywhere.
-_ANYWHERE = 1e6 * np.eye(3)
-#: A fit whose place is known no better than this says nothing of the relative pose [m].
-_OPEN_M = 1.0
 #: Squared difference, in variances, up to which two links agree, and largest deviation of a chain that compares [m].
 _SAME, _VAGUE_M = 16.27, 1.0
 #: Additional deviation of links that are compared, as maps bend [m^2, rad^2].
@@ -48,24 +36,12 @@ _BENT = np.diag([0.05, 0.05, 0.01]) ** 2
 _PLACE_M = 2.0
 #: Least places with links that agree, and how many times more they must be than those of any other relative pose.
 _PLACES, _LEAD = 4, 2.0
+#: Submaps of others, the nearest, that a submap is compared with on the joined map.
+_AROUND = 3
 #: Least part of surfaces seen from both maps that must not contradict.
 _AGREEMENT = 0.8
 #: Submaps whose relative place is known no better than this do not contradict [m].
 _SURE_M = 0.15
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Link:
-    """Where a robot at one of its scans is, seen from another robot at one of its scans."""
-
-    robots: tuple[int, int]
-    """Numbers of both robots; the pose is that of the second."""
-    scans: tuple[int, int]
-    """Numbers of their scans, which submaps that are merged do not change."""
-    pose: Float[np.ndarray, "3"]
-    """Pose of the second robot in the frame of the first at that scan: x [m], y [m], yaw [rad]."""
-    covariance: Float[np.ndarray, "3 3"]
-    """Covariance of the pose, in the frame of the first."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -106,43 +82,6 @@ class JoinedMap:
         raise ValueError(
             f"scan {scan} is in no submap of robot {robot}, expected that of a scan it has entered."
         )
-
-
-def find_links(trackers: Sequence[Tracker], first: int, second: int) -> list[Link]:
-    """Search for submaps of one robot on the map of another.
-
-    Args:
-        trackers: What the robots hold.
-        first: Number of one robot.
-        second: Number of the other.
-
-    Returns:
-        Fits that do not contradict, many of them by chance: places look alike.
-    """
-    # The smaller map is looked for on the larger.
-    if len(trackers[first].submaps) < len(trackers[second].submaps):
-        first, second = second, first
-    tracker, source = trackers[first], trackers[second]
-    if not tracker.poses().size or not source.poses().size:
-        return []
-    levels, places = _whole_map(tracker), _places(tracker)
-    middles = _middles(tracker.graph.poses, tracker.submaps)
-    numbers = np.array([k for k, submap in enumerate(source.submaps) if submap.poses], int)
-    sample = np.unique(np.linspace(0, len(numbers) - 1, min(_SEARCHED, len(numbers))).astype(int))
-    links = []
-    for number in numbers[sample]:
-        submap = source.submaps[number]
-        for pose in _search(levels, places, submap, tracker.config):
-            x, y, _ = submap.circle()
-            away_m = np.hypot(*(middles - to_map(pose, np.array([x, y]))).T)
-            best: tuple[int, Fit] | None = None
-            for node in np.argsort(away_m, kind="stable")[:_AROUND].tolist():
-                alignment = _fit(tracker, node, submap, pose)
-                if alignment is not None and (best is None or alignment.overlap > best[1].overlap):
-                    best = node, alignment
-            if best is not None:
-                links.append(_link((first, second), (tracker.submaps[best[0]], submap), best[1]))
-    return links
 
 
 def join_maps(
@@ -202,7 +141,7 @@ def agreeing_links(one: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> l
         if link.robots[0] in one.robots and link.robots[1] in other.robots:
             fits.append(_between_submaps(one, other, link))
         elif link.robots[1] in one.robots and link.robots[0] in other.robots:
-            fits.append(_between_submaps(one, other, _reversed(link)))
+            fits.append(_between_submaps(one, other, reverse_link(link)))
     if not fits:
         return []
     graph = copy.deepcopy(one.graph)
@@ -233,7 +172,7 @@ def agreement(joined: JoinedMap, robots: Sequence[int]) -> float:
     for robot in robots:
         is_mine[joined.nodes(robot)] = True
     has_scans = np.array([bool(submap.poses) for submap in joined.submaps])
-    theirs, middles = np.flatnonzero(~is_mine & has_scans), _middles(joined.graph.poses, joined.submaps)
+    theirs, middles = np.flatnonzero(~is_mine & has_scans), middles_of(joined.graph.poses, joined.submaps)
     seen = contradicted = 0.0
     for here in np.flatnonzero(is_mine & has_scans).tolist():
         away_m, spread = np.hypot(*(middles[theirs] - middles[here]).T), joined.graph.uncertainty(here)
@@ -247,52 +186,6 @@ def agreement(joined: JoinedMap, robots: Sequence[int]) -> float:
     return seen / (seen + contradicted) if seen else 1.0
 
 
-def _search(
-    levels: SurfaceLevels, places: Float[np.ndarray, "k 2"], submap: Submap, config: TrackerConfig
-) -> list[Float[np.ndarray, "3"]]:
-    """Poses on a map at which most of a submap lies on surfaces, no two of them neighbours."""
-    outline = submap.outline()
-    if len(outline.points) < config.match.min_pairs:
-        return []
-    arm_m = max(ARM_M, float(np.median(np.hypot(*(outline.points - outline.points.mean(axis=0)).T))))
-    count = math.ceil(2 * math.pi * arm_m / _STEP_M)
-    turns = np.arange(count) * 2 * math.pi / count
-    centre = np.append(places[0], 0.0)
-    points = outline.every()
-    points = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
-    starts = np.array(nearest_poses(levels, points, centre, places - places[0], turns, arm_m))
-    coarse = match_from(levels.coarse, outline, centre, _ANYWHERE, config.match, starts)
-    coarse.sort(key=most_paired, reverse=True)
-    distinct: list[Float[np.ndarray, 3]] = []
-    for match in coarse:
-        if all(math.hypot(*difference(match.pose, pose, arm_m)) > _APART_M for pose in distinct):
-            distinct.append(match.pose)
-        if len(distinct) == _FITTED:
-            break
-    fine = match_from(levels.fine, outline, centre, _ANYWHERE, config.match, np.array(distinct))
-    return [match.pose for match in fine]
-
-
-def _fit(tracker: Tracker, node: int, submap: Submap, pose: Float[np.ndarray, "3"]) -> Fit | None:
-    """Fit a submap to one of a map, near a pose on the map; None if it is a contradiction, or leaves the place open."""
-    config, predicted = tracker.config, between(tracker.graph.poses[node], pose)
-    alignment = fit(submap, tracker.submaps[node], predicted, _PLACED, config.match, config.submap_error)
-    if alignment is None or alignment.overlap < config.overlap:
-        return None
-    is_open = np.trace(alignment.covariance[:2, :2]) > _OPEN_M**2
-    return None if is_open or alignment.agreement < config.searched_agreement else alignment
-
-
-def _link(robots: tuple[int, int], submaps: tuple[Submap, Submap], alignment: Fit) -> Link:
-    """Link between the first scans of two submaps, by a fit of the second to the first."""
-    start, end = (submap.poses[0] for submap in submaps)
-    pose = compose(compose(between(start, np.zeros(3)), alignment.pose), end)
-    turn = rotation(-start[2])
-    spread = chained(alignment.pose, alignment.covariance, end, np.zeros((3, 3)))
-    scans = submaps[0].numbers[0], submaps[1].numbers[0]
-    return Link(robots=robots, scans=scans, pose=pose, covariance=turn @ spread @ turn.T)
-
-
 def _between_submaps(one: JoinedMap, other: JoinedMap, link: Link) -> Pending:
     """A link as a fit between the submaps that hold its scans."""
     here, start = one.node_of(link.robots[0], link.scans[0])
@@ -302,18 +195,6 @@ def _between_submaps(one: JoinedMap, other: JoinedMap, link: Link) -> Pending:
     spread = chained(compose(start, link.pose), turn @ link.covariance @ turn.T, back, np.zeros((3, 3)))
     alignment = Fit(pose=pose, covariance=spread, overlap=0, agreement=1.0)
     return Pending(here, there, alignment, True)
-
-
-def _reversed(link: Link) -> Link:
-    """The same link, seen from the other robot."""
-    x, y, yaw = link.pose
-    back = -rotation(-yaw) @ np.array([[1.0, 0.0, y], [0.0, 1.0, -x], [0.0, 0.0, 1.0]])
-    return Link(
-        robots=link.robots[::-1],
-        scans=link.scans[::-1],
-        pose=between(link.pose, np.zeros(3)),
-        covariance=back @ link.covariance @ back.T,
-    )
 
 
 def _largest_group(agrees: Bool[np.ndarray, "n n"], allowed: Bool[np.ndarray, " n"]) -> list[int]:
@@ -369,32 +250,4 @@ def _joined(one: JoinedMap, other: JoinedMap, links: Sequence[Pending]) -> Joine
         graph=graph,
         submaps=[*one.submaps, *other.submaps],
         first=[*one.first, *(offset + k for k in other.first)],
-    )
-
-
-def _whole_map(tracker: Tracker) -> SurfaceLevels:
-    """Surfaces of all submaps."""
-    levels = SurfaceLevels(tracker.config.cell_m)
-    for pose, submap in zip(tracker.graph.poses, tracker.submaps, strict=True):
-        if submap.poses:
-            levels.take(submap.surfaces, pose)
-    return levels
-
-
-def _places(tracker: Tracker) -> Float[np.ndarray, "k 2"]:
-    """Places (x, y) [m] near the trajectory."""
-    cells = np.unique(np.round(tracker.poses()[:, :2] / _STEP_M).astype(int), axis=0)
-    n = math.ceil(_REACH_M / _STEP_M)
-    disc = np.stack(np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1)), axis=-1).reshape(-1, 2)
-    disc = disc[np.hypot(*disc.T) <= n]
-    return _STEP_M * np.unique((cells[:, None] + disc).reshape(-1, 2), axis=0)
-
-
-def _middles(poses: Sequence[Float[np.ndarray, "3"]], submaps: Sequence[Submap]) -> Float[np.ndarray, "n 2"]:
-    """Middle (x, y) [m] of each submap; infinite for one without scans."""
-    return np.array(
-        [
-            to_map(pose, np.array(submap.circle()[:2])) if submap.poses else np.full(2, np.inf)
-            for pose, submap in zip(poses, submaps, strict=True)
-        ]
     )

@@ -18,7 +18,8 @@ from robosim.logs.log_mapping import map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.team_mapping import map_team
 from robosim.logs.trajectory_scores import compare_trajectories
-from slam.graph.joining import find_links, join_maps
+from slam.graph.joining import join_maps
+from slam.graph.links import find_links
 from slam.graph.tracker import Tracker
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.localization import part_of

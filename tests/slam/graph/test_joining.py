@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from slam.graph.joining import Link, _reversed, find_links, join_maps, relative_pose
+from slam.graph.joining import join_maps, relative_pose
+from slam.graph.links import Link, find_links, reverse_link
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
 from slam.matching.levels import difference
@@ -79,34 +80,41 @@ def test_join_maps_leaves_parts_that_do_not_overlap_apart():
     assert [joined.robots for joined in join_maps(team, find_links(team, 0, 1))] == [[0], [1]]
 
 
-def test_join_maps_takes_links_of_other_sensors():
-    """Maps that are not compared, and six measured relative poses, of which one is wrong by 5 m."""
-    routes = along([(-5, 1), (13, 1)]), along([(42, 1), (28, 1)])
+def test_join_maps_takes_links_of_other_sensors_in_a_chain():
+    """Robot 1 has measured the poses of 0 and 2 in six places each, one of them wrong by 5 m."""
+    routes = along([(-5, 1), (13, 1)]), along([(42, 1), (28, 1)]), along([(10, 1), (26, 1)])
     team = [track(BUILDING, route, k) for k, route in enumerate(routes)]
-    scans = [(1, 0), (10, 4), (12, 10), (19, 16), (28, 22), (36, 27)]
+    scans = [(1, 0), (10, 4), (12, 10), (19, 16), (28, 22), (32, 27)]
     links = [
         Link(
-            robots=(1, 0), scans=(j, k), pose=between(routes[1][j], routes[0][k]), covariance=1e-4 * np.eye(3)
+            robots=(1, other),
+            scans=(j, k),
+            pose=between(routes[1][j], routes[other][k]),
+            covariance=1e-4 * np.eye(3),
         )
+        for other in (0, 2)
         for k, j in scans
     ]
     links[2].pose[0] += 5.0
-    pose, _ = relative_pose(join_maps(team, links), 1, 0)
-    assert np.hypot(*(pose - between(routes[0][0], routes[1][0]))[:2]) < 0.3
+    maps = join_maps(team, links)
+    assert sorted(maps[0].robots) == [0, 1, 2]
+    for robot, other in ((1, 0), (2, 0), (1, 2)):
+        pose, _ = relative_pose(maps, robot, other)
+        assert np.hypot(*(pose - between(routes[other][0], routes[robot][0]))[:2]) < 0.3
 
 
 def test_find_links_has_none_before_the_first_scan():
     assert find_links([Tracker(CONFIG), Tracker(CONFIG)], 0, 1) == []
 
 
-def test_reversed_covariance_is_that_of_drawn_poses():
+def test_reverse_link_covariance_is_that_of_drawn_poses():
     """Against 20,000 drawn relative poses that are inverted."""
     rng, covariance = (
         np.random.default_rng(0),
         np.array([[4.0, 1.0, 0.2], [1.0, 2.0, -0.3], [0.2, -0.3, 1.0]]) * 1e-4,
     )
     link = Link(robots=(0, 1), scans=(3, 5), pose=np.array([2.0, -1.0, 0.7]), covariance=covariance)
-    back = _reversed(link)
+    back = reverse_link(link)
     assert (back.robots, back.scans) == ((1, 0), (5, 3))
     drawn = link.pose + rng.multivariate_normal(np.zeros(3), covariance, 20_000)
     away = np.array([between(pose, np.zeros(3)) for pose in drawn]) - back.pose
