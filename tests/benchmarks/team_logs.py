@@ -21,7 +21,7 @@ from robosim.logs.trajectory_scores import compare_trajectories
 from slam.graph.joining import join_maps
 from slam.graph.links import find_links
 from slam.graph.tracker import Tracker
-from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.localization import part_of
 from tests.benchmarks.results import Results
 from tests.benchmarks.robot_logs import TITLES
@@ -44,31 +44,48 @@ def main(
         apart: Also try to join first sessions with second ones of other logs.
         options: Of every benchmark.
     """
-    results, halves = Results(), list[tuple[str, Tracker, Tracker]]()
-    for path in logs:
-        log = read_log(path)
-        title = TITLES.get(log.name.removesuffix("-corrected"), log.name)
-        start = process_time()
-        _add(results, title, [(log, map_log(log).poses)], process_time() - start)
-        for count in sessions:
-            parts, start = cut_log(log, count, overlap), process_time()
-            maps, row = map_team(parts), f"{title}, {count} sessions"
-            seconds = process_time() - start
-            _add(results, row, [(each.log, each.poses) for each in maps[0]], seconds)
-            results.add("joined", row, "maps", len(maps), digits=0)
-            across = sum(each.loops_across for each in maps[0]) / 2
-            results.add("joined", row, "loops across", across, digits=0)
-        if apart:
-            first, second = (map_log(part).tracker for part in cut_log(log, 2, overlap))
-            halves.append((title, first, second))
+    results, folder = Results(), options.folder("team_logs")
+    units = {f"{path.stem} {count}": (path, count, overlap) for path in logs for count in (1, *sessions)}
+    errors = run_units(join_sessions, units, folder, workers=options.workers)
+    for name, (path, count, _) in units.items():
+        row = _title(path) if count == 1 else f"{_title(path)}, {count} sessions"
+        for column, (value, unit, digits) in errors[name].items():
+            results.add("joined", row, column, value, unit, digits=digits)
+    halves = {f"{path.stem} half {part}": (path, part, overlap) for path in logs for part in (0, 1) if apart}
+    trackers = run_units(track_half, halves, folder, workers=options.workers)
     pairs = [
-        (first, second) for (one, first, _), (other, _, second) in product(halves, halves) if one != other
+        [trackers[f"{one.stem} half 0"], trackers[f"{other.stem} half 1"]]
+        for one, other in product(logs, logs)
+        if apart and one != other
     ]
     if pairs:
         joined = sum(len(join_maps(pair, find_links(pair, 0, 1))) < 2 for pair in pairs)
         results.add("apart", "sessions of different logs", "pairs", len(pairs), digits=0)
         results.add("apart", "sessions of different logs", "joined", joined, digits=0)
     return options.finish("team_logs", results)
+
+
+def join_sessions(path: Path, count: int, overlap: float) -> dict[str, tuple[float, str, int]]:
+    """Cut a log, map its sessions and join them; values, units and digits by column."""
+    start = process_time()
+    maps = map_team(cut_log(read_log(path), count, overlap))
+    seconds = process_time() - start
+    poses = np.concatenate([session.poses for session in maps[0]])
+    references = [session.log.reference for session in maps[0] if session.log.reference is not None]
+    error = compare_trajectories(poses, np.concatenate(references))
+    across = sum(session.loops_across for session in maps[0]) / 2
+    return {
+        "error": (error["rpe_m"], "m", 3),
+        "heading": (error["rpe_deg"], "°", 2),
+        "maps": (len(maps), "", 0),
+        "loops across": (across, "", 0),
+        "time": (seconds, "s", 0),
+    }
+
+
+def track_half(path: Path, part: int, overlap: float) -> Tracker:
+    """Map one of two sessions of a log."""
+    return map_log(cut_log(read_log(path), 2, overlap)[part]).tracker
 
 
 def cut_log(log: RobotLog, count: int, overlap: float) -> list[RobotLog]:
@@ -86,11 +103,7 @@ def cut_log(log: RobotLog, count: int, overlap: float) -> list[RobotLog]:
     return parts
 
 
-def _add(results: Results, row: str, runs: list[tuple[RobotLog, np.ndarray]], seconds: float) -> None:
-    """Relative errors of poses in one frame, and processor time."""
-    poses = np.concatenate([poses for _, poses in runs])
-    reference = np.concatenate([log.reference for log, _ in runs if log.reference is not None])
-    error = compare_trajectories(poses, reference)
-    results.add("joined", row, "error", error["rpe_m"], "m", digits=3)
-    results.add("joined", row, "heading", error["rpe_deg"], "°", digits=2)
-    results.add("joined", row, "time", seconds, "s", digits=0)
+def _title(path: Path) -> str:
+    """Name of a log on the page."""
+    name = path.name.partition(".")[0]
+    return TITLES.get(name.removesuffix("-corrected"), name)
