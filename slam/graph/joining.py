@@ -154,10 +154,10 @@ def agreeing_links(one: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> l
         is_known = np.trace(spread[:2, :2]) < _VAGUE_M**2
         agrees[k, j] = agrees[j, k] = is_same and is_known and fits[k][:2] != fits[j][:2]
         contradicts[k, j] = contradicts[j, k] = not is_same
-    places = np.array(one.graph.poses)[:, :2]
+    places = np.array(graph.poses)[:, :2]
 
     def n_places(group: list[int]) -> int:
-        return _n_apart(places[[fits[k].here for k in group]])
+        return max(_n_apart(places[[fits[k][side] for k in group]]) for side in (0, 1))
 
     best = _largest_group(agrees, np.ones(len(fits), bool))
     rival = _largest_group(agrees, 2 * contradicts[:, best].sum(axis=1) > len(best))
