@@ -51,10 +51,13 @@ def map_team(
         FileError: If no beam of a log hits anything, or odometry jumps farther than scans overlap.
         ValueError: If poses make a map of too many cells.
     """
-    mapped = [
-        map_log(log, config, watched=lambda numbers, stage, log=log: watched(numbers, f"{log.name}, {stage}"))
-        for log in logs
-    ]
+    mapped = []
+    for log in logs:
+
+        def watched_log(numbers: range, stage: str, name: str = log.name) -> Iterable[int]:
+            return watched(numbers, f"{name}, {stage}")
+
+        mapped.append(map_log(log, config, watched=watched_log))
     trackers, pairs = [each.tracker for each in mapped], list(combinations(range(len(logs)), 2))
     links = [link for k in watched(range(len(pairs)), "search") for link in find_links(trackers, *pairs[k])]
     maps = []

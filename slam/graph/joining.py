@@ -157,7 +157,8 @@ def agreeing_links(one: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> l
     places = np.array(graph.poses)[:, :2]
 
     def n_places(group: list[int]) -> int:
-        return max(_n_apart(places[[fits[k][side] for k in group]]) for side in (0, 1))
+        nodes = np.array([fits[k][:2] for k in group], int).reshape(-1, 2)
+        return max(_n_apart(places[side]) for side in nodes.T)
 
     best = _largest_group(agrees, np.ones(len(fits), bool))
     rival = _largest_group(agrees, 2 * contradicts[:, best].sum(axis=1) > len(best))
