@@ -36,7 +36,7 @@ def team() -> list[Tracker]:
     return [track(BUILDING, WEST, 0), track(BUILDING, EAST, 1)]
 
 
-def test_join_maps_places_a_robot_that_began_elsewhere(team):
+def test_join_maps_places_a_robot_of_unknown_start(team):
     """16 m of overlap, driven in opposite directions: 0.15 m over 46 m of corridor, within four standard deviations."""
     before = [tracker.poses() for tracker in team]
     maps = join_maps(team, find_links(team, 0, 1))
