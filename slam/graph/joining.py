@@ -111,12 +111,12 @@ def join_maps(
         best = max(agreeing, key=lambda pair: len(agreeing[pair]), default=(0, 0))
         if not agreeing.get(best):
             return maps
-        one, other = maps[best[0]], maps[best[1]]
-        joined = _joined(one, other, agreeing[best])
+        base, other = maps[best[0]], maps[best[1]]
+        joined = _joined(base, other, agreeing[best])
         config = max((tracker.config for tracker in trackers), key=lambda each: each.submap_error)
         LoopCloser(config, joined.graph, joined.submaps).fit_again(joined.graph.solve, watched=watched)
-        if agreement(joined, one.robots) < _AGREEMENT:
-            rejected.add((tuple(one.robots), tuple(other.robots)))
+        if agreement(joined, base.robots) < _AGREEMENT:
+            rejected.add((tuple(base.robots), tuple(other.robots)))
             continue
         maps[best[0]] = joined
         del maps[best[1]]
@@ -134,17 +134,17 @@ def relative_pose(
     return None
 
 
-def agreeing_links(one: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> list[Pending]:
+def agreeing_links(base: JoinedMap, other: JoinedMap, links: Sequence[Link]) -> list[Pending]:
     """Links that agree in the relative pose of two maps; none if they are too few, or hardly more than for another."""
     fits = []
     for link in links:
-        if link.robots[0] in one.robots and link.robots[1] in other.robots:
-            fits.append(_between_submaps(one, other, link))
-        elif link.robots[1] in one.robots and link.robots[0] in other.robots:
-            fits.append(_between_submaps(one, other, reverse_link(link)))
+        if link.robots[0] in base.robots and link.robots[1] in other.robots:
+            fits.append(_between_submaps(base, other, link))
+        elif link.robots[1] in base.robots and link.robots[0] in other.robots:
+            fits.append(_between_submaps(base, other, reverse_link(link)))
     if not fits:
         return []
-    graph = copy.deepcopy(one.graph)
+    graph = copy.deepcopy(base.graph)
     offset = graph.include(other.graph, np.zeros(3))
     fits = [link._replace(there=link.there + offset) for link in fits]
     agrees, contradicts = np.zeros((2, len(fits), len(fits)), bool)
@@ -187,9 +187,9 @@ def agreement(joined: JoinedMap, robots: Sequence[int]) -> float:
     return seen / (seen + contradicted) if seen else 1.0
 
 
-def _between_submaps(one: JoinedMap, other: JoinedMap, link: Link) -> Pending:
+def _between_submaps(base: JoinedMap, other: JoinedMap, link: Link) -> Pending:
     """A link as a fit between the submaps that hold its scans."""
-    here, start = one.node_of(link.robots[0], link.scans[0])
+    here, start = base.node_of(link.robots[0], link.scans[0])
     there, end = other.node_of(link.robots[1], link.scans[1])
     turn, back = rotation(start[2]), between(end, np.zeros(3))
     pose = compose(compose(start, link.pose), back)
@@ -229,10 +229,10 @@ def _alone(robot: int, tracker: Tracker) -> JoinedMap:
     return JoinedMap(robots=[robot], graph=copy.deepcopy(tracker.graph), submaps=submaps, first=[0])
 
 
-def _joined(one: JoinedMap, other: JoinedMap, links: Sequence[Pending]) -> JoinedMap:
+def _joined(base: JoinedMap, other: JoinedMap, links: Sequence[Pending]) -> JoinedMap:
     """Both maps in the frame of the first, with links between them as closed loops."""
-    graph, first = copy.deepcopy(one.graph), links[0]
-    place = compose(one.graph.poses[first.here], first.fit.pose)
+    graph, first = copy.deepcopy(base.graph), links[0]
+    place = compose(base.graph.poses[first.here], first.fit.pose)
     at = compose(place, between(other.graph.poses[first.there], np.zeros(3)))
     offset = graph.include(other.graph, at)
     for link in links:
@@ -247,8 +247,8 @@ def _joined(one: JoinedMap, other: JoinedMap, links: Sequence[Pending]) -> Joine
         )
     graph.solve()
     return JoinedMap(
-        robots=[*one.robots, *other.robots],
+        robots=[*base.robots, *other.robots],
         graph=graph,
-        submaps=[*one.submaps, *other.submaps],
-        first=[*one.first, *(offset + k for k in other.first)],
+        submaps=[*base.submaps, *other.submaps],
+        first=[*base.first, *(offset + k for k in other.first)],
     )
