@@ -10,6 +10,7 @@ from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.inspect_log import inspect_logs
+from robosim.commands.join_logs import join_logs
 from robosim.commands.locate_logs import locate_logs
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import results_folder
@@ -32,6 +33,7 @@ def slam(
     topics: Annotated[OmitArgPrefixes[BagTopics], arg(name="")] = _TOPICS,
     reader: LogReaderPart = "auto",
     map: str | None = None,
+    team: bool = False,
     inspect: bool = False,
     out: Path | None = None,
 ) -> None:
@@ -41,6 +43,11 @@ def slam(
     without loop closure) and odometry.tum for evo; map.yaml and map.pgm, a plan for other commands; map.png,
     trajectories.png and result.json: errors against the reference, if the log has one, number of loops, seconds.
 
+    With --team the logs are those of several robots, or of one on several days, whose relative starts are unknown.
+    Logs that show the same places share one map: map.yaml, map.pgm, map.png with all trajectories, and NAME.tum of each
+    log, in the frame of the first. A log that is not recognised without doubt on the others' maps, as of another
+    building, is not joined: its map lies apart, in a folder of its name, and a line says so.
+
     With --map the robot is located on a known map, from an unknown pose: trajectory.tum, covariance.csv, map.png and
     result.json, in the frame of the map.
 
@@ -48,6 +55,7 @@ def slam(
     topics, frames, odometry, times and beams without return are printed, and what was assumed.
 
     Example: robosim slam intel.log.gz --out out/intel
+    Example: robosim slam monday.bag tuesday.bag --team --out out/both
 
     Args:
         logs: CARMEN logs with laser scans (.log, .clf, packed by gzip or not), ROS bags (.bag, .mcap, folders of ROS
@@ -60,6 +68,7 @@ def slam(
         topics: What is read of bags.
         reader: Reader of the logs: auto takes the first that matches a file; module:Name is your own.
         map: Floor plan in which the robot is located, such as map.yaml of an earlier run; no map is made then.
+        team: Join the maps of several logs that overlap by a fifth or more, in one frame.
         inspect: Print what is read of the logs, without a map.
         out: Output folder; by default a new one under runs/.
     """
@@ -72,12 +81,21 @@ def slam(
         raise ValueError("there is no log. Give one or more, such as robosim slam intel.log.gz.")
     if len(logs) > 1 and (scans or reference):
         raise ValueError("--scans and --reference belong to one log: give one log with them.")
+    if team and map is not None:
+        raise ValueError(
+            "--team makes a map, and --map locates each log on one, in its frame already: leave one away."
+        )
     if inspect:
         inspect_logs(logs, scans, topics, reader)
         return
     read = [read_log(path, scans, reference, beam_seconds, topics, reader) for path in logs]
     if len({log.name for log in read}) < len(read):
-        raise ValueError("two logs have the same name: their results would lie in the same folder.")
+        raise ValueError(
+            "two logs have the same name: their results would lie in the same folder. Rename one of them."
+        )
+    if team:
+        join_logs(read, how, out)
+        return
     if map is not None:
         locate_logs(read, map, how, out)
         return

@@ -95,6 +95,8 @@ def explain(
 #: Okabe and Ito's colours (2008), for parts of the floor from the largest on, and a grey for the rest.
 _PARTS = ("#009E73", "#E69F00", "#CC79A7", "#0072B2", "#D55E00", "#F0E442")
 _OTHERS = "#7F7F7F"
+#: Lines of robots of the same colour.
+_STYLES = ("-", "--", ":", "-.")
 #: Smaller parts have no name [m2].
 _LEAST_M2 = 0.1
 #: Width of a legend next to a plan.
@@ -210,18 +212,36 @@ def draw_maps(
         1, len(plans), figsize=(9 * len(plans), 9), layout="constrained", squeeze=False
     )
     for axis, (name, plan) in zip(axes[0], plans.items(), strict=True):
-        shade = np.full(plan.occupancy.shape, 0.8)
-        shade[plan.occupancy == FREE] = 1.0
-        shade[plan.occupancy == OCCUPIED] = 0.0
-        (x, y, _), (ny, nx), cell_m = plan.origin, plan.occupancy.shape, plan.resolution_m
-        extent = (x, x + nx * cell_m, y, y + ny * cell_m)
-        axis.imshow(
-            shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, interpolation="nearest"
-        )
-        axis.set(xlabel="x [m]", ylabel="y [m]")
+        _draw_cells(axis, plan)
         axis.plot(*trajectories[name][:, :2].T, color="tab:red", lw=0.5)
         axis.set_title(f"{plan.name}: {name}", parse_math=False)
     save_figure(figure, path)
+
+
+def draw_team(
+    path: Path, plan: FloorPlan, trajectories: Mapping[str, Float[np.ndarray, "_ 3"]], title: str
+) -> None:
+    """Draw a map with the trajectories of several robots by name, each in its colour from a dot on."""
+    figure, axis = plt.subplots(figsize=(9, 9), layout="compressed")
+    _draw_cells(axis, plan)
+    for k, (name, poses) in enumerate(trajectories.items()):
+        colour, style = _PARTS[k % len(_PARTS)], _STYLES[k // len(_PARTS) % len(_STYLES)]
+        axis.plot(*poses[:, :2].T, color=colour, ls=style, lw=1.0, label=name.replace("$", r"\$"))
+        axis.plot(*poses[0, :2], "o", color=colour, ms=5)
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3, frameon=False)
+    axis.set_title(title, parse_math=False)
+    save_figure(figure, path)
+
+
+def _draw_cells(axis: Axes, plan: FloorPlan) -> None:
+    """Draw free cells white, occupied ones black, and unknown ones grey."""
+    shade = np.full(plan.occupancy.shape, 0.8)
+    shade[plan.occupancy == FREE] = 1.0
+    shade[plan.occupancy == OCCUPIED] = 0.0
+    (x, y, _), (ny, nx), cell_m = plan.origin, plan.occupancy.shape, plan.resolution_m
+    extent = (x, x + nx * cell_m, y, y + ny * cell_m)
+    axis.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, interpolation="nearest")
+    axis.set(xlabel="x [m]", ylabel="y [m]")
 
 
 def draw_trajectories(

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from time import process_time
@@ -133,6 +133,12 @@ class LogConfig:
         )
 
 
+#: A log, and poses of its robot or laser at each scan: x [m], y [m], yaw [rad].
+Run = tuple[RobotLog, Float[np.ndarray, "_ 3"]]
+#: Ends of beams, and displacements of odometry with standard deviations.
+_Lines = tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mapped:
     """Trajectory of a log."""
@@ -145,6 +151,19 @@ class Mapped:
     """Number of closed loops."""
     seconds: float
     """Processor time [s]."""
+    tracker: Tracker
+    """Submaps and their graph, by which maps can be joined; poses are those of the laser, from (0, 0, 0)."""
+    lines: _Lines | None
+    """What adjusts poses of scans of few beams to lines; None for other scans."""
+
+    def robot_poses(
+        self, laser_poses: Float[np.ndarray, "n 3"], origin: Float[np.ndarray, "3"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Poses of the robot, of those of the laser in a frame at a pose (`origin`): x, y [m], yaw [rad]."""
+        if self.lines is not None:
+            laser_poses = refine_poses(laser_poses, *self.lines)
+        back = between(self.log.mount, np.zeros(3))
+        return np.array([compose(compose(origin, pose), back) for pose in laser_poses])
 
 
 def check_reach(log: RobotLog, range_m: float) -> None:
@@ -180,7 +199,7 @@ def map_log(
     begin, robot, log = process_time(), log, log.seen_from(log.mount)
     check_reach(log, config.range_m)
     log = _corrected(log, config, watched)
-    _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
+    _map_grid([(log, log.odometry())], config.resolution_m, config.range_m)
     is_sparse, step_deg = log.step_rad() > _SPARSE_RAD, math.degrees(log.step_rad())
     if is_sparse:
         logger.warning(
@@ -208,13 +227,17 @@ def map_log(
         if not tracker.update(scan, view, displacement, covariance):
             last = between(before, tracker.pose)
     tracker.finish(lambda numbers: watched(numbers, "loops"))
-    poses = tracker.poses()
-    if lines is not None and loops:
-        poses = refine_poses(poses, *lines)
-    back = between(robot.mount, np.zeros(3))
-    poses = np.array([compose(compose(robot.mount, pose), back) for pose in poses])
     log = replace(log, mount=robot.mount, displacement=robot.displacement, track=robot.track)
-    return Mapped(log=log, poses=poses, loops=tracker.closed, seconds=process_time() - begin)
+    mapped = Mapped(
+        log=log,
+        poses=tracker.poses(),
+        loops=tracker.closed,
+        seconds=process_time() - begin,
+        tracker=tracker,
+        lines=lines if loops else None,
+    )
+    poses = mapped.robot_poses(mapped.poses, robot.mount)
+    return replace(mapped, poses=poses, seconds=process_time() - begin)
 
 
 def _corrected(log: RobotLog, config: LogConfig, watched: Callable[[range, str], Iterable[int]]) -> RobotLog:
@@ -245,7 +268,7 @@ def _view(bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"]
 
 def _with_line_odometry(
     log: RobotLog, config: LogConfig, watched: Callable[[range], Iterable[int]]
-) -> tuple[RobotLog, tuple[Ends, tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]]:
+) -> tuple[RobotLog, _Lines]:
     """The log with displacements by lines; ends of beams, and displacements of odometry with standard deviations."""
     ends = Ends.of(log.beams(), log.range_m, config.range_m)
     step_s = np.diff(log.times, prepend=log.times[0])
@@ -260,17 +283,20 @@ def _with_line_odometry(
 
 
 def _map_grid(
-    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
+    runs: Sequence[Run], resolution_m: float, range_m: float
 ) -> tuple[Float[np.ndarray, "2"], tuple[int, int]]:
-    """Lower left corner [m], columns and rows of a map of beams within the range [m]."""
-    low, high = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
-    for _, ends, _ in _beams(log, poses, range_m):
-        low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
+    """Lower left corner [m], columns and rows of a map of beams within the range [m]; poses are the laser's."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for log, poses in runs:
+        low, high = np.minimum(low, poses[:, :2].min(axis=0)), np.maximum(high, poses[:, :2].max(axis=0))
+        for _, ends, _ in _beams(log, poses, range_m):
+            low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
     low, high = low - 0.5, high + 0.5
     nx, ny = np.ceil((high - low) / resolution_m)
     if nx * ny > MAX_CELLS:
+        names = ", ".join(str(log.file or log.name) for log, _ in runs)
         raise ValueError(
-            f"{log.file or log.name}: its map is {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m, which is "
+            f"{names}: its map is {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m, which is "
             f"{nx:.0f} x {ny:.0f} cells of {resolution_m:g} m, more than {MAX_CELLS}. Are its poses in metres? If so, "
             "give a larger --resolution-m."
         )
@@ -290,46 +316,52 @@ def _beams(
 def make_log_plan(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
 ) -> FloorPlan:
-    """The map of scans at poses of the robot.
+    """The map of scans at poses of the robot, see `make_plan`."""
+    return make_plan([(log, poses)], log.name, resolution_m, range_m)
+
+
+def make_plan(runs: Sequence[Run], name: str, resolution_m: float, range_m: float) -> FloorPlan:
+    """The map of the scans of several logs at poses of their robots in one frame.
 
     A cell is occupied if beams ended in more than a quarter of those that reached it.
 
     Scans of few beams end at few cells of a wall: there the lines of several scans are occupied, where not more than
     three times as many beams went through.
     """
-    poses = log.laser_poses(poses)
-    low, (nx, ny) = _map_grid(log, poses, resolution_m, range_m)
-    passed, hit, crossed = (np.zeros((ny, nx), np.uint16) for _ in range(3))
-    thin = is_thin(log.beams()[0])
-    for pose, places, is_hit in _beams(log, poses, range_m):
-        # A beam that hit nothing spans no area: the outline passes by the laser there.
-        laser = ((pose[:2] - low) / resolution_m).astype(np.int32)
-        outline = ((places - low) / resolution_m).astype(np.int32)
-        x0, y0 = np.minimum(outline.min(axis=0), laser)
-        x1, y1 = np.maximum(outline.max(axis=0), laser) + 1
-        seen = np.zeros((y1 - y0, x1 - x0), np.uint8)
-        cv2.fillPoly(seen, [outline - [x0, y0]], 1)
-        cells = outline[is_hit] - [x0, y0]
-        window = (slice(y0, y1), slice(x0, x1))
+    runs = [(log, log.laser_poses(poses)) for log, poses in runs]
+    low, (nx, ny) = _map_grid(runs, resolution_m, range_m)
+    passed, hit, reached = (np.zeros((ny, nx), np.uint16) for _ in range(3))
+    for log, poses in runs:
+        thin = is_thin(log.beams()[0])
+        for pose, places, is_hit in _beams(log, poses, range_m):
+            # A beam that hit nothing spans no area: the outline passes by the laser there.
+            laser = ((pose[:2] - low) / resolution_m).astype(np.int32)
+            outline = ((places - low) / resolution_m).astype(np.int32)
+            x0, y0 = np.minimum(outline.min(axis=0), laser)
+            x1, y1 = np.maximum(outline.max(axis=0), laser) + 1
+            seen = np.zeros((y1 - y0, x1 - x0), np.uint8)
+            cv2.fillPoly(seen, [outline - [x0, y0]], 1)
+            cells = outline[is_hit] - [x0, y0]
+            window = (slice(y0, y1), slice(x0, x1))
+            beams = seen
+            if thin:
+                beams = np.zeros_like(seen)
+                cv2.polylines(beams, [np.array([laser - [x0, y0], end]) for end in cells], False, 1)
+            ended = np.zeros_like(seen)
+            ended[cells[:, 1], cells[:, 0]] = 1
+            passed[window] += seen | beams | ended
+            reached[window] += beams | ended
+            hit[window] += ended
         if thin:
-            beams = np.zeros_like(seen)
-            cv2.polylines(beams, [np.array([laser - [x0, y0], end]) for end in cells], False, 1)
-            beams[cells[:, 1], cells[:, 0]] = 0
-            crossed[window] += beams
-            seen |= beams
-        ended = np.zeros_like(seen)
-        ended[cells[:, 1], cells[:, 0]] = 1
-        passed[window] += seen | ended
-        hit[window] += ended
-    if thin:
-        ends = Ends.of(log.beams(), log.range_m, range_m)
-        walls = ((points_of_walls(poses, ends, resolution_m) - low) / resolution_m).astype(int)
-        np.add.at(hit, (walls[:, 1], walls[:, 0]), 1)
-        passed = np.maximum(passed, hit)
+            ends = Ends.of(log.beams(), log.range_m, range_m)
+            walls = ((points_of_walls(poses, ends, resolution_m) - low) / resolution_m).astype(int)
+            for counts in (hit, reached):
+                np.add.at(counts, (walls[:, 1], walls[:, 0]), 1)
+            passed = np.maximum(passed, hit)
     cells = np.full((ny, nx), UNKNOWN, np.uint8)
     cells[passed > 0] = FREE
-    cells[hit > 0.25 * (crossed + hit if thin else passed)] = OCCUPIED
+    cells[hit > 0.25 * reached] = OCCUPIED
     cells[passed == 0] = UNKNOWN
     return FloorPlan(
-        occupancy=cells, resolution_m=resolution_m, origin=(float(low[0]), float(low[1]), 0.0), name=log.name
+        occupancy=cells, resolution_m=resolution_m, origin=(float(low[0]), float(low[1]), 0.0), name=name
     )

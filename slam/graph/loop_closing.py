@@ -7,6 +7,7 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (fits
 """
 
 import math
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,10 @@ _REMEMBERED = 100
 _OPEN_M = 1.0
 #: Most waiting fits.
 _WAITING = 24
+#: Most passes over all submaps at the end.
+_ROUNDS = 3
+#: Deviation of closed loops at the end of a log, when poses are known well, beyond which the graph is optimised [m].
+_UNSOLVED_AT_END_M = 0.2
 
 
 class Pending(NamedTuple):
@@ -111,6 +116,44 @@ class LoopCloser:
             return self._fit(here, there)
         return 0.0
 
+    @property
+    def closed(self) -> int:
+        """Number of closed loops."""
+        return sum(constraint.loop for constraint in self._graph.constraints)
+
+    def fit_again(
+        self,
+        solve: Callable[[], object],
+        unsolved_m: float = 0.0,
+        watched: Callable[[range], Iterable[int]] = iter,
+    ) -> None:
+        """Fit submaps that are near by the present poses, until a pass over all of them closes no loop.
+
+        Args:
+            solve: Optimises the graph.
+            unsolved_m: Deviation of loops closed since the graph was optimised [m].
+            watched: Progress display: iterates over numbers of submaps.
+        """
+        for _ in range(_ROUNDS):
+            closed = self.closed
+            for here in watched(range(2, len(self._submaps))):
+                believed = [
+                    {c.first, c.second}
+                    for c in self._graph.believed()
+                    if c.loop and here in (c.first, c.second)
+                ]
+                self.queue = [pair for pair in self.candidates(here) if set(pair) not in believed]
+                while self.queue:
+                    unsolved_m += self.try_next()
+                if unsolved_m > _UNSOLVED_AT_END_M:
+                    solve()
+                    unsolved_m = 0.0
+            if unsolved_m > 0:
+                solve()
+                unsolved_m = 0.0
+            if self.closed == closed:
+                break
+
     def _fit(self, here: int, there: int) -> float:
         """Fit two submaps; by how much a loop that is closed deviates from the poses [m], a radian as a metre.
 
@@ -160,7 +203,7 @@ class LoopCloser:
         agreeing, n_against = [], 0
         for old in others:
             if self._is_near(old, new):
-                away, spread = self._compared(old, new)
+                away, spread = compare_fits(self._graph, old, new)
                 # Fits that leave the place open, as along a corridor, agree with any by chance.
                 if np.trace(spread[:2, :2]) < _OPEN_M**2:
                     is_same = away @ np.linalg.solve(spread, away) < _SAME
@@ -178,18 +221,19 @@ class LoopCloser:
         is_same = (old.here, old.there) == (new.here, new.there)
         return not is_same and max(abs(old.here - new.here), abs(old.there - new.there)) <= _NEAR
 
-    def _compared(
-        self, old: Pending, new: Pending
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Difference between two fits, and its covariance."""
-        poses = self._graph.poses
-        to_old, from_old = (
-            between(poses[new.here], poses[old.here]),
-            between(poses[old.there], poses[new.there]),
-        )
-        spread = self._graph.uncertainty(new.here)[old.here]
-        spread = chained(to_old, spread, old.fit.pose, old.fit.covariance)
-        chain = compose(to_old, old.fit.pose)
-        spread = chained(chain, spread, from_old, self._graph.uncertainty(old.there)[new.there])
-        chain = compose(chain, from_old)
-        return difference(chain, new.fit.pose, 1.0), spread + new.fit.covariance
+
+def compare_fits(
+    graph: PoseGraph, old: Pending, new: Pending
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    """Difference between two fits by the poses of a graph, and its covariance."""
+    poses = graph.poses
+    to_old, from_old = (
+        between(poses[new.here], poses[old.here]),
+        between(poses[old.there], poses[new.there]),
+    )
+    spread = graph.uncertainty(new.here)[old.here]
+    spread = chained(to_old, spread, old.fit.pose, old.fit.covariance)
+    chain = compose(to_old, old.fit.pose)
+    spread = chained(chain, spread, from_old, graph.uncertainty(old.there)[new.there])
+    chain = compose(chain, from_old)
+    return difference(chain, new.fit.pose, 1.0), spread + new.fit.covariance

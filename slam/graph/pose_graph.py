@@ -23,7 +23,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from slam.graph.least_squares import Constraint, Sighting, State, System
-from slam.poses import between, compose, rotation
+from slam.poses import between, compose, rotation, to_map
 
 #: By how much the kernel is made less convex in each round, and how convex it is at first at most.
 _STEP, _MOST_CONVEX = 1.6, 100.0
@@ -69,6 +69,36 @@ class PoseGraph:
         self.constraints.append(constraint)
         self.weights.append(1.0)
         self._uncertain.clear()
+
+    def include(self, other: "PoseGraph", at: Float[np.ndarray, "3"]) -> int:
+        """Add all poses, places and measurements of another graph, whose frame lies at a pose.
+
+        Places that are known in the other's frame have to be held by their sightings in this one.
+
+        Returns:
+            The number of the other's first pose here; the others follow.
+        """
+        first, n_places = len(self.poses), len(self.places)
+        n_stretches = 1 + max((sighting.stretch for sighting in self.sightings), default=-1)
+        self.poses += [compose(at, pose) for pose in other.poses]
+        self.constraints += [
+            replace(c, first=c.first + first, second=c.second + first) for c in other.constraints
+        ]
+        self.weights += other.weights
+        self.places += [to_map(at, place) for place in other.places]
+        self._known += [False] * len(other.places)
+        self.sightings += [
+            replace(
+                s,
+                pose=s.pose + first,
+                place=s.place + n_places,
+                beyond=None if s.beyond is None else s.beyond + n_places,
+                stretch=s.stretch + n_stretches,
+            )
+            for s in other.sightings
+        ]
+        self._uncertain.clear()
+        return first
 
     def forget_loop(self, first: int, second: int) -> None:
         """Remove loops between two poses."""

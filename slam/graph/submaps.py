@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from robosim.support.compiled import compiled
 from slam.matching.levels import SurfaceLevels, Surfaces, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
-from slam.poses import between, compose, moved_ahead, to_map
+from slam.poses import between, compose, moved_ahead, to_map, wrap
 
 #: Part of the strongest curvature of a fit that the noise of normals adds in every direction.
 _OF_NORMALS = 0.02
@@ -126,6 +126,19 @@ class Submap:
         return self._circle
 
 
+def poses_of_scans(
+    anchors: Sequence[Float[np.ndarray, "3"]], submaps: Sequence[Submap]
+) -> Float[np.ndarray, "n 3"]:
+    """Poses of all scans of a trajectory in `map` (x, y [m], yaw [rad]), by the poses of its submaps."""
+    poses = np.zeros((sum(len(submap.numbers) for submap in submaps), 3))
+    for anchor, submap in zip(anchors, submaps, strict=True):
+        if submap.poses:
+            local = np.array(submap.poses)
+            yaw = wrap(anchor[2] + local[:, 2])
+            poses[submap.numbers] = np.column_stack([to_map(anchor, local[:, :2]), yaw])
+    return poses
+
+
 def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[np.ndarray, "3 3"]:
     """Information of a fit about a pose, without the contribution of the noise of normals on a bare wall."""
     # About the point where shifts and turns are independent: about the robot, with all points to one side, turns and
@@ -199,7 +212,7 @@ def fit(
     for match in matches(other.levels, outline, predicted, covariance, matching, most_paired):
         if not match.paired.any():
             continue
-        overlap, agreement = _judged(source, other, match.pose)
+        overlap, agreement = judge_fit(source, other, match.pose)
         least_covariance = covariance_of(match.information, outline, error * matching.sigma_m)
         candidate = Fit(
             pose=match.pose,
@@ -212,8 +225,8 @@ def fit(
     return best
 
 
-def _judged(source: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[int, float]:
-    """Surfaces of each that the other saw too, and the part of those it saw that it does not contradict."""
+def judge_fit(source: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[int, float]:
+    """Return surfaces of each that the other saw too, and the part of those it saw that it does not contradict."""
     back = between(pose, np.zeros(3))
     seen = contradicted = 0
     for surfaces, viewer, place in ((source, other, pose), (other, source, back)):

@@ -34,6 +34,7 @@ from slam.graph.submaps import (
     covariance_of,
     least_covariance,
     looked_through,
+    poses_of_scans,
     seen_by,
 )
 from slam.graph.tracker_config import TrackerConfig
@@ -49,12 +50,8 @@ _HELD, _COVERED, _SHOWN = 3, 0.9, 5
 _SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 #: Submaps are closed early if sources are received and the heading is more uncertain than this [rad].
 _VAGUE_RAD = math.radians(0.1)
-#: Most passes over all submaps at the end.
-_ROUNDS = 3
 #: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
-#: Deviation of closed loops at the end of a log, when poses are known well [m].
-_UNSOLVED_AT_END_M = 0.2
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
 #: Fits may deviate by this many times the covariance of the prediction.
@@ -239,7 +236,7 @@ class Tracker:
     @property
     def closed(self) -> int:
         """Number of closed loops."""
-        return sum(constraint.loop for constraint in self.graph.constraints)
+        return self._loops.closed
 
     def finish(self, watched: Callable[[range], Iterable[int]] = iter) -> None:
         """Fit the rest of the queue and submaps that are near by the improved poses, `watched` for progress."""
@@ -248,33 +245,12 @@ class Tracker:
         while self._loops.queue:
             self._unsolved_m += self._loops.try_next()
             self._settle(_UNSOLVED_M)
-        for _ in range(_ROUNDS if self.config.loops else 0):
-            closed = self.closed
-            for here in watched(range(2, len(self.submaps))):
-                believed = [
-                    {c.first, c.second}
-                    for c in self.graph.believed()
-                    if c.loop and here in (c.first, c.second)
-                ]
-                self._loops.queue = [
-                    pair for pair in self._loops.candidates(here) if set(pair) not in believed
-                ]
-                while self._loops.queue:
-                    self._unsolved_m += self._loops.try_next()
-                self._settle(_UNSOLVED_AT_END_M)
-            self._settle(0.0)
-            if self.closed == closed:
-                break
+        if self.config.loops:
+            self._loops.fit_again(self._solve, self._unsolved_m, watched)
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
         """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
-        poses = np.zeros((self._n_scans, 3))
-        for anchor, submap in zip(self.graph.poses, self.submaps, strict=True):
-            if submap.poses:
-                local = np.array(submap.poses)
-                yaw = wrap(anchor[2] + local[:, 2])
-                poses[submap.numbers] = np.column_stack([to_map(anchor, local[:, :2]), yaw])
-        return poses
+        return poses_of_scans(self.graph.poses, self.submaps)
 
     def _begin(self) -> bool:
         """Close the submap, and begin the next at the robot; whether past poses changed."""

@@ -35,7 +35,7 @@ def main(logs: Positional[tuple[Path, ...]], *, options: OmitArgPrefixes[Options
     for path in logs:
         log = read_log(path)
         title, n = TITLES.get(log.name.removesuffix("-corrected"), log.name), len(log.times) // 2
-        first, second = _part(log, slice(0, n)), _part(log, slice(n, None))
+        first, second = part_of(log, slice(0, n)), part_of(log, slice(n, None))
         whole = map_log(log, config)
         # At the poses of the whole log, so that what the second half corrects of the first is no error.
         plan = make_log_plan(first, whole.poses[:n], config.resolution_m, config.range_m)
@@ -58,7 +58,7 @@ def main(logs: Positional[tuple[Path, ...]], *, options: OmitArgPrefixes[Options
     return options.finish("localization", results)
 
 
-def _part(log: RobotLog, rows: slice) -> RobotLog:
+def part_of(log: RobotLog, rows: slice) -> RobotLog:
     """Some scans of a log, which begin without a motion."""
     displacement = log.displacement[rows].copy()
     displacement[0] = 0.0
