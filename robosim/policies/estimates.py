@@ -19,8 +19,6 @@ class Estimates:
     """Map and pose."""
     measurement: Measurement | None = None
     """Radio measurement of the target; None without a radio."""
-    received: Sequence[Measurement] = ()
-    """Measurements of the target that other robots of a team have taken, since the last decision."""
     anchors: Mapping[str, Measurement] = field(default_factory=dict)
     """Radio measurements of other transmitters, by name."""
     anchor_places: Mapping[str, Float[np.ndarray, "2"]] = field(default_factory=dict)
@@ -28,6 +26,8 @@ class Estimates:
     locate_transmitters: Callable[[], Mapping[str, Transmitter]] = dict
     """Returns the positions of transmitters by name ("target" is one), if the mapper estimates them. Call it only where
     it is needed: the covariances take milliseconds."""
+    received: Sequence[Measurement] = ()
+    """Measurements of the target that other robots of a team have taken, since the last decision."""
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:
