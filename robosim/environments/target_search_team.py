@@ -5,7 +5,7 @@ Made by `robosim.parallel_env`, which needs the extra `team`.
 
 from collections.abc import Mapping
 from operator import index
-from typing import Any, SupportsIndex
+from typing import Any, ClassVar, SupportsIndex
 
 import gymnasium
 import numpy as np
@@ -43,7 +43,11 @@ class TargetSearchTeam(ParallelEnv[str, Seen, Any]):
     `max_steps` steps.
     """
 
-    metadata = {"name": "robosim_target_search_team", "render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "robosim_target_search_team",
+        "render_modes": ["rgb_array"],
+        "render_fps": 20,
+    }
 
     def __init__(
         self,
