@@ -56,7 +56,7 @@ def test_parallel_env_passes_the_tests_of_pettingzoo(options):
 
 
 def test_parallel_env_repeats_a_search_of_a_seed():
-    """All results are bit-identical; another seed starts elsewhere, and agents draw actions of their own."""
+    """All results are bit-identical; another seed has another start, and agents draw actions of their own."""
     envs = made(), made()
     first, second = (env.reset(seed=np.int64(7)) for env in envs)
     assert_same(dict(enumerate(first)), dict(enumerate(second)))
