@@ -38,6 +38,7 @@ from robosim.camera.depth_noise import DepthNoise as DepthNoise
 from robosim.environments.target_search import TargetSearch as TargetSearch
 from robosim.environments.target_search_vector import TargetSearchVector as TargetSearchVector
 from robosim.environments.target_search_vector import sb3_vec_env as sb3_vec_env
+from robosim.environments.parallel import parallel_env as parallel_env
 from robosim.environments.config import SearchConfig as SearchConfig
 from robosim.environments.sources import GeneratedHomes as GeneratedHomes
 

@@ -1,7 +1,8 @@
-"""Environments for learning: the search for a target, for one robot or many, with the API of Gymnasium.
+"""Environments for learning: the search for a target, for one robot or many, with the API of Gymnasium or PettingZoo.
 
 TargetSearch         `robosim/TargetSearch-v1`, one robot
-TargetSearchVector   many robots in one process
+TargetSearchVector   many robots in one process, each alone in its building
+TargetSearchTeam     several robots in one world, with the API of PettingZoo
 sb3_vec_env          the same as a vector environment of Stable-Baselines3
 SearchConfig         observations, rewards and tasks
 GeneratedHomes       generated homes as a source of plans

@@ -5,7 +5,7 @@ progress     metres by which the shortest drive to the target became shorter; it
              it does not change the optimal policy (Ng, Harada and Russell, Policy invariance under reward
              transformations, ICML 1999)
 step         1 on every step: give it a negative weight
-collision    1 on a step in which a wall stopped the robot
+collision    1 on a step in which a wall, a person or another robot stopped the robot
 coverage     floor seen for the first time [m2] (Chaplot et al., Learning to explore using Active Neural
              SLAM, ICLR 2020)
 link_state   rise of the worth of the true link state: 0 for an outage, 0.25 for higher order, 0.5 for first order,

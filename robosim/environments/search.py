@@ -1,8 +1,8 @@
-"""Searches of one robot, one after the other: task, simulator, observations and rewards.
+"""Searches, one after the other: task, world, and observations and rewards of each robot.
 
-Environments of one robot and of many use this class, so they agree step for step. At difficulty d between 0 and 1 the
-shortest drive is at most 2 m + 30 m d^2 longer than the shortest allowed one; at 1 it is not bounded. A curriculum
-changes the difficulty by the share of arrivals among the last episodes.
+Environments of one robot, of many and of teams use these classes, so they agree step for step. At difficulty d between
+0 and 1 the shortest drive is at most 2 m + 30 m d^2 longer than the shortest allowed one; at 1 it is not bounded. A
+curriculum changes the difficulty by the share of arrivals among the last episodes.
 """
 
 import math
@@ -16,6 +16,7 @@ from gymnasium import spaces
 from jaxtyping import Float, UInt8
 
 from robosim.drawing.plan_view import BriefPicture
+from robosim.entrants import starts_near
 from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
 from robosim.environments.rewards import NO_SNR_DB, WORTH, weighted
@@ -100,32 +101,39 @@ class Outcome(NamedTuple):
     info: dict[str, Any]
 
 
-class Search:
-    """The searches of a robot."""
+class Searches:
+    """Searches of the robots of a world, which have the same target."""
 
-    def __init__(self, source: Source, config: SearchConfig, simulator: SimulatorConfig) -> None:
+    def __init__(
+        self,
+        source: Source,
+        config: SearchConfig,
+        simulator: SimulatorConfig,
+        names: tuple[str, ...] = (ROBOT,),
+    ) -> None:
         """Check the sensors; nothing is built before the first reset."""
         check_senses(config, simulator)
-        self.config, self.simulator_config, self._source = config, simulator, source
+        self._config, self._simulator_config, self._source = config, simulator, source
         self._curriculum = Curriculum(config.difficulty, moves=config.curriculum)
         self._ended = True
         self._place: Place | None = None
         self._world: World
-        self.task: Task
-        """Start and target of the current search."""
-        self.sensed: Observation
-        """Measurements of the robot, in full; observations of the environment are made from it."""
-        self._interpreter: Interpreter | None = None
+        self.robots = {name: Search(config, simulator, len(names)) for name in names}
+        """The current search of each robot."""
 
     def reset(
         self, rng: np.random.Generator, options: Mapping[str, Any] | None
-    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    ) -> dict[str, tuple[dict[str, np.ndarray], dict[str, Any]]]:
         """Start a search.
 
         Args:
             rng: Source of random numbers until the next reset.
-            options: `start` (x, y, yaw [rad]) and `target` (x, y) in the frame of the plan, `plan` (its number in the
-                source), `difficulty` (0 to 1): each replaces a random choice.
+            options: `start` (x, y, yaw [rad]) of the first robot and `target` (x, y) in the frame of the plan, `plan`
+                (its number in the source), `difficulty` (0 to 1): each replaces a random choice.
+
+        Raises:
+            ValueError: If an option is unknown or out of bounds.
+            MapError: If the plan has no such task, or no room for all robots at the start.
         """
         options = dict(options or {})
         if unknown := set(options) - set(OPTIONS):
@@ -133,15 +141,109 @@ class Search:
         if not self._ended:
             self._curriculum.record(False)
         spec = self._source.task_spec(self._plan_number(rng, options.get("plan")))
-        self._enter(spec.plan)
-        place = self.place
-        difficulty = options.get("difficulty", self._curriculum.difficulty)
-        self.task = self._draw_task(spec, rng, options, float(difficulty))
-        self._travel = place.travel_m(self.task.target)
-        self.sensed = self._world.reset({ROBOT: self.task}, rng)[ROBOT]
-        pose = self.robot.pose
+        place = self._enter(spec.plan)
+        difficulty = float(options.get("difficulty", self._curriculum.difficulty))
+        first = self._draw_task(place, spec, rng, options, difficulty)
+        starts = starts_near(first.start, [place.reach] * len(self.robots))
+        others = [make_task(place.reach, rng, start=start, target=first.target) for start in starts[1:]]
+        tasks = dict(zip(self.robots, [first, *others], strict=True))
+        sensed = self._world.reset(tasks, rng)
+        self._ended = False
+        begun = {name: search.begin(tasks[name], sensed[name]) for name, search in self.robots.items()}
+        drawn = {"plan": place.plan.name, "difficulty": difficulty}
+        return {name: (observation, {**info, **drawn}) for name, (observation, info) in begun.items()}
+
+    def step(self, actions: Mapping[str, Any]) -> dict[str, Outcome]:
+        """Do one action with each of these robots, one after the other; the others stand still."""
+        commands = {name: self.robots[name].command_of(action) for name, action in actions.items()}
+        sensed = self._world.step(commands)
+        outcomes = {name: self.robots[name].after(observation) for name, observation in sensed.items()}
+        if any(outcome.arrived for outcome in outcomes.values()):
+            self._ended = True
+            self._curriculum.record(True)
+        return outcomes
+
+    def close(self) -> None:
+        """Free the cameras."""
+        if self._place is not None:
+            self._world.close()
+
+    def _plan_number(self, rng: np.random.Generator, requested: Any) -> int:
+        """Number of the plan in the source: the given one, or a random one."""
+        count = len(self._source)
+        if requested is None:
+            # Nothing is drawn from a single plan, so that its random numbers do not depend on this.
+            return int(rng.integers(count)) if count > 1 else 0
+        if not 0 <= int(requested) < count:
+            raise ValueError(f"Reset option plan is {requested}, expected a number of 0 to {count - 1}.")
+        return int(requested)
+
+    def _enter(self, plan: FloorPlan) -> Place:
+        """Put the robots into the building of a plan."""
+        if self._place is None or self._place.plan is not plan:
+            self.close()
+            uses_radio = self._config.uses_radio
+            self._place = shared_place(plan, self._simulator_config, uses_radio=uses_radio)
+            self._world = self._place.world(tuple(self.robots))
+            for name, search in self.robots.items():
+                search.enter(self._place, self._world.robots[name])
+        return self._place
+
+    def _draw_task(
+        self,
+        place: Place,
+        spec: TaskSpec,
+        rng: np.random.Generator,
+        options: Mapping[str, Any],
+        difficulty: float,
+    ) -> Task:
+        """The task of the first robot: from the options, from the source, and the rest at random."""
+        start, target = (
+            np.asarray(options[key], float) if key in options else default
+            for key, default in (("start", spec.start), ("target", spec.target))
+        )
+        if target is None and self._config.targets is not None:
+            places = place.targets(self._config.targets)
+            target = places[rng.integers(len(places))]
+        return make_task(
+            place.reach,
+            rng,
+            start=start,
+            target=target,
+            min_path_m=self._config.min_path_m,
+            max_path_m=longest_drive_m(difficulty, self._config.min_path_m),
+        )
+
+
+class Search:
+    """The search of one robot: what it observes, does, and is rewarded for."""
+
+    def __init__(self, config: SearchConfig, simulator: SimulatorConfig, robots: int = 1) -> None:
+        """Make the search of one of several robots in a world; it has no place yet."""
+        self.config, self.simulator_config = config, simulator
+        self._actions = discrete_actions(simulator, robots)
+        self._place: Place | None = None
+        self.robot: Simulator
+        """Body and sensors of the robot in the current search."""
+        self.task: Task
+        """Start and target of the current search."""
+        self.sensed: Observation
+        """Measurements of the robot, in full; observations of the environment are made from it."""
+        self._interpreter: Interpreter | None = None
+
+    def enter(self, place: Place, robot: Simulator) -> None:
+        """Search in another building from now on."""
+        self._place, self.robot = place, robot
+        if robot.radio is not None:
+            self._interpreter = Interpreter(robot.radio, place.classifier(self.config.link_states))
+
+    def begin(self, task: Task, sensed: Observation) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Begin a task; returns observation and info for what the robot senses first."""
+        self.task, self.sensed = task, sensed
+        place, pose = self.place, self.robot.pose
+        self._travel = place.travel_m(task.target)
         self._picture: BriefPicture | None = None
-        self._steps, self._ended = 0, False
+        self._steps = 0
         self._distance = place.reach.remaining_m(self._travel, pose[:2])
         self._coverage: Coverage | None = None
         if self.config.uses_coverage:
@@ -151,12 +253,11 @@ class Search:
             )
             self._look(pose)
         self._worth, self._snr = self._link()
-        info = self._info(pose, collided=False, arrived=False)
-        return self._observation(pose), {**info, "plan": place.plan.name, "difficulty": float(difficulty)}
+        return self._observation(pose), self._info(pose, collided=False, arrived=False)
 
-    def step(self, action: Any) -> Outcome:
-        """Do one action."""
-        self.sensed = self._world.step({ROBOT: self.command_of(action)})[ROBOT]
+    def after(self, sensed: Observation) -> Outcome:
+        """The outcome of an action, after which the robot senses this."""
+        self.sensed = sensed
         self._steps += 1
         pose, motion = self.robot.pose, self.robot.motion
         collided = motion is not None and motion.collided
@@ -179,23 +280,19 @@ class Search:
         info = self._info(pose, collided, arrived)
         observation = self._observation(pose)
         info["rewards"] = weighted(self.config.rewards, terms, observation, info)
-        if arrived:
-            self._ended = True
-            self._curriculum.record(True)
         return Outcome(observation, float(sum(info["rewards"].values())), arrived, info)
 
     def command_of(self, action: Any) -> Command:
         """Return the robot's command for an action of the environment."""
         if self.config.actions == "discrete":
-            return discrete_actions(self.simulator_config)[int(action)]
+            return self._actions[int(action)]
         v, w = np.clip(np.asarray(action, float), -1, 1) * velocity_scale(self.simulator_config)
         return Velocity(float(v), float(w), STEP_S)
 
     def action_of(self, command: Command) -> Any:
         """Return the action of the environment for a robot's command; ValueError if it has none."""
-        actions = discrete_actions(self.simulator_config)
-        if self.config.actions == "discrete" and command in actions:
-            return actions.index(command)
+        if self.config.actions == "discrete" and command in self._actions:
+            return self._actions.index(command)
         if self.config.actions == "velocity":
             v, w = command[:2] if isinstance(command, Velocity) else (0.0, 0.0)
             return np.array([v, w]) / velocity_scale(self.simulator_config)
@@ -212,63 +309,12 @@ class Search:
         """The plan as text, with robot and target."""
         return draw_text(self.place.plan, self.robot.pose, self.task.target)
 
-    def close(self) -> None:
-        """Free the camera."""
-        if self._place is not None:
-            self._world.close()
-
-    @property
-    def robot(self) -> Simulator:
-        """Body and sensors of the robot in the current search."""
-        return self._world.robots[ROBOT]
-
     @property
     def place(self) -> Place:
         """The building of the current search."""
         if self._place is None:
             raise RuntimeError("The search has not begun. Call reset first.")
         return self._place
-
-    def _plan_number(self, rng: np.random.Generator, requested: Any) -> int:
-        """Number of the plan in the source: the given one, or a random one."""
-        count = len(self._source)
-        if requested is None:
-            # Nothing is drawn from a single plan, so that its random numbers do not depend on this.
-            return int(rng.integers(count)) if count > 1 else 0
-        if not 0 <= int(requested) < count:
-            raise ValueError(f"Reset option plan is {requested}, expected a number of 0 to {count - 1}.")
-        return int(requested)
-
-    def _enter(self, plan: FloorPlan) -> None:
-        """Put the robot into the building of a plan."""
-        if self._place is not None and self._place.plan is plan:
-            return
-        self.close()
-        self._place = shared_place(plan, self.simulator_config, uses_radio=self.config.uses_radio)
-        self._world = self._place.world()
-        radio = self.robot.radio
-        if radio is not None:
-            self._interpreter = Interpreter(radio, self._place.classifier(self.config.link_states))
-
-    def _draw_task(
-        self, spec: TaskSpec, rng: np.random.Generator, options: Mapping[str, Any], difficulty: float
-    ) -> Task:
-        """The task: from the options, from the source, and the rest at random."""
-        start, target = (
-            np.asarray(options[key], float) if key in options else default
-            for key, default in (("start", spec.start), ("target", spec.target))
-        )
-        if target is None and self.config.targets is not None:
-            places = self.place.targets(self.config.targets)
-            target = places[rng.integers(len(places))]
-        return make_task(
-            self.place.reach,
-            rng,
-            start=start,
-            target=target,
-            min_path_m=self.config.min_path_m,
-            max_path_m=longest_drive_m(difficulty, self.config.min_path_m),
-        )
 
     @property
     def _seen_m2(self) -> float:
@@ -322,9 +368,9 @@ class Search:
 
 
 def make_spaces(
-    config: SearchConfig, simulator: SimulatorConfig
+    config: SearchConfig, simulator: SimulatorConfig, robots: int = 1
 ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-    """The spaces of observations and of actions."""
+    """The spaces of observations and of actions of one of several robots in a world."""
     lidar = None
     if "lidar" in config.observe:
         # In any mesh: only the beams of the lidar are used.
@@ -334,7 +380,7 @@ def make_spaces(
     actions: spaces.Space[Any] = (
         spaces.Box(-1.0, 1.0, (2,), np.float32)
         if config.actions == "velocity"
-        else spaces.Discrete(len(discrete_actions(simulator)))
+        else spaces.Discrete(len(discrete_actions(simulator, robots)))
     )
     return observed, actions
 
@@ -344,6 +390,6 @@ def velocity_scale(simulator: SimulatorConfig) -> Float[np.ndarray, "2"]:
     return np.array([simulator.robot.max_speed_mps, simulator.robot.turn_rate_radps])
 
 
-def discrete_actions(simulator: SimulatorConfig) -> tuple[Action, ...]:
+def discrete_actions(simulator: SimulatorConfig, robots: int = 1) -> tuple[Action, ...]:
     """Return actions by number: the actions of the published system, and a wait where others move."""
-    return (*PUBLISHED, Action.WAIT) if simulator.movers.any else PUBLISHED
+    return (*PUBLISHED, Action.WAIT) if simulator.movers.any or robots > 1 else PUBLISHED

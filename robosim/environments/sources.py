@@ -166,8 +166,11 @@ class Place:
         self.plan, self.config, self.uses_radio = plan, config, uses_radio
         self.building = make_building(plan)
         self.reach = places = reach(self.building, *config.robot.hull_m)
-        self._world = World(self.building, {ROBOT: config}, uses_radio=uses_radio)
+        building = self.building
         # The cached functions do not refer to this object, so that it is freed with its last reference.
+        self._world = cache(
+            lambda names: World(building, dict.fromkeys(names, config), uses_radio=uses_radio)
+        )
         self._travel_m = lru_cache(_DRIVES)(lambda x, y: places.travel_m(np.array([x, y])))
         self._targets = cache(lambda count: _draw_targets(places, count))
         self._classifier: tuple[Part, Classifier] | None = None
@@ -177,9 +180,9 @@ class Place:
         """Outlines for pictures [m]."""
         return building_rings(self.building)
 
-    def world(self) -> World:
-        """Return a world of another robot, alone in the building."""
-        return self._world.clone()
+    def world(self, names: tuple[str, ...] = (ROBOT,)) -> World:
+        """Return a world of other robots of these names, alone in the building."""
+        return self._world(names).clone()
 
     def classifier(self, classifier: Part) -> Classifier:
         """The link-state classifier, one for all robots: its results for tables are cached with it."""

@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
-from robosim.environments.search import Search, make_spaces
+from robosim.environments.search import Search, Searches, make_spaces
 from robosim.environments.sources import source_of
 from robosim.simulator import SimulatorConfig
+from robosim.world import ROBOT
 
 
 class TargetSearch(gymnasium.Env):
@@ -70,7 +71,7 @@ class TargetSearch(gymnasium.Env):
         self.render_mode = render_mode
         self.search = SearchConfig(**search)
         simulator = config or simulator_for(self.search)
-        self._search = Search(source_of(plan), self.search, simulator)
+        self._searches = Searches(source_of(plan), self.search, simulator)
         self.observation_space, self.action_space = make_spaces(self.search, simulator)
 
     def reset(
@@ -78,27 +79,27 @@ class TargetSearch(gymnasium.Env):
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Start a new search; see the class for `options`."""
         super().reset(seed=None if seed is None else index(seed))
-        return self._search.reset(self.np_random, options)
+        return self._searches.reset(self.np_random, options)[ROBOT]
 
     def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Do one action."""
-        observation, reward, arrived, info = self._search.step(action)
+        observation, reward, arrived, info = self._searches.step({ROBOT: action})[ROBOT]
         return observation, reward, arrived, False, info
 
     def render(self) -> UInt8[np.ndarray, "height width 3"] | str | None:
         """The camera's view next to the plan with the robot's trajectory, or the plan as text."""
         if self.render_mode is None:
             return None
-        return self._search.text() if self.render_mode == "ansi" else self._search.picture()
+        return self.current.text() if self.render_mode == "ansi" else self.current.picture()
 
     @property
     def current(self) -> Search:
         """The current search, for guides that know the route and agents that need the robot's own observation."""
-        return self._search
+        return self._searches.robots[ROBOT]
 
     def close(self) -> None:
         """Free the camera."""
-        self._search.close()
+        self._searches.close()
 
 
 def check_render_mode(mode: str | None, known: list[str]) -> None:

@@ -18,11 +18,12 @@ from gymnasium.wrappers import TimeLimit
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
-from robosim.environments.search import Search, make_spaces
+from robosim.environments.search import Searches, make_spaces
 from robosim.environments.sources import source_of
 from robosim.environments.target_search import TargetSearch, check_render_mode
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import check_number
+from robosim.world import ROBOT
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import DummyVecEnv
@@ -77,7 +78,8 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode.DISABLED}
         self.search = SearchConfig(**search)
         simulator, source = config or simulator_for(self.search), source_of(plan)
-        self.searches = [Search(source, self.search, simulator) for _ in range(num_envs)]
+        self._searches = [Searches(source, self.search, simulator) for _ in range(num_envs)]
+        self.searches = [searches.robots[ROBOT] for searches in self._searches]
         """The current search of each robot."""
         self.single_observation_space, self.single_action_space = make_spaces(self.search, simulator)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -130,7 +132,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         infos: dict[str, Any] = {}
         for i, action in enumerate(iterate(self.action_space, actions)):
             if not self._over[i]:
-                self._seen[i], rewards[i], arrived[i], info = self.searches[i].step(action)
+                self._seen[i], rewards[i], arrived[i], info = self._searches[i].step({ROBOT: action})[ROBOT]
                 self._steps[i] += 1
                 late[i] = self._steps[i] >= self._most
             elif self._autoreset:
@@ -151,12 +153,12 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the cameras."""
-        for search in self.searches:
-            search.close()
+        for searches in self._searches:
+            searches.close()
 
     def _begin(self, i: int, options: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         self._steps[i], self._over[i] = 0, False
-        return self.searches[i].reset(self._rngs[i], options)
+        return self._searches[i].reset(self._rngs[i], options)[ROBOT]
 
     def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""

@@ -17,6 +17,7 @@ EXTRAS = {
     "torch": "train",
     "viser": "live",
     "minari": "minari",
+    "pettingzoo": "team",
     "distributed": "cluster",
     "rerun": "viz",
     "rosbags": "bags",
