@@ -61,7 +61,7 @@ class TileChanges:
                 if not estimate.explored[rows, columns].any():
                     continue
                 block = np.ascontiguousarray(codes[rows, columns])
-                if (total := crc32(block)) != self._sums.get((row, column)):
+                if (total := crc32(block.tobytes())) != self._sums.get((row, column)):
                     self._sums[row, column] = total
                     yield (row, column), Tile(frame.window_frame(rows, columns).origin_xy, block)
 
