@@ -73,7 +73,7 @@ def find_regions(
     passes = distance_m.min(axis=1, initial=math.inf) < _PASSING_M
     nearest = distance_m[passes].argmin(axis=1)
     beliefs = np.bincount(nearest, behind[entries[passes]], minlength=len(frontiers))
-    beliefs *= np.minimum(1.0, [frontier.length_m / _WIDE_M for frontier in frontiers]) ** 3
+    beliefs = beliefs * np.minimum(1.0, [frontier.length_m / _WIDE_M for frontier in frontiers]) ** 3
     return [
         Region(frontier, float(share), frontier.cost_m / FORWARD_M + frontier.turns_from(pose))
         for frontier, share in zip(frontiers, beliefs, strict=True)
