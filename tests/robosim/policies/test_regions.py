@@ -117,3 +117,7 @@ def test_the_best_order_begins_with_the_region_on_the_route_to_others():
     ]
     assert values == pytest.approx(best, rel=0.03)
     assert values.argmax() == 0
+
+
+def test_frontier_without_space_behind_it_has_no_belief():
+    assert beliefs([frontier(9.0, 9.0)], at(5.1, 0.1), seen_room(2.0)).tolist() == [0.0]
