@@ -16,7 +16,6 @@ from robosim.warm_up import call_loops
 #: Loops that the warm-up leaves out, as only these call them: environments, collection of frames, training of
 #: explorers, and calibration of materials.
 LEFT_OUT = {
-    "robosim.building.reach._over_near_cells",
     "robosim.datasets.true_patch._fill",
     "robosim.datasets.true_patch._kind",
     "robosim.training.grid_walk._mark",
