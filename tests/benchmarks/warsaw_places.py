@@ -270,7 +270,7 @@ def _located(
     share: float,
     laws: Iterable[PowerLawConfig] | None = None,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Errors of all beacons of all routes [m], and the probability of the smallest ellipse that holds the true place."""
+    """Errors of all beacons of all routes [m], and the probability of the smallest ellipse around the true place."""
     errors, inside = [], []
     for route, plan, law in zip(routes, plans, laws or repeat(BeaconConfig().law), strict=False):
         # A map of the robot's own ends where it has not been.
