@@ -63,7 +63,7 @@ SPREADS = {
 
 
 def main(*, offices: int = 12, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
-    """Path loss, shadowing, delay and angular spreads in generated offices beside TR 38.901 and measurements.
+    """Path loss, shadowing, delay and angular spreads in generated offices next to TR 38.901 and measurements.
 
     Args:
         offices: Offices, with seeds from 0.

@@ -27,7 +27,7 @@ class Rule:
 
     reflections: int
     """Of paths without an edge."""
-    beside_edge: int
+    with_edge: int
     """Reflections of paths with an edge."""
     walls: int
     """Passed walls."""
@@ -37,7 +37,7 @@ class Rule:
     @property
     def words(self) -> str:
         """The rule as a table shows it."""
-        counts = f"{self.reflections} reflections, {self.beside_edge} next to an edge, {self.walls} walls"
+        counts = f"{self.reflections} reflections, {self.with_edge} next to an edge, {self.walls} walls"
         return counts + (", adopted paths" if self.adopts else ", all receivers with rays")
 
 
@@ -70,7 +70,7 @@ def paths_by_rule(
     )
 
     def select(rule: Rule) -> Paths:
-        most = np.where(edges > 0, rule.beside_edge, rule.reflections)
+        most = np.where(edges > 0, rule.with_edge, rule.reflections)
         which = is_asked & (reflections <= most) & (walls <= rule.walls) & (is_adopted | (not rule.adopts))
         return replace(paths.select(which), rx_position=rx)
 
@@ -109,7 +109,7 @@ def _one_changed(rule: Rule) -> list[Rule]:
     """Candidates that differ from a rule in a single number, by one."""
 
     def steps(other: Rule) -> int:
-        numbers = ((r.reflections, r.beside_edge, r.walls, int(r.adopts)) for r in (rule, other))
+        numbers = ((r.reflections, r.with_edge, r.walls, int(r.adopts)) for r in (rule, other))
         return int(np.abs(np.subtract(*numbers)).sum())
 
     return [other for other in RULES if steps(other) == 1]
