@@ -45,6 +45,8 @@ LEAST_SNR_DB = 10.0
 #: True paths at most this much weaker than the strongest are its rivals [dB]: their order is within what the gains of
 #: traced paths are worth, and a robot that follows one of them follows a path all the same.
 RIVAL_DB = 3.0
+#: Lines of sight whose strongest path is within 5 degrees in the reference [%].
+PUBLISHED_WITHIN = 98.0
 #: Transmitters in each plan, and the grid of receivers [m], as in the reference.
 TX_PER_PLAN, GRID_M = 10, 0.15
 STATES = {
@@ -79,6 +81,8 @@ def main(
     with tracked(found, "tracing", console) as shown:
         traced = [trace_links(plan, links, rng, radio) for plan in shown]
     add_arrivals([arrival_errors(paths, sounder, estimators, rng) for paths in traced], results)
+    row = "strongest path, published: within 5°"
+    results.add("arrivals", row, STATES[LinkState.LOS], PUBLISHED_WITHIN, "%", digits=1)
     with tracked(SNRS_DB, "lone paths", console) as steps:
         for snr_db in steps:
             add_lone_paths(sounder, estimators, snr_db, max(links // 4, 10), rng, results)
