@@ -41,8 +41,8 @@ from wireless.positioning.received_power import PowerLawConfig, log_evidence
 _EVERY_CELLS, _ERROR_DB, _NOT_RECEIVED_DBM = 5, 5.0, -95.0
 #: Runs begin after pauses of more than this [s].
 _PAUSE_S = 60.0
-#: Probability of the reported ellipses, and shares of the route that are drawn.
-_HELD, _DRAWN_SHARES = 0.9, np.linspace(0.1, 1.0, 10)
+#: Probability of the reported ellipses, and shares of the route and of each run that are drawn.
+_HELD, _DRAWN_SHARES, _RUN_SHARES = 0.9, np.linspace(0.1, 1.0, 10), np.linspace(0.2, 1.0, 5)
 
 
 def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
@@ -62,15 +62,10 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     parts = [_within(route, route.time_s[begin], route.time_s[end]) for begin, end in _runs(route)]
     _add(results, "each of four runs", "with the plan", parts, [plan] * len(parts), 1.0)
     _add(results, "each of four runs", "without a map", parts, [None] * len(parts), 1.0)
-    curves, inside = {}, {}
     for name, used in (("with the plan", plan), ("without a map", None)):
         laws = [_fitted_law([other for other in parts if other is not run], used) for run in parts]
         row = "each run, law of the other three"
         _add(results, row, name, parts, [used] * len(parts), 1.0, laws)
-        of_shares = [_located(parts, [used] * len(parts), share, laws) for share in _DRAWN_SHARES]
-        curves[name] = _DRAWN_SHARES, np.array([errors for errors, _ in of_shares])
-        inside[f"{name}, whole run"] = of_shares[-1][1]
-        inside[f"{name}, all shares"] = np.concatenate([probability for _, probability in of_shares])
         for title, chosen in (
             ("law of the other three", laws),
             ("default law", [BeaconConfig().law] * len(parts)),
@@ -90,7 +85,7 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     ):
         _add(results, "each of two runs with scans", name, own, plans, 1.0)
     receiver = _receiver_errors(folder)
-    results.figures["located"] = draw_located(curves, inside)
+    results.figures["located"] = _draw_runs(parts, plan)
     results.figures["errors"] = _draw_errors(route, plan, receiver)
     for row, errors in receiver.items():
         results.add("receiver", row, "median", float(np.median(errors)), "m", digits=2, cases=len(errors))
@@ -147,6 +142,17 @@ def _density(route: PowerRoute, plan: FloorPlan | None, law: PowerLawConfig) -> 
         total += float(log_evidence(readings, place, walls, law)[0] - constant)
         count += len(noise)
     return total, count
+
+
+def _draw_runs(parts: list[PowerRoute], plan: FloorPlan) -> Figure:
+    """Errors over the share of each run, and reliability of ellipses, by the default priors."""
+    curves, inside = {}, {}
+    for name, used in (("with the plan", plan), ("without a map", None)):
+        of_shares = [_located(parts, [used] * len(parts), share) for share in _RUN_SHARES]
+        curves[name] = _RUN_SHARES, np.array([errors for errors, _ in of_shares])
+        inside[f"{name}, whole run"] = of_shares[-1][1]
+        inside[f"{name}, all shares"] = np.concatenate([probability for _, probability in of_shares])
+    return draw_located(curves, inside)
 
 
 def _draw_errors(route: PowerRoute, plan: FloorPlan, receiver: dict[str, Float[np.ndarray, " n"]]) -> Figure:
