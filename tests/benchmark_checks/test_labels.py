@@ -7,10 +7,13 @@ import pytest
 import shapely
 import trimesh
 
+from robosim.training.label_links import TRACER, published_mesh, published_paths
 from tests.benchmarks import labels
-from tests.benchmarks.harness import Options
+from tests.benchmarks.harness import Options, ratio_interval
+from tests.benchmarks.label_rules import DEFAULT_RULE, RULES, Rule, add_halves, paths_by_rule
 from tests.benchmarks.labels import received_azimuth
 from tests.benchmarks.results import Results
+from wireless.formats.mmwrobotnav_measurements import link_states, read_measurements
 from wireless.paths import LinkState
 from wireless.tracing.tracer import Tracer
 
@@ -87,9 +90,44 @@ def test_links_are_counted_as_labelled_by_geos(published):
     spoilt["published"] = spoilt["published"].copy()
     spoilt["published"][middle] = LinkState.OUTAGE
     again = Results()
-    labels.summarise("all", spoilt, again)
+    labels.summarise("all", [spoilt], again)
     counted = again.find("agreement", "all", "in the clear")
     assert counted["value"] == pytest.approx(100 * (1 - 5 / counted["cases"]), rel=1e-5)
+
+
+def test_the_default_rule_selects_the_paths_that_label_links_traces(published):
+    """Another rule gives the states that a tracer with its interactions gives."""
+    plan = published / "plans" / "Ell.glb_topdownmap.out"
+    measured = read_measurements(published / "data", "Ell", 1)
+    rx = np.column_stack([measured.rx_position, np.full(len(measured.rx_position), measured.tx_position[2])])
+    tracer = labels.prepared(plan)[1]
+    paths, states = paths_by_rule(measured.tx_position, rx, measured.rx_cell, tracer)
+    expected = published_paths(measured.tx_position, rx, measured.rx_cell, tracer)
+    assert (link_states(paths) == link_states(expected)).all() and len(paths) == len(expected)
+    assert (states[RULES.index(DEFAULT_RULE)] == link_states(expected)[0]).all()
+    few = replace(
+        TRACER,
+        max_reflections=1,
+        diffraction_reflections=0,
+        diffraction_side_reflections=0,
+        max_transmissions=0,
+    )
+    building = labels.prepared(plan)[0]
+    narrow = Tracer(published_mesh(building.plan, building.height_m), config=few)
+    expected = published_paths(measured.tx_position, rx, measured.rx_cell, narrow)
+    assert (states[RULES.index(Rule(1, 0, 0, True))] == link_states(expected)[0]).all()
+
+
+def test_add_halves_judges_buildings_by_the_rule_of_the_other_half():
+    """The first half prefers one rule, the second another: both are judged where they were not chosen."""
+    results = Results()
+    same = {name: np.zeros(len(RULES), int) for name in "abcd"}
+    for name, (first, second) in {"a": (90, 50), "b": (60, 80), "c": (95, 50), "d": (60, 80)}.items():
+        same[name][:2] = first, second
+    add_halves(results, same, dict.fromkeys("abcd", 100))
+    cross = results.find("rules", "each building by the rule of the other half", "other half")
+    assert cross["value"] == pytest.approx((60 + 60 + 50 + 50) / 4) and cross["cases"] == 400
+    assert cross["spread"] == [50, 60]
 
 
 def test_a_receiver_off_its_grid_is_named_with_its_transmitter(published):
@@ -133,3 +171,13 @@ def test_two_weak_paths_in_one_beam_beat_a_strong_one():
     assert np.degrees(received_azimuth(paths)) == pytest.approx([11.5], abs=1.0)
     apart = replace(paths, delay_s=np.array([1e-8, 1e-8, 3e-8]))
     assert np.degrees(received_azimuth(apart)) == pytest.approx([90.0], abs=1.0)
+
+
+def test_ratio_interval_is_as_wide_as_homes_differ():
+    """Homes of 10 and 1000 links that all agree alike leave no doubt; two that contradict each other leave all."""
+    assert ratio_interval(np.array([5, 500, 50]), np.array([10, 1000, 100])) == (0.5, (0.5, 0.5))
+    assert ratio_interval(np.array([0, 100]), np.array([100, 100])) == (0.5, (0.0, 1.0))
+    assert ratio_interval(np.array([3]), np.array([4])) == (0.75, None)
+    rng = np.random.default_rng(1)
+    _, (low, high) = ratio_interval(rng.binomial(1000, 0.7, 400), np.full(400, 1000))
+    assert high - low == pytest.approx(2 * 1.96 * (0.7 * 0.3 / 4e5) ** 0.5, rel=0.2)

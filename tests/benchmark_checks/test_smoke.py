@@ -86,8 +86,14 @@ def test_blockage(pair, options, monkeypatch):
     """A person of 0.3 m at 1.2 m/s fades 250 ms (200 to 320), by more than 10 dB at 73.5 GHz; the crowd takes time."""
     monkeypatch.setattr(blockage, "CROSSED_M", np.array([1.0, 2.5]))
     results = blockage.main(pair, links=2, turns=1, options=options)
-    assert all(200 < value < 320 for value in column(results, "fades", "duration").values())
+    duration_ms = column(results, "fades", "duration")
+    assert all(200 < value < 320 for row, value in duration_ms.items() if "published" not in row)
     assert results.find("fades", "73.5 GHz, knife-edges", "mean loss")["value"] > 10
+    one, two = (
+        results.find("fades", f"60 GHz, model-b{people}", "loss behind")["value"]
+        for people in ("", ", two people")
+    )
+    assert 1.7 * one < two < 2.3 * one
     assert results.find("time", "two rooms, 25 paths, 10 persons", "model-b")["value"] > 0
     assert (options.out / "blockage.png").stat().st_size > 10_000
 

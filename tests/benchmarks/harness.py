@@ -158,6 +158,27 @@ def quartiles(values: Iterable[float]) -> tuple[float, tuple[float, float]]:
     return float(middle), (float(low), float(high))
 
 
+def ratio_interval(
+    parts: Float[np.ndarray, " n"], totals: Float[np.ndarray, " n"]
+) -> tuple[float, tuple[float, float] | None]:
+    """Ratio of two sums over homes, with its 95 % interval by bootstrap over homes; no interval of one home.
+
+    Args:
+        parts: Numerator of each home, such as its links that agree.
+        totals: Denominator of each, such as its links.
+    """
+    parts, totals = np.asarray(parts, float), np.asarray(totals, float)
+    if not totals.sum():
+        return math.nan, None
+    ratio = float(parts.sum() / totals.sum())
+    if len(parts) < 2:
+        return ratio, None
+    drawn = np.random.default_rng(0).integers(len(parts), size=(2000, len(parts)))
+    sums, of = parts[drawn].sum(axis=1), totals[drawn].sum(axis=1)
+    low, high = np.quantile(sums[of > 0] / of[of > 0], (0.025, 0.975))
+    return ratio, (float(low), float(high))
+
+
 def figure_of(panels: int, *, size: tuple[float, float] = (5.5, 4.2)) -> tuple[Figure, list[Axes]]:
     """A figure with panels side by side, a light grid in each."""
     figure = Figure(figsize=(panels * size[0], size[1]), layout="constrained")

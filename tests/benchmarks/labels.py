@@ -1,23 +1,28 @@
 """Agreement of traced link states and angles with the published labels of mmwRobotNav.
 
+Intervals are of 95 %, by bootstrap over buildings. Rules are also chosen on half of the buildings and reported on the
+other half (`tests.benchmarks.label_rules`).
+
 A link is in the clear if its receiver lies in the same piece of free space as the transmitter and its cell has eight
 free neighbours: the published receivers are shifted by a cell against their plan, so that many of the others stand on
 walls or behind them, where a tie decides.
 """
 
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import Building, make_building
 from robosim.plans.files import read_plan
-from robosim.training.label_links import TRACER, published_mesh, published_paths
-from tests.benchmarks.harness import DEFAULT, Options, run_units
+from robosim.training.label_links import TRACER, published_mesh
+from tests.benchmarks.harness import DEFAULT, Options, ratio_interval, run_units
+from tests.benchmarks.label_rules import add_halves, paths_by_rule
 from tests.benchmarks.results import Results
 from wireless.formats.mmwrobotnav_measurements import (
     FileError,
@@ -55,39 +60,68 @@ def main(
         name: [found[unit] for unit in units if units[unit][2] == name] for _, _, name, _ in units.values()
     }
     results = Results()
-    for name, own in {**buildings, "all": list(found.values())}.items():
-        summarise(name, {key: np.concatenate([one[key] for one in own]) for key in own[0]}, results)
+    links = {
+        name: {key: np.concatenate([one[key] for one in own], axis=-1) for key in own[0]}
+        for name, own in buildings.items()
+    }
+    for name, own in {**{name: [own] for name, own in links.items()}, "all": list(links.values())}.items():
+        summarise(name, own, results)
+    same = {name: (own["by_rule"] == own["published"]).sum(axis=1) for name, own in links.items()}
+    add_halves(results, same, {name: len(own["published"]) for name, own in links.items()})
     return options.finish("labels", results)
 
 
-def summarise(name: str, links: dict[str, np.ndarray], results: Results) -> None:
-    """Add what links of a building, or of all, agree in; the confusion of all links by their states."""
-    same = links["published"] == links["computed"]
-    results.add("agreement", name, "same link state", 100 * same.mean(), "%", digits=1, cases=len(same))
-    clear = same[links["clear"]]
-    results.add(
-        "agreement",
-        name,
-        "in the clear",
-        100 * clear.mean() if len(clear) else None,
-        "%",
-        digits=1,
-        cases=len(clear),
-    )
+def summarise(name: str, buildings: Sequence[dict[str, np.ndarray]], results: Results) -> None:
+    """Add what links of a building, or of all, agree in; the confusion of all links by their states.
+
+    Of several buildings, shares have a 95 % interval by bootstrap over buildings.
+    """
+
+    def add(words: str, share: Callable[[dict[str, np.ndarray]], Bool[np.ndarray, " n"]]) -> None:
+        hits = [share(links) for links in buildings]
+        total = np.array([len(hit) for hit in hits])
+        value, spread = ratio_interval(np.array([hit.sum() for hit in hits]), total)
+        results.add(
+            "agreement", name, words, 100 * value, "%", digits=1, cases=int(total.sum()),
+            spread=spread and (100 * spread[0], 100 * spread[1]),
+        )  # fmt: skip
+
+    add("same link state", lambda links: links["published"] == links["computed"])
+    add("in the clear", lambda links: (links["published"] == links["computed"])[links["clear"]])
     for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
-        both = (links["published"] == state) & ~np.isnan(links["strongest_off"])
         for key, words in (
             ("strongest_off", "direction within 5°"),
             ("cluster_off", "as received within 5°"),
         ):
-            share = 100 * np.mean(links[key][both] < NEAR_RAD) if both.any() else None
-            results.add(
-                "agreement", name, f"{STATES[state]}: {words}", share, "%", digits=1, cases=int(both.sum())
-            )
+
+            def near(links: dict[str, np.ndarray], key: str = key, state: int = state) -> np.ndarray:
+                both = (links["published"] == state) & ~np.isnan(links["strongest_off"])
+                return np.asarray(links[key][both] < NEAR_RAD)
+
+            add(f"{STATES[state]}: {words}", near)
     if name == "all":
+        published, computed = (
+            np.concatenate([links[key] for links in buildings]) for key in ("published", "computed")
+        )
         for row, column in np.ndindex(4, 4):
-            count = np.sum((links["published"] == row) & (links["computed"] == column))
+            count = np.sum((published == row) & (computed == column))
             results.add("confusion", f"published {STATES[row]}", f"computed {STATES[column]}", count)
+        add_disagreements(published, computed, results)
+
+
+def add_disagreements(
+    published: Int[np.ndarray, " n"], computed: Int[np.ndarray, " n"], results: Results
+) -> None:
+    """Add the largest shares of the links whose states differ."""
+    n = int((published != computed).sum())
+    counts = {
+        (row, column): np.sum((published == row) & (computed == column))
+        for row, column in np.ndindex(4, 4)
+        if row != column
+    }
+    for (row, column), count in sorted(counts.items(), key=lambda each: -each[1])[:4]:
+        words = f"published {STATES[row]}, computed {STATES[column]}"
+        results.add("disagreements", words, "share", 100 * count / max(n, 1), "%", digits=0, cases=n)
 
 
 def plan_file(plans: Path, name: str) -> Path:
@@ -116,6 +150,7 @@ def compare(data: Path, plan: Path, name: str, number: int) -> dict[str, np.ndar
 
     Returns:
         published, computed: Link states (n).
+        by_rule: Link states by each of `label_rules.RULES` (n_rules, n).
         clear: Whether the link is in the transmitter's own piece of free space and off border cells (n).
         strongest_off: Angle between the strongest computed path's arrival and the published estimate [rad]; NaN for
             none (n).
@@ -129,12 +164,13 @@ def compare(data: Path, plan: Path, name: str, number: int) -> dict[str, np.ndar
     tx = measured.tx_position
     rx = np.column_stack([measured.rx_position, np.full(len(measured.rx_position), tx[2])])
     try:
-        paths = published_paths(tx, rx, measured.rx_cell, tracer)
+        paths, by_rule = paths_by_rule(tx, rx, measured.rx_cell, tracer)
     except ValueError as error:
         raise ValueError(f"{name} {number}: {error}") from error
     estimate = measured.aoa_az[:, 0]
     return {
         "published": measured.state,
+        "by_rule": by_rule,
         "computed": link_states(paths)[0],
         "clear": in_the_clear(building, tx[:2], measured.rx_position),
         "strongest_off": _nearest(paths.strongest(), estimate),

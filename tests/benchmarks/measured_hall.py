@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 from PIL import Image
 from tyro.conf import OmitArgPrefixes, Positional
 
@@ -28,11 +29,11 @@ from robosim.calibration.measured_paths import (
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.support.reading import reading
 from slam.poses import wrap
-from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.harness import DEFAULT, Options, quartiles
 from tests.benchmarks.results import Results
 from wireless.em.materials import Layer, Material, wall_row
 from wireless.paths import Interaction
-from wireless.tracing.tracer import TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 FREQUENCY_HZ = 60e9
 #: What the authors turn the transmitter by [deg].
@@ -84,6 +85,7 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     _add_explained(results, "and walls that fit", hall, plan, wall, CURVED)
     _add_explained(results, "and an edge with one", hall, plan, wall, bent)
     _add_strengths(results, hall, plan, wall, bent)
+    _add_missing(results, hall, plan, wall, bent)
     building = make_building(plan, config=BuildingConfig(wall_material=wall))
     traced = trace_hall(hall, tracer_of(plan, wall, FREQUENCY_HZ, bent), ANY.height_m)
     draw_measured(
@@ -188,8 +190,7 @@ def _add_strengths(
     tracer = tracer_of(plan, wall, FREQUENCY_HZ, kinds)
     paths = trace_hall(hall, tracer, ANY.height_m)
     no_edges = paths.select(~(paths.interaction == Interaction.DIFFRACTION).any(axis=1))
-    assert tracer._curved is not None
-    curves = np.concatenate([arc.walls for arc in tracer._curved.arcs])
+    curves = _curved_walls(tracer)
     for some, is_edge in ((no_edges, False), (paths, True)):
         found = match(hall, some, ANY)
         off = np.asarray(hall.power_db) - found.traced_db - offset_db(hall, found)
@@ -204,6 +205,53 @@ def _add_strengths(
         }
         for row, which in ({"an edge": found.diffracted} if is_edge else rows).items():
             _add_strength(results, "strength", row, off[which])
+
+
+def _add_missing(
+    results: Results, hall: MeasuredHall, plan: FloorPlan, wall: Material, kinds: TracerConfig
+) -> None:
+    """Add where the power is that is not explained within 6 dB, and reflections over those of a perfect mirror.
+
+    A perfect mirror is exact images without loss: no flat wall of any material reflects more.
+    """
+    tracer = tracer_of(plan, wall, FREQUENCY_HZ, kinds)
+    paths = trace_hall(hall, tracer, ANY.height_m)
+    alike, close = match(hall, paths, ANY), match(hall, paths, CLOSE)
+    power_db = np.asarray(hall.power_db)
+    share = 10 ** (power_db / 10) / (10 ** (power_db / 10)).sum()
+    missing = ~close.explained
+    strongest = np.zeros(len(share), bool)
+    strongest[np.argmax(np.where(missing, share, 0))] = True
+    for row, which in {
+        "all": missing,
+        "a traced path, with another strength": missing & alike.explained,
+        "no traced path": missing & ~alike.explained,
+        "the strongest path alone": strongest,
+    }.items():
+        results.add(
+            "missing", row, "power", 100 * float(share[which].sum()), "%", digits=1, cases=int(which.sum())
+        )
+    over_mirror_db = power_db + 20 * np.log10(hall.table[:, 7])
+    over_mirror_db -= np.median(over_mirror_db[alike.order == 0])
+    is_curved = np.isin(paths.primitive, _curved_walls(tracer)).any(axis=1)
+    single = alike.explained & (alike.order == 1) & ~alike.diffracted & ~is_curved[alike.path]
+    for row, values in (
+        ("flat walls, one reflection", over_mirror_db[single]),
+        ("the strongest path alone", over_mirror_db[strongest]),
+    ):
+        middle, spread = quartiles(values)
+        results.add(
+            "mirrors", row, "over a perfect mirror", middle, "dB", digits=1, cases=len(values),
+            spread=spread if len(values) > 1 else None,
+        )  # fmt: skip
+        above = 100 * float((values > 0).mean())
+        results.add("mirrors", row, "above a perfect mirror", above, "%", digits=0)
+
+
+def _curved_walls(tracer: Tracer) -> Int[np.ndarray, " n"]:
+    """Faces that belong to posts and curved walls."""
+    assert tracer._curved is not None
+    return np.concatenate([arc.walls for arc in tracer._curved.arcs])
 
 
 def _add_strength(results: Results, table: str, row: str, off_db: np.ndarray) -> None:

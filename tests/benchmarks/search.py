@@ -35,7 +35,7 @@ from robosim.support.reading import FileError, shown
 from robosim.support.run_folder import SETTINGS
 from robosim.support.text_in import read_json
 from slam.hull import Outline
-from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.harness import DEFAULT, Options, ratio_interval
 from tests.benchmarks.results import Results
 from wireless.paths import LinkState
 
@@ -166,12 +166,8 @@ def add_spl_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> Non
         of_plan, limit_of_plan = (
             np.nansum(by_plan(each[:, None], plans), axis=1) for each in (means, limits)
         )
-        drawn = np.random.default_rng(0).integers(len(of_plan), size=(2000, len(of_plan)))
-        spread = np.quantile(of_plan[drawn].sum(axis=1) / limit_of_plan[drawn].sum(axis=1), (0.025, 0.975))
-        value = means.sum() / limits.sum()
-        results.add(
-            "SPL over shortest", policy, name, value, digits=2, spread=tuple(spread.tolist()), cases=len(keys)
-        )
+        value, spread = ratio_interval(of_plan, limit_of_plan)
+        results.add("SPL over shortest", policy, name, value, digits=2, spread=spread, cases=len(keys))
 
 
 def progress(

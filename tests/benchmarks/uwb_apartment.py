@@ -16,12 +16,14 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
+from matplotlib.figure import Figure
 from scipy.constants import speed_of_light
 from scipy.optimize import least_squares
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.measured_figures import draw_apartment, draw_responses
 from tests.benchmarks.results import Results
 from wireless.channel import Channel
 from wireless.em.materials import Layer, Material
@@ -42,8 +44,8 @@ _BOOKS = Material("books", (Layer(thickness_m=0.12, relative_permittivity=3.0, c
 _MIRROR = Material("mirror", (Layer(thickness_m=0.001, material="metal"),))
 _MATERIALS = (_WALL, _BOARD, _BOOKS, _MIRROR)
 _CONFIG = TracerConfig(max_reflections=2, max_transmissions=8, max_paths=200, wall_passage="face")
-#: Taps of noise before the first path, and time of a tap [s].
-_NOISE_TAPS, _TAP_S = 20, 1.0016e-9
+#: Taps of noise before the first path, tap of the first path, and time of a tap [s].
+_NOISE_TAPS, _FIRST_TAP, _TAP_S = 20, 30, 1.0016e-9
 
 
 def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
@@ -73,8 +75,9 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         channels = [Channel.from_paths(paths) for paths in traced]
         delay_s = [detect_first_path(each, BANDWIDTH_HZ, LEAST_GAIN_DB)[0][0, 0] for each in channels]
         later_m = np.array(delay_s) * speed_of_light - true_m
-        _add_ranges(results, row, excess_m, label, later_m)
-        _add_levels(results, row, level_dbm, np.array([10 * np.log10(p.power.sum()) for p in traced]))
+        range_rest_m = _add_ranges(results, row, excess_m, label, later_m)
+        gain_db = np.array([10 * np.log10(p.power.sum()) for p in traced])
+        level_rest_db = _add_levels(results, row, level_dbm, gain_db)
         is_direct = np.array([(paths.order == 0).any() for paths in traced])
         state = np.where(is_direct, "LOS", np.where(later_m > _NO_DIRECT_M, "NDP NLOS", "NLOS"))
         results.add("states", row, "of three", 100 * float((state == label).mean()), "%", digits=0)
@@ -84,11 +87,49 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         off = 100 * float(np.median(np.abs(ratio - 1)))
         results.add("delay spreads", row, "traced over measured, median", float(np.median(ratio)), digits=2)
         results.add("delay spreads", row, "median deviation", off, "%", digits=0, cases=len(links))
+    sheets, material = read_sheets(folder, furnished=True)
+    results.figures["apartment"] = draw_apartment(
+        [(_MATERIALS[i].name, ends) for i, ends in zip(material, sheets, strict=True)],
+        np.array([[_place(link, end)[0][:2] for end in ("anchor", "tag")] for link in links]),
+        {
+            "range, measured less traced [m]": (range_rest_m, 1.0),
+            "level, measured less traced [dB]": (level_rest_db, 10.0),
+        },
+    )
+    results.figures["impulse_responses"] = _draw_responses(folder, links, excess_m, true_m, channels)
     return options.finish("uwb_apartment", results)
 
 
-def trace_links(folder: Path, links: list[dict[str, str]], furnished: bool) -> list[Paths]:
-    """Paths of each link, among walls alone or with furniture."""
+def _draw_responses(
+    folder: Path,
+    links: list[dict[str, str]],
+    excess_m: Float[np.ndarray, " n"],
+    true_m: Float[np.ndarray, " n"],
+    channels: list[Channel],
+) -> Figure:
+    """Draw the link of each label whose range has the median excess."""
+    label = np.array([link["label"] for link in links])
+    offset_m = np.median(excess_m[label == "LOS"])
+    shown = []
+    for name in ("LOS", "NLOS", "NDP NLOS"):
+        of = np.flatnonzero(label == name)
+        i = int(of[np.argsort(excess_m[of])[len(of) // 2]])
+        begin_s = (excess_m[i] - offset_m) / speed_of_light - _FIRST_TAP * _TAP_S
+        power = measured_response(folder, links[i]["link"])
+        title = f"{name}, link {links[i]['link']}, {true_m[i]:.1f} m"
+        shown.append((title, power, begin_s, channels[i], true_m[i] / speed_of_light))
+    return draw_responses(shown, BANDWIDTH_HZ, _TAP_S)
+
+
+def measured_response(folder: Path, link: str) -> Float[np.ndarray, " taps"]:
+    """Mean power of the taps of a link."""
+    with reading(folder / "cir.npz", "impulse responses") as file:
+        taps = np.load(file)[f"cir_{link}"].astype(float)
+    return np.asarray((taps**2).sum(axis=2).mean(axis=0))
+
+
+def read_sheets(folder: Path, furnished: bool) -> tuple[Float[np.ndarray, "n 2 2"], list[int]]:
+    """Ends of walls and of sides of furniture [m], and their places in `_MATERIALS`."""
     with reading(folder / "walls.csv", "walls") as file:
         walls = np.loadtxt(file, delimiter=",", skiprows=1).reshape(-1, 2, 2)
     sheets, material = list(walls), [0] * len(walls)
@@ -101,7 +142,12 @@ def trace_links(folder: Path, links: list[dict[str, str]], furnished: bool) -> l
         plain = 1 if "wardrobe" in piece["kind"] else 2
         sheets += list(sides)
         material += [3 if "mirror" in piece["kind"] and side else plain for side in is_long]
-    ends = np.array(sheets)
+    return np.array(sheets), material
+
+
+def trace_links(folder: Path, links: list[dict[str, str]], furnished: bool) -> list[Paths]:
+    """Paths of each link, among walls alone or with furniture."""
+    ends, material = read_sheets(folder, furnished)
     corner = np.zeros((len(ends), 4, 3))
     corner[:, [0, 3], :2], corner[:, [1, 2], :2], corner[:, 2:, 2] = ends[:, :1], ends[:, 1:], _CEILING_M
     faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(ends))[:, None, None]
@@ -112,25 +158,23 @@ def trace_links(folder: Path, links: list[dict[str, str]], furnished: bool) -> l
         frequency_hz=FREQUENCY_HZ,
         config=_CONFIG,
     )
+    return [tracer.trace(_place(link, "anchor"), _place(link, "tag"), workers=1) for link in links]
 
-    def place(link: dict[str, str], end: str) -> list[list[float]]:
-        return [[float(link[f"{end}_x_m"]), float(link[f"{end}_y_m"]), _HEIGHT_M]]
 
-    return [tracer.trace(place(link, "anchor"), place(link, "tag"), workers=1) for link in links]
+def _place(link: dict[str, str], end: str) -> list[list[float]]:
+    return [[float(link[f"{end}_x_m"]), float(link[f"{end}_y_m"]), _HEIGHT_M]]
 
 
 def measured_spreads(folder: Path, links: list[dict[str, str]]) -> Float[np.ndarray, " n"]:
     """Root mean square delay spread of each measured response, of taps above three times its noise [s]."""
-    with reading(folder / "cir.npz", "impulse responses") as file:
-        responses = np.load(file)
-        spreads = []
-        for link in links:
-            power = (responses[f"cir_{link['link']}"].astype(float) ** 2).sum(axis=2).mean(axis=0)
-            noise = power[:_NOISE_TAPS].mean()
-            weight = np.where(power > 3 * noise, power - noise, 0.0)
-            time_s = _TAP_S * np.arange(len(weight))
-            mean_s = weight @ time_s / weight.sum()
-            spreads.append(np.sqrt(weight @ (time_s - mean_s) ** 2 / weight.sum()))
+    spreads = []
+    for link in links:
+        power = measured_response(folder, link["link"])
+        noise = power[:_NOISE_TAPS].mean()
+        weight = np.where(power > 3 * noise, power - noise, 0.0)
+        time_s = _TAP_S * np.arange(len(weight))
+        mean_s = weight @ time_s / weight.sum()
+        spreads.append(np.sqrt(weight @ (time_s - mean_s) ** 2 / weight.sum()))
     return np.array(spreads)
 
 
@@ -147,7 +191,7 @@ def _add_ranges(
     excess_m: Float[np.ndarray, " n"],
     label: np.ndarray,
     later_m: Float[np.ndarray, " n"],
-) -> None:
+) -> Float[np.ndarray, " n"]:
     rest = excess_m - _left_out(len(label), lambda used: later_m + np.median((excess_m - later_m)[used]))
     results.add(
         "ranges", row, "root mean square", float(np.sqrt((rest**2).mean())), "m", digits=2, cases=len(rest)
@@ -156,6 +200,7 @@ def _add_ranges(
     for name in dict.fromkeys(label):
         rms = float(np.sqrt((rest[label == name] ** 2).mean()))
         results.add("ranges", row, name, rms, "m", digits=2, cases=int((label == name).sum()))
+    return rest
 
 
 def _add_levels(
@@ -164,7 +209,7 @@ def _add_levels(
     level_dbm: Float[np.ndarray, " n"],
     gain_db: Float[np.ndarray, " n"],
     slope: bool = False,
-) -> None:
+) -> Float[np.ndarray, " n"]:
     def predict(used: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         def level(x: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
             power = x[0] + (x[2] if slope else 1.0) * gain_db
@@ -180,3 +225,4 @@ def _add_levels(
     low = level_dbm < -82
     rms = float(np.sqrt((rest[low] ** 2).mean()))
     results.add("levels", row, "below -82 dBm", rms, "dB", digits=1, cases=int(low.sum()))
+    return rest

@@ -30,6 +30,7 @@ from robosim.positioning.beacon_places import SHARES, BeaconConfig, locate_beaco
 from robosim.positioning.power_route import PowerRoute, map_route
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.measured_figures import draw_located
 from tests.benchmarks.results import Results
 from tests.benchmarks.warsaw_flat import CONFIG, RUNS, read_run
 from tests.benchmarks.warsaw_powers import CONFIG as CONFIG_OF_WALLS
@@ -40,8 +41,8 @@ from wireless.positioning.received_power import PowerLawConfig, log_evidence
 _EVERY_CELLS, _ERROR_DB, _NOT_RECEIVED_DBM = 5, 5.0, -95.0
 #: Runs begin after pauses of more than this [s].
 _PAUSE_S = 60.0
-#: Squared errors over the covariance that a normal distribution in the plane exceeds in one of ten cases.
-_TENTH = 2 * np.log(10)
+#: Probability of the reported ellipses, and shares of the route and of each run that are drawn.
+_HELD, _DRAWN_SHARES, _RUN_SHARES = 0.9, np.linspace(0.1, 1.0, 10), np.linspace(0.2, 1.0, 5)
 
 
 def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT) -> Results:
@@ -84,6 +85,7 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     ):
         _add(results, "each of two runs with scans", name, own, plans, 1.0)
     receiver = _receiver_errors(folder)
+    results.figures["located"] = _draw_runs(parts, plan)
     results.figures["errors"] = _draw_errors(route, plan, receiver)
     for row, errors in receiver.items():
         results.add("receiver", row, "median", float(np.median(errors)), "m", digits=2, cases=len(errors))
@@ -142,20 +144,30 @@ def _density(route: PowerRoute, plan: FloorPlan | None, law: PowerLawConfig) -> 
     return total, count
 
 
+def _draw_runs(parts: list[PowerRoute], plan: FloorPlan) -> Figure:
+    """Errors over the share of each run, and reliability of ellipses, by the default priors."""
+    curves, inside = {}, {}
+    for name, used in (("with the plan", plan), ("without a map", None)):
+        of_shares = [_located(parts, [used] * len(parts), share) for share in _RUN_SHARES]
+        curves[name] = _RUN_SHARES, np.array([errors for errors, _ in of_shares])
+        inside[f"{name}, whole run"] = of_shares[-1][1]
+        inside[f"{name}, all shares"] = np.concatenate([probability for _, probability in of_shares])
+    return draw_located(curves, inside)
+
+
 def _draw_errors(route: PowerRoute, plan: FloorPlan, receiver: dict[str, Float[np.ndarray, " n"]]) -> Figure:
     """Errors of beacons over the share of the route, and the distribution of errors of the receiver's place."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     axes = figure.subplots(1, 2)
-    shares = np.linspace(0.1, 1.0, 10)
     for name, beyond_m, used in (("with the plan", 0.3, plan), ("without a map", 3.0, None)):
         errors = [
             [
                 np.hypot(*(locate_beacon(route.readings(one, share), used, beyond_m).xy - route.true_xy[one]))
                 for one in route.names
             ]
-            for share in shares
+            for share in _DRAWN_SHARES
         ]
-        axes[0].plot(100 * shares, np.median(errors, axis=1), "o-", label=name)
+        axes[0].plot(100 * _DRAWN_SHARES, np.median(errors, axis=1), "o-", label=name)
     axes[0].set(xlabel="readings used [%]", ylabel="median error of six beacons [m]", ylim=(0, None))
     for name, values in receiver.items():
         axes[1].plot(np.sort(values), np.linspace(0, 100, len(values)), label=name)
@@ -251,8 +263,21 @@ def _add(
     share: float,
     laws: Iterable[PowerLawConfig] | None = None,
 ) -> None:
-    """Median error over all beacons of all routes, and how often the ellipse of 90 % holds the true place."""
-    errors, held = [], []
+    """Add the median error over all beacons of all routes, and how often the ellipse of 90 % holds the true place."""
+    errors, inside = _located(routes, plans, share, laws)
+    results.add("beacons", row, f"{name}: median", float(np.median(errors)), "m", digits=2, cases=len(errors))
+    held = 100 * float(np.mean(inside <= _HELD))
+    results.add("beacons", row, f"{name}: in the ellipse", held, "%", digits=0)
+
+
+def _located(
+    routes: Iterable[PowerRoute],
+    plans: Iterable[FloorPlan | None],
+    share: float,
+    laws: Iterable[PowerLawConfig] | None = None,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Errors of all beacons of all routes [m], and the probability of the smallest ellipse around the true place."""
+    errors, inside = [], []
     for route, plan, law in zip(routes, plans, laws or repeat(BeaconConfig().law), strict=False):
         # A map of the robot's own ends where it has not been.
         beyond_m = 0.3 if plan is not None and plan.name == "flat" else 3.0
@@ -260,6 +285,5 @@ def _add(
             located = locate_beacon(route.readings(beacon, share), plan, beyond_m, BeaconConfig(law=law))
             off: Float[np.ndarray, 2] = located.xy - route.true_xy[beacon]
             errors.append(float(np.hypot(*off)))
-            held.append(off @ np.linalg.solve(located.covariance, off) <= _TENTH)
-    results.add("beacons", row, f"{name}: median", float(np.median(errors)), "m", digits=2, cases=len(errors))
-    results.add("beacons", row, f"{name}: in the ellipse", 100 * float(np.mean(held)), "%", digits=0)
+            inside.append(-np.expm1(-0.5 * off @ np.linalg.solve(located.covariance, off)))
+    return np.array(errors), np.array(inside)

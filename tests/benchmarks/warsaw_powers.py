@@ -14,10 +14,11 @@ import shapely
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.calibration.measured_powers import BLOCK_M, MeasuredPowers
-from robosim.calibration.power_fit import WALL_PARAMETERS, PowerFitConfig, fit_powers
+from robosim.calibration.power_fit import WALL_PARAMETERS, PowerFit, PowerFitConfig, fit_powers
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
+from tests.benchmarks.measured_figures import draw_flat
 from tests.benchmarks.results import Results
 from wireless.tracing.tracer import TracerConfig
 
@@ -53,8 +54,13 @@ def main(folder: Positional[Path], *, every: int = 3, options: OmitArgPrefixes[O
     for name, config in ADDED.items():
         _add(results, "additions", name, plan, measured, config)
     plan, measured = read_flat(folder)
-    _add(results, "all places", "first half fitted", plan, measured, CONFIG, by_beacon=True)
-    _add(results, "all places", "second half fitted", *_moved(plan, measured), CONFIG, by_beacon=True)
+    first = _add(results, "all places", "first half fitted", plan, measured, CONFIG, by_beacon=True)
+    other = _add(results, "all places", "second half fitted", *_moved(plan, measured), CONFIG, by_beacon=True)
+    predicted_dbm = np.where(measured.held_out, first.predicted_dbm, other.predicted_dbm)
+    places = dict(zip(measured.names, measured.beacons[:, :2], strict=True))
+    results.figures["flat_powers"] = draw_flat(
+        plan, measured.places[:, :2], measured.power_dbm - predicted_dbm, places
+    )
     return options.finish("warsaw_powers", results)
 
 
@@ -102,7 +108,7 @@ def _add(
     measured: MeasuredPowers,
     config: PowerFitConfig,
     by_beacon: bool = False,
-) -> None:
+) -> PowerFit:
     """Fit, and add errors and walls."""
     begin = perf_counter()
     fit = fit_powers(measured, plan, config)
@@ -120,3 +126,4 @@ def _add(
         value, std = fit.parameters[name]
         results.add(table, row, name, value, digits=3, spread=(value - 2 * std, value + 2 * std))
     results.add(table, row, "time", seconds, "s", digits=0)
+    return fit

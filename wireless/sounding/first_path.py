@@ -48,7 +48,7 @@ def detect_first_path(
         margin_s = _MARGIN / bandwidth_hz
         times = np.arange(arrival.min() - margin_s, arrival.max() + margin_s, 1 / (_SAMPLES * bandwidth_hz))
         level = 20 * np.log10(
-            np.maximum(np.abs(_pulse(bandwidth_hz * (times[:, None] - arrival)) @ strength), 1e-30)
+            np.maximum(np.abs(hann_pulse(bandwidth_hz * (times[:, None] - arrival)) @ strength), 1e-30)
         )
         is_peak = np.r_[False, (level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:]), False]
         is_peak &= level >= max(least_gain_db, level.max() - SIDE_LOBES_DB)
@@ -57,7 +57,7 @@ def detect_first_path(
     return delay, gain
 
 
-def _pulse(u: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+def hann_pulse(u: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
     """Pulse of a Hann spectrum at times over the inverse of the bandwidth; 1/2 where both factors vanish."""
     below = 1 - u * u
     return np.where(np.abs(below) < 1e-9, 0.5, np.sinc(u) / np.where(np.abs(below) < 1e-9, 1.0, below))
