@@ -26,6 +26,8 @@ from slam.poses import to_map
 _APART_M = 1.0
 #: A track nearer than this to where a robot says it is, is that robot [m].
 _SAME_M = 0.6
+#: Decisions for which a status says where a robot is.
+_FRESH = 2
 #: A robot whose last status is older than so many decisions is bound for nothing.
 _SILENT = 40
 
@@ -95,14 +97,19 @@ class Member:
             else:
                 self._map.add(author, content, own_map)
         self._inbox.clear()
-        if self._decision % self._every == 1:
+        if (self._decision - 1) % self._every == 0:
             self._map.refresh()
             for number, tile in self._changes.of(own_map):
                 self.notes.write("tile", tile, number)
         merged = self._map.merge(own_map)
         there = [status for status in self.others.values() if self._decision - status.decision <= _SILENT]
         claims = [Claim(xy=s.goal, cost_m=s.left_m) for s in there if s.goal is not None]
-        robots = [_thing(k, status, self._decision) for k, status in enumerate(self.others.values())]
+        # Where a robot is that has not reported lately, only sensors show.
+        robots = [
+            _thing(k, status, self._decision)
+            for k, status in enumerate(self.others.values())
+            if self._decision - status.decision <= _FRESH
+        ]
         # A track of a robot that reports where it is is that robot.
         tracks = [
             track
@@ -152,16 +159,15 @@ class Member:
 def _thing(number: int, status: Status, decision: int) -> MovingThing:
     """Another robot, as something to keep away from, at a decision; `number` is not that of a track.
 
-    One that has nothing to do, or is not received any more, is an obstacle to plan around; others will go on.
+    One that has stood for a while is an obstacle to plan around (`slam.control.avoidance`).
     """
-    silent = decision - status.decision
     # It has not moved yet if its last decision is as late as this one.
-    waits_to_move = silent <= 0
+    waits_to_move = status.decision >= decision
     return MovingThing(
         xy=status.pose[:2] if waits_to_move else status.next_xy,
         velocity=status.next_xy - status.pose[:2] if waits_to_move else np.zeros(2),
         covariance=1e-4 * np.eye(4),
-        stood_s=float(status.stood) + silent,
+        stood_s=float(status.stood),
         unseen_s=0.0,
         number=-1 - number,
         radius_m=status.radius_m,

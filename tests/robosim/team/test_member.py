@@ -1,0 +1,68 @@
+"""What a robot of a team knows of the others."""
+
+import numpy as np
+import pytest
+
+from robosim.policies.estimates import Estimates
+from robosim.policies.reason import EXPLORE
+from robosim.step import Decision
+from robosim.team.member import Member
+from slam.actions import Action
+from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
+
+
+def _map(x: float, *, seen: bool = True) -> MapEstimate:
+    shape = (80, 80)
+    explored = np.zeros(shape, bool)
+    explored[10:30, 10:30] = seen
+    return MapEstimate(
+        frame=GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.05, shape=shape),
+        obstacle_probability=np.where(explored, 0.1, 0.5).astype(np.float32),
+        explored=explored,
+        blocked=np.zeros(shape, bool),
+        pose=np.array([x, 1.0, 0.0]),
+    )
+
+
+def _decision(estimate: MapEstimate) -> Decision:
+    return Decision(
+        goal=np.array([3.0, 1.0]),
+        reason=EXPLORE,
+        path=np.array([[1.0, 1.0], [3.0, 1.0]]),
+        command=Action.FORWARD,
+        estimates=Estimates(estimate),
+    )
+
+
+def _send(sender: Member, receiver: Member) -> None:
+    for subject in ("status", "measurement", "tile"):
+        for note in list(sender.notes.news_for(receiver.notes, subject, np.inf)):
+            receiver.receive(note)
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_member_knows_place_plan_and_map_of_the_other(every: int) -> None:
+    first, second = (Member(name, k, Hull(radius_m=0.1), every) for k, name in enumerate("ab"))
+    estimate = first.merged(_map(1.0))
+    first.report(estimate, _decision(estimate))
+    _send(first, second)
+    merged = second.merged(_map(2.0, seen=False))
+    assert merged.explored.sum() == 400
+    (claim,) = merged.claims
+    assert claim.cost_m == pytest.approx(2.0)
+    (robot,) = merged.moving
+    # It has decided, and goes ahead now.
+    assert robot.xy.tolist() == [1.0, 1.0]
+    assert robot.velocity.tolist() == [0.25, 0.0]
+
+
+def test_member_silent_robot_is_nowhere_but_still_bound_for_its_goal() -> None:
+    first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
+    estimate = first.merged(_map(1.0))
+    first.report(estimate, _decision(estimate))
+    _send(first, second)
+    merged = [second.merged(_map(2.0)) for _ in range(60)]
+    assert len(merged[1].moving) == 1 and len(merged[1].claims) == 1
+    assert merged[10].moving == () and len(merged[10].claims) == 1
+    assert merged[-1].claims == ()
