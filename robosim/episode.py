@@ -110,7 +110,7 @@ def run_team(
             )
     for name, search in searches.items():
         if search.log.ended == "running":
-            search.log.ended = "another arrived" if name in decisions else "lost"
+            search.log.ended = "another arrived" if name in team.going else "lost"
         log.maps[name] = search.finish()
     log.sent_bytes = team.exchange.sent_bytes
     return log

@@ -15,7 +15,8 @@ class Team:
     def __init__(self, config: TeamConfig, robots: Mapping[str, Simulator]) -> None:
         """Make the members, for the robots' agents."""
         self._config, self._decision = config, -1
-        self._going = list(robots)
+        self.going = list(robots)
+        """Names of the robots that were not lost."""
         self.members: dict[str, Member] = {}
         """Members by name; none of a single robot."""
         if len(robots) > 1:
@@ -27,10 +28,10 @@ class Team:
     def next_decision(self) -> list[str]:
         """Begin the next decision; names of the robots that take it, without those that were lost."""
         self._decision += 1
-        self._going = [name for name in self._going if not self._config.is_lost(name, self._decision)]
+        self.going = [name for name in self.going if not self._config.is_lost(name, self._decision)]
         self.exchange.begin(self._decision)
-        return self._going
+        return self.going
 
     def deliver(self, name: str) -> None:
         """Let a robot receive what reaches it from those that were not lost."""
-        self.exchange.deliver(name, self._going)
+        self.exchange.deliver(name, self.going)

@@ -104,6 +104,12 @@ def test_team_ends_when_the_first_robot_arrives(scene) -> None:
     assert others == ["another arrived"] or others == ["arrived"]
 
 
+def test_team_that_starts_at_the_target_ends_at_once(scene) -> None:
+    team = _run(scene, replace(_CONFIG, goal="oracle"), _task((9.0, 2.0, 0.0), (9.1, 2.0)))
+    assert [log.ended for log in team.robots.values()] == ["arrived", "another arrived"]
+    assert team.first.steps == 0
+
+
 def test_team_lost_robot_stops_and_the_others_go_on(scene) -> None:
     config = replace(_CONFIG, team=TeamConfig(robots="2", exchange="perfect", lose=("1@5",)))
     team = _run(scene, config)
