@@ -37,6 +37,7 @@ GOAL_COLOURS = {
     GoalKind.LOOK: "#56B4E9",
     GoalKind.ACTION: "#0072B2",
     GoalKind.EXPLORE: "#F0E442",
+    GoalKind.AWAY: "#8C6D46",
     GoalKind.PREVIOUS: "#7F7F7F",
     GoalKind.OTHER: "#DDDDDD",
 }

@@ -16,6 +16,7 @@ from rich.console import Console
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode_config import EpisodeConfig
+from robosim.episode_log import EpisodeLog
 from robosim.evaluation import episodes
 from robosim.evaluation.episodes import name_of
 from robosim.evaluation.evaluate import code_digest, evaluate, settings_of
@@ -249,14 +250,14 @@ def test_a_stopped_run_goes_on_and_comes_to_the_same(suite, tmp_path, monkeypatc
 
 def test_an_interrupted_episode_is_not_stored(suite, tmp_path, monkeypatch):
     """The loop returns what was done until Ctrl-C; half an episode may not count as a failure of its policy."""
-    real = episodes.run_episode
+    real = episodes.run_team
 
     def interrupted(*args):
-        log, estimate = real(*args)
-        log.ended = "interrupted"
-        return log, estimate
+        team = real(*args)
+        team.first.ended = "interrupted"
+        return team
 
-    monkeypatch.setattr(episodes, "run_episode", interrupted)
+    monkeypatch.setattr(episodes, "run_team", interrupted)
     with pytest.raises(KeyboardInterrupt):
         _evaluate(suite, tmp_path)
     assert not list(tmp_path.rglob("*.npz"))
@@ -307,12 +308,12 @@ def test_a_task_outside_of_its_plan_is_an_error_before_any_other_runs(suite, tmp
 
 def test_new_scores_of_the_log_pass_through(suite, tmp_path, monkeypatch, tables_only):
     """A score that is new in an episode's log becomes a column; rows without it have null there."""
-    real = episodes.EpisodeLog.result
+    real = EpisodeLog.result
 
     def more(self):
         return {**real(self), **({"new_score": np.float64(0.25)} if self.steps < 25 else {})}
 
-    monkeypatch.setattr(episodes.EpisodeLog, "result", more)
+    monkeypatch.setattr(EpisodeLog, "result", more)
     _evaluate(suite, tmp_path, policies=[])
     assert pq.read_table(tmp_path / "episodes.parquet")["new_score"].to_pylist() == [0.25, None]
 
