@@ -65,7 +65,7 @@ class Agent:
         self.measurements: dict[str, Measurement] = {}
         """Radio measurements of the last decision by transmitter, "target" first; empty without a radio."""
         self.member: Member | None = None
-        """What the robot knows by its team; None alone."""
+        """Membership in a team; None alone."""
         self._planner, self._controller = navigator.planner, navigator.controller
         self._robot, self._radio, self._anchor_places = robot, radio, anchor_places or {}
         self._watch = watch or Stopwatch()
@@ -147,7 +147,7 @@ class Agent:
         return own_map if self.member is None else self.member.merged(own_map)
 
     def _decided(self, decision: Decision | None) -> Decision | None:
-        """Return a decision, after the team was reported."""
+        """Report a decision to the team, and return it."""
         if self.member is not None and self._map is not None:
             self.member.report(self._map, decision)
         return decision

@@ -1,7 +1,8 @@
-"""What the robots of an episode begin with; those of a team start close together, as if switched on at a door."""
+"""Tasks and configurations of the robots of an episode; those of a team start close together."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,14 +21,14 @@ _GAP_M = 0.3
 
 
 class Entrant(NamedTuple):
-    """What one robot of an episode begins with."""
+    """Task, configuration and reach of a robot of an episode."""
 
     task: Task
     """From where to where."""
     config: EpisodeConfig
     """How it searches."""
     reach: Reach
-    """What its hull can reach; coverage is counted over it."""
+    """Places that its hull can reach; coverage is counted over them."""
 
 
 def make_entrants(building: Building, places: Reach, task: Task, config: EpisodeConfig) -> dict[str, Entrant]:
@@ -53,11 +54,22 @@ def make_entrants(building: Building, places: Reach, task: Task, config: Episode
     for hull_m in {config.simulator.robot.hull_m for config in configs} - set(reaches):
         reaches[hull_m] = reach(building, *hull_m)
     by_robot = [reaches[config.simulator.robot.hull_m] for config in configs]
-    starts = starts_near(task.start, by_robot)
-    return {
-        name: Entrant(_task_at(start, task, places), config, places)
-        for name, start, config, places in zip(team.names, starts, configs, by_robot, strict=True)
-    }
+    entrants = map(Entrant, tasks_near(task, by_robot), configs, by_robot)
+    return dict(zip(team.names, entrants, strict=True))
+
+
+def tasks_near(task: Task, reaches: Sequence[Reach]) -> list[Task]:
+    """Tasks of several robots: that of the first, and others from starts near it with the same target.
+
+    Raises:
+        MapError: If there is no room for so many.
+    """
+    to_target_m = cache(lambda places: places.travel_m(task.target))
+    tasks = [task]
+    for start, places in zip(starts_near(task.start, reaches)[1:], reaches[1:], strict=True):
+        shortest_m = places.remaining_m(to_target_m(places), start[:2]) - ARRIVAL_M
+        tasks.append(replace(task, start=start, shortest_m=max(shortest_m, 0.0)))
+    return tasks
 
 
 def starts_near(start: Float[np.ndarray, "3"], reaches: Sequence[Reach]) -> list[Float[np.ndarray, "3"]]:
@@ -66,9 +78,10 @@ def starts_near(start: Float[np.ndarray, "3"], reaches: Sequence[Reach]) -> list
     Raises:
         MapError: If there is no room for so many.
     """
+    from_start_m = cache(lambda places: places.travel_m(start[:2]))
     starts = [start]
     for places in reaches[1:]:
-        travel_m = places.travel_m(start[:2])
+        travel_m = from_start_m(places)
         is_free = np.isfinite(travel_m) & places.roomy
         for other, room in zip(starts, reaches, strict=False):
             apart_m = np.hypot(*(places.plan.centres(is_free) - other[:2]).T)
@@ -81,11 +94,3 @@ def starts_near(start: Float[np.ndarray, "3"], reaches: Sequence[Reach]) -> list
         place = places.plan.centres(is_free)[travel_m[is_free].argmin()]
         starts.append(np.array([*place, start[2]]))
     return starts
-
-
-def _task_at(start: Float[np.ndarray, "3"], task: Task, places: Reach) -> Task:
-    """The task from another start."""
-    if start is task.start:
-        return task
-    shortest_m = places.remaining_m(places.travel_m(task.target), start[:2]) - ARRIVAL_M
-    return replace(task, start=start, shortest_m=max(shortest_m, 0.0))

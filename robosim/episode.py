@@ -130,7 +130,7 @@ class _Search:
         self.judge = Judge(self.log, robot, entrant.reach, entrant.config.max_steps)
 
     def observe(self, sensed: Observation) -> None:
-        """Let the agent observe, and the judge."""
+        """Show measurements to the agent, and the truth to the judge."""
         self._sensed, self._estimate = sensed, self._agent.observe(sensed)
         with self._watch.stage("judging"):
             self._truth = self.judge.observe(self._world.truth(self._name), self._estimate.pose)

@@ -129,13 +129,18 @@ class EpisodeLog:
         inside = np.flatnonzero(gap <= ARRIVAL_M)
         return int(inside[0]) if len(inside) else None
 
+    @property
+    def path_length_m(self) -> float:
+        """Length of the true path until the robot arrived, or to its end [m]."""
+        legs = np.hypot(*np.diff(np.array(self.poses)[:, :2], axis=0).T)
+        return float(legs[: self.arrived_at].sum())
+
     def result(self) -> dict[str, Any]:
         """Scores of the episode, all but the times the same for the same seed."""
         poses, estimates = np.array(self.poses), np.array(self.estimates)
         error = np.hypot(*(estimates - poses)[:, :2].T)
         arrived_at = self.arrived_at
-        legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-        path = float(legs[:arrived_at].sum())
+        path = self.path_length_m
         gap = float(np.hypot(*(poses[-1, :2] - self.task.target)))
         ratio = 1.0 if max(path, self.task.shortest_m) == 0 else None
         ratio = self.task.shortest_m / max(path, self.task.shortest_m) if ratio is None else ratio

@@ -130,10 +130,11 @@ def record_episode(
                 progress.update(bar, completed=log.steps, note=status_line(step, picture.target))
                 with watch.stage("log"):
                     steps[log.robot].add(step)
-                with watch.stage("video"):
-                    image = picture.add(log.robot, step) if writer is not None else None
-                    if writer is not None and image is not None:
-                        writer.add(image)
+                if writer is not None:
+                    with watch.stage("video"):
+                        image = picture.add(log.robot, step)
+                        if image is not None:
+                            writer.add(image)
                 if log.robot in recordings:
                     with watch.stage("rerun"):
                         recordings[log.robot].add(step)

@@ -33,6 +33,11 @@ class Action(IntEnum):
     WAIT = 4
     """Stand still for `WAIT_S`, while others move."""
 
+    @property
+    def ahead_m(self) -> float:
+        """Distance that it leads ahead [m], negative backwards."""
+        return {Action.FORWARD: FORWARD_M, Action.BACKWARD: -FORWARD_M}.get(self, 0.0)
+
 
 #: The actions of the published system.
 PUBLISHED = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -52,18 +57,14 @@ class Velocity(NamedTuple):
     duration_s: float
     """Time until the next command [s]."""
 
+    @property
+    def ahead_m(self) -> float:
+        """Distance that it leads ahead [m], negative backwards."""
+        return self.v_mps * self.duration_s
+
 
 #: Command of a robot in one decision.
 Command = Action | Velocity
-
-
-def ahead_m(command: Command | None) -> float:
-    """Distance [m] that a command leads ahead, negative backwards; 0 for none."""
-    if isinstance(command, Velocity):
-        return command.v_mps * command.duration_s
-    return (
-        0.0 if command is None else {Action.FORWARD: FORWARD_M, Action.BACKWARD: -FORWARD_M}.get(command, 0.0)
-    )
 
 
 def nearest_action(command: Command) -> Action:

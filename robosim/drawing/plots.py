@@ -23,7 +23,7 @@ from robosim.logs.trajectory_scores import align_trajectory
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.calibration import Runs
 from robosim.support.axes import axes_in_metres
-from robosim.support.colours import FURNISHING, ROBOTS, TARGET, WALL, css
+from robosim.support.colours import FURNISHING, ROBOTS, TARGET, WALL, css, robot_colour
 from robosim.support.figures import save_figure
 from robosim.team.team_log import TeamLog
 from slam.grid import MapEstimate
@@ -95,10 +95,10 @@ def explain(
 #: Okabe and Ito's colours (2008), for parts of the floor from the largest on, and a grey for the rest.
 _PARTS = ("#009E73", "#E69F00", "#CC79A7", "#0072B2", "#D55E00", "#F0E442")
 _OTHERS = "#7F7F7F"
-#: Lines of robots of the same colour.
-_STYLES = ("-", "--", ":", "-.")
 #: Smaller parts have no name [m2].
 _LEAST_M2 = 0.1
+#: Lines of robots of the same colour.
+_STYLES = ("-", "--", ":", "-.")
 #: Width of a legend next to a plan.
 LEGEND_INCHES = 1.9
 #: Colours of trajectories by their estimator.
@@ -131,10 +131,7 @@ def plot_team(path: Path, building: Building, log: TeamLog) -> None:
     figure, axes = plan_axes(building)
     log.maps[log.first.robot].plot(axes, robot=False)
     building.draw_walls(axes)
-    for k, (name, robot) in enumerate(log.robots.items()):
-        track, colour = np.array(robot.poses)[:, :2], css(ROBOTS[k % len(ROBOTS)])
-        axes.plot(*track.T, color=colour, lw=1.6, label=f"{name}: {robot.ended}")
-        axes.plot(*track[0], "o", color=colour)
+    _draw_tracks(axes, {f"{name}: {robot.ended}": robot.poses for name, robot in log.robots.items()})
     if log.first.seeks_target:
         axes.plot(*log.first.task.target, "*", color=TARGET, ms=13, label="target")
     explain(axes, [*wall_keys(bool(building.furnishings)), *map_keys()], "the team's map, and the truth")
@@ -224,13 +221,19 @@ def draw_team(
     """Draw a map with the trajectories of several robots by name, each in its colour from a dot on."""
     figure, axis = plt.subplots(figsize=(9, 9), layout="compressed")
     _draw_cells(axis, plan)
-    for k, (name, poses) in enumerate(trajectories.items()):
-        colour, style = _PARTS[k % len(_PARTS)], _STYLES[k // len(_PARTS) % len(_STYLES)]
-        axis.plot(*poses[:, :2].T, color=colour, ls=style, lw=1.0, label=name.replace("$", r"\$"))
-        axis.plot(*poses[0, :2], "o", color=colour, ms=5)
+    _draw_tracks(axis, trajectories)
     axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3, frameon=False)
     axis.set_title(title, parse_math=False)
     save_figure(figure, path)
+
+
+def _draw_tracks(axes: Axes, tracks: Mapping[str, Sequence[np.ndarray] | np.ndarray]) -> None:
+    """Draw the poses of robots by label, each robot in its colour from a dot on; later ones of a colour are dashed."""
+    for k, (label, poses) in enumerate(tracks.items()):
+        track, colour = np.asarray(poses)[:, :2], css(robot_colour(k))
+        style = _STYLES[k // len(ROBOTS) % len(_STYLES)]
+        axes.plot(*track.T, color=colour, ls=style, lw=1.2, label=label.replace("$", r"\$"))
+        axes.plot(*track[0], "o", color=colour, ms=5)
 
 
 def _draw_cells(axis: Axes, plan: FloorPlan) -> None:

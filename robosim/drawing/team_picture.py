@@ -9,7 +9,7 @@ from jaxtyping import Float, UInt8
 
 from robosim.drawing.plan_view import HEIGHT, PALETTE, PlanView, write
 from robosim.step import Step
-from robosim.support.colours import ROBOTS, Colour
+from robosim.support.colours import robot_colour
 
 #: Side of a camera's picture, and width of the frame around it [pixels].
 _CAMERA, _FRAME = 160, 3
@@ -32,7 +32,7 @@ class TeamPicture:
         self._view, self.target, self._title = PlanView(rings), target, title
         self._trails = {name: np.zeros((0, 2)) for name in names}
         self._cameras = {
-            name: np.full((_CAMERA, _CAMERA, 3), colour_of(k), np.uint8) for k, name in enumerate(names)
+            name: np.full((_CAMERA, _CAMERA, 3), robot_colour(k), np.uint8) for k, name in enumerate(names)
         }
         self._steps: dict[str, Step] = {}
         self._columns = math.ceil(len(names) / (HEIGHT // _CAMERA))
@@ -67,10 +67,10 @@ class TeamPicture:
                 self._cameras[name][inner, inner] = cv2.resize(
                     step.sensed.rgb, (_CAMERA - 2 * _FRAME,) * 2, interpolation=cv2.INTER_LINEAR
                 )
-                view.draw_line(canvas, np.vstack([step.true.pose[:2], step.decided.path]), colour_of(k), 1)
-            view.draw_line(canvas, self._trails[name], colour_of(k), 2)
+                view.draw_line(canvas, np.vstack([step.true.pose[:2], step.decided.path]), robot_colour(k), 1)
+            view.draw_line(canvas, self._trails[name], robot_colour(k), 2)
             if len(self._trails[name]):
-                view.draw_dot(canvas, self._trails[name][-1], colour_of(k))
+                view.draw_dot(canvas, self._trails[name][-1], robot_colour(k))
         view.draw_scale(canvas)
         image[:HEIGHT, -view.width :] = canvas
         rows = HEIGHT // _CAMERA
@@ -81,8 +81,3 @@ class TeamPicture:
         words = f"{self._title}  step {first.number}"
         write(image, words, (8, HEIGHT + 17))
         return image
-
-
-def colour_of(number: int) -> Colour:
-    """Colour of a robot by its number from 0."""
-    return ROBOTS[number % len(ROBOTS)]

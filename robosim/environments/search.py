@@ -16,7 +16,7 @@ from gymnasium import spaces
 from jaxtyping import Float, UInt8
 
 from robosim.drawing.plan_view import BriefPicture
-from robosim.entrants import starts_near
+from robosim.entrants import tasks_near
 from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
 from robosim.environments.rewards import NO_SNR_DB, WORTH, weighted
@@ -144,9 +144,7 @@ class Searches:
         place = self._enter(spec.plan)
         difficulty = float(options.get("difficulty", self._curriculum.difficulty))
         first = self._draw_task(place, spec, rng, options, difficulty)
-        starts = starts_near(first.start, [place.reach] * len(self.robots))
-        others = [make_task(place.reach, rng, start=start, target=first.target) for start in starts[1:]]
-        tasks = dict(zip(self.robots, [first, *others], strict=True))
+        tasks = dict(zip(self.robots, tasks_near(first, [place.reach] * len(self.robots)), strict=True))
         sensed = self._world.reset(tasks, rng)
         self._ended = False
         begun = {name: search.begin(tasks[name], sensed[name]) for name, search in self.robots.items()}

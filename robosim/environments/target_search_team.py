@@ -14,18 +14,17 @@ from jaxtyping import Float, UInt8
 from pettingzoo import ParallelEnv
 
 from robosim.drawing.plan_view import PALETTE, PlanView
-from robosim.drawing.team_picture import colour_of
 from robosim.environments.config import SearchConfig, simulator_for
 from robosim.environments.search import Searches, make_spaces
 from robosim.environments.sources import source_of
 from robosim.environments.target_search import check_render_mode
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import check_number
+from robosim.support.colours import robot_colour
+from robosim.team.team_config import MOST, robot_names
 
 #: What one robot observes.
 Seen = dict[str, np.ndarray]
-#: Most robots of a team.
-_MOST = 100
 
 
 class TargetSearchTeam(ParallelEnv[str, Seen, Any]):
@@ -60,13 +59,13 @@ class TargetSearchTeam(ParallelEnv[str, Seen, Any]):
         **search: Any,
     ) -> None:
         """Nothing is built before the first reset; arguments and errors are those of `robosim.parallel_env`."""
-        check_number("robots", robots, 1, _MOST, "robots", whole=True)
+        check_number("robots", robots, 1, MOST, "robots", whole=True)
         check_number("max_steps", max_steps, 1, 10**9, "steps", whole=True)
         check_render_mode(render_mode, self.metadata["render_modes"])
         self.render_mode, self.max_steps = render_mode, max_steps
         self.search = SearchConfig(**search)
         simulator = config or simulator_for(self.search)
-        self.possible_agents = [f"robot{number}" for number in range(1, robots + 1)]
+        self.possible_agents = list(robot_names(robots))
         self.agents: list[str] = []
         self._searches = Searches(source_of(plan), self.search, simulator, tuple(self.possible_agents))
         # One for each, since random numbers of a space are its own.
@@ -135,7 +134,7 @@ class TargetSearchTeam(ParallelEnv[str, Seen, Any]):
         view.draw_walls(canvas)
         view.draw_target(canvas, first.task.target)
         for number, poses in enumerate(np.swapaxes(self._trails, 0, 1)):
-            (x, y, yaw), places, colour = poses[-1], poses[:, :2], colour_of(number)
+            (x, y, yaw), places, colour = poses[-1], poses[:, :2], robot_colour(number)
             view.draw_line(canvas, places, colour, 2)
             view.draw_dot(canvas, places[-1], colour)
             view.draw_line(

@@ -189,5 +189,5 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
     log, _ = run_episode(building, places, task, config, send)
     if not log.steps:
         begin()
-    length_m = log.result()["path_length_m"]
+    length_m = log.path_length_m
     pipe.send(("ended", f"{log.ended} after {counted(log.steps, 'step')} and {length_m:.1f} m"))

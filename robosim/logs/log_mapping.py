@@ -154,7 +154,7 @@ class Mapped:
     tracker: Tracker
     """Submaps and their graph, by which maps can be joined; poses are those of the laser, from (0, 0, 0)."""
     lines: _Lines | None
-    """What adjusts poses of scans of few beams to lines; None for other scans."""
+    """Ends of beams and odometry, by which poses of scans of few beams are adjusted to lines; None for other scans."""
 
     def robot_poses(
         self, laser_poses: Float[np.ndarray, "n 3"], origin: Float[np.ndarray, "3"]

@@ -1,4 +1,4 @@
-"""One map of several logs: of several robots, or of one robot on several days, whose relative starts are unknown."""
+"""Joint map of several logs: of several robots, or of one robot on several days, with unknown relative starts."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

@@ -74,10 +74,9 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
         for name, (episode, camera) in episodes.items():
             messages = _Messages(name)
             for topic, time_s, message in messages.of(episode, episode.times, camera):
-                kind, topic = (
-                    message.__msgtype__,
-                    topic if topic in _SHARED or not name else f"/{name}{topic}",
-                )
+                kind = message.__msgtype__
+                if name and topic not in _SHARED:
+                    topic = f"/{name}{topic}"
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)
                 content = messages.store.serialize_cdr(message, kind)

@@ -128,11 +128,8 @@ def robots_of_team(folder: Path) -> list[str]:
     """Names of the robots whose episodes are in folders of their own; none where the folder holds one episode."""
     if (folder / EPISODE).is_file():
         return []
-    return sorted((path.parent.name for path in Path(folder).glob(f"robot*/{EPISODE}")), key=_number)
-
-
-def _number(name: str) -> tuple[int, str]:
-    return len(name), name
+    names = (path.parent.name for path in Path(folder).glob(f"robot*/{EPISODE}"))
+    return sorted(names, key=lambda name: (len(name), name))
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,6 +43,11 @@ ROBOTS: tuple[Colour, ...] = (
 )
 
 
+def robot_colour(number: int) -> Colour:
+    """Colour of a robot of a team by its number from 0."""
+    return ROBOTS[number % len(ROBOTS)]
+
+
 def css(colour: Colour) -> str:
     """A colour in hexadecimal, as style sheets and matplotlib take it."""
     return "#{:02x}{:02x}{:02x}".format(*colour)

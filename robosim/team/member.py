@@ -17,7 +17,6 @@ from robosim.step import Decision
 from robosim.team.notes import Note, Notebook
 from robosim.team.shared_map import SharedMap, TileChanges
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
-from slam.actions import ahead_m
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
 from slam.poses import to_map
@@ -34,7 +33,7 @@ _SILENT = 40
 
 @dataclass(frozen=True, eq=False)
 class Status:
-    """What a robot does."""
+    """Pose, goal and path of a robot at a decision."""
 
     decision: int
     """Number of its decision."""
@@ -140,8 +139,7 @@ class Member:
         """Write down what the robot has measured and decided."""
         self._stood = self._stood + 1 if np.allclose(own_map.pose, self._at, atol=0.02) else 0
         self._at = np.array(own_map.pose)
-        command = None if decided is None else decided.command
-        ahead = np.array([ahead_m(command), 0.0])
+        ahead = np.array([0.0 if decided is None else decided.command.ahead_m, 0.0])
         status = Status(self._decision, self._at, to_map(own_map.pose, ahead), self._radius_m, self._stood)
         if decided is not None:
             status = replace(status, goal=decided.goal, path=decided.path, kind=decided.reason.kind)

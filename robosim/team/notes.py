@@ -18,7 +18,7 @@ class Topic(NamedTuple):
     author: str
     """Name of the robot that wrote it."""
     subject: str
-    """One of `SUBJECTS`."""
+    """Subject, one of `SUBJECTS`."""
     number: tuple[int, ...] = ()
     """Which one of these."""
 

@@ -84,7 +84,7 @@ class SharedMap:
         self._merged = None
 
     def _cover(self, own_map: MapEstimate, tile: Tile | None = None) -> GridFrame:
-        """Let the lattice reach over the robot's own map and a tile; returns its frame."""
+        """Extend the lattice over the robot's own map and a tile; returns its frame."""
         old = self._frame or own_map.frame
         corners = [*own_map.frame.to_points(np.array([[0, 0], own_map.frame.shape[::-1]]))]
         if tile is not None:
@@ -127,7 +127,7 @@ class SharedMap:
         return replace(self._merged, pose=own_map.pose, moving=own_map.moving)
 
     def refresh(self) -> None:
-        """Let the whole map follow the robot's own one at the next decision."""
+        """Copy the whole of the robot's own map again at the next decision."""
         self._merged = None
 
     def _begin(self, frame: GridFrame, own_map: MapEstimate) -> MapEstimate:
@@ -180,7 +180,7 @@ def _put(
     blocked: np.ndarray,
     merged: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    """Let a robot's own cells replace those received, but where only others have seen the floor, or know a cell.
+    """Replace received cells by a robot's own, but where only others have seen the floor, or know a cell.
 
     The last arguments hold obstacle probabilities and anticipated ones.
     """

@@ -12,7 +12,7 @@ ExchangeName = Literal["perfect", "radio", "none"]
 
 
 #: Most robots of a team.
-_MOST = 100
+MOST = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class TeamConfig:
     """Robots that stop during the search, and when: 2@100 is the second robot at decision 100."""
 
     def __post_init__(self) -> None:
-        if self.robots.isdigit() and not 1 <= int(self.robots) <= _MOST:
-            raise ValueError(f"robots is {self.robots}, expected 1 to {_MOST}, or names of robots.")
+        if self.robots.isdigit() and not 1 <= int(self.robots) <= MOST:
+            raise ValueError(f"robots is {self.robots}, expected 1 to {MOST}, or names of robots.")
         if not all(name.strip() for name in self.robots.split(",")):
             raise ValueError(
                 f"robots is {self.robots!r}, expected a number, or names separated by commas, such as "
@@ -60,10 +60,15 @@ class TeamConfig:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the robots: robot1, robot2 and so on."""
-        return tuple(f"robot{number}" for number in range(1, self.size + 1))
+        """Names of the robots."""
+        return robot_names(self.size)
 
     def is_lost(self, name: str, decision: int) -> bool:
         """Whether a robot has stopped permanently before a decision."""
         lost = (text.partition("@") for text in self.lose)
         return any(f"robot{number}" == name and decision >= int(when) for number, _, when in lost)
+
+
+def robot_names(count: int) -> tuple[str, ...]:
+    """Names of the robots of a team: robot1, robot2 and so on."""
+    return tuple(f"robot{number}" for number in range(1, count + 1))

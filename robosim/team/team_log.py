@@ -50,7 +50,7 @@ class TeamLog:
             **first,
             "coverage": self.coverage[-1],
             "robots": len(logs),
-            "path_length_all_m": sum(log.result()["path_length_m"] for log in logs),
+            "path_length_all_m": sum(log.path_length_m for log in logs),
             "collisions": sum(motion.collided for log in logs for motion in log.motions),
             "overlap": self.overlap[-1],
             "contacts_between_robots": sum(

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
-from slam.actions import FORWARD_M, Action, Command, Velocity
+from slam.actions import Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
 from slam.robot import Robot
 
@@ -79,7 +79,7 @@ class Avoidance:
             length_m = action.v_mps * self.config.step_s
             yaw += action.w_radps * self.config.step_s / 2
         else:
-            length_m = {Action.FORWARD: FORWARD_M, Action.BACKWARD: -FORWARD_M}.get(action, 0.0)
+            length_m = action.ahead_m
         if not length_m or not estimate.moving:
             return action
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])

@@ -11,7 +11,8 @@ import numpy as np
 
 from slam.exploration.frontiers import Frontier
 from slam.grid import Claim
-from slam.planning.travel_time import TravelTime, travel_time
+from slam.planning.cost_map import CostMap, travel_time_to
+from slam.planning.travel_time import TravelTime
 
 
 def unclaimed(
@@ -24,24 +25,17 @@ def unclaimed(
         claims: Where the others are bound.
         from_robot: Travel time from the robot.
     """
-    left = list(frontiers)
     places = np.array([frontier.near_xy for frontier in frontiers]).reshape(-1, 2)
     mine_m = np.array([frontier.cost_m for frontier in frontiers])
-    is_mine = np.ones(len(left), bool)
+    is_mine = np.ones(len(frontiers), bool)
     for claim in claims:
         is_mine &= ~(claim.cost_m + _from(claim, from_robot).at(places) < mine_m)
-    return [frontier for frontier, mine in zip(left, is_mine, strict=True) if mine] or left
+    return [frontier for frontier, mine in zip(frontiers, is_mine, strict=True) if mine] or list(frontiers)
 
 
 def _from(claim: Claim, from_robot: TravelTime) -> TravelTime:
     """Travel time from where another robot is bound, over the floor that the robot can reach."""
     passable = np.isfinite(from_robot.cost_m)
-    iy, ix = from_robot.frame.index(claim.xy)
-    ny, nx = passable.shape
-    cell = int(np.clip(iy, 0, ny - 1)), int(np.clip(ix, 0, nx - 1))
-    if not passable[cell]:
-        rows, columns = np.nonzero(passable)
-        nearest = int(np.argmin((rows - cell[0]) ** 2 + (columns - cell[1]) ** 2))
-        cell = int(rows[nearest]), int(columns[nearest])
-    cost = np.where(passable, from_robot.cost_per_m, 1.0)
-    return travel_time(from_robot.frame, cost, passable, cell)
+    cost = np.where(passable, from_robot.cost_per_m, 1.0).astype(np.float32)
+    costs = CostMap(frame=from_robot.frame, cost=cost, passable=passable)
+    return travel_time_to(costs, costs.nearest(claim.xy)[0])

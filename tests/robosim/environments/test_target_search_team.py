@@ -8,7 +8,6 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from robosim import parallel_env
-from robosim.drawing.team_picture import colour_of
 from robosim.environments.target_search import TargetSearch
 from robosim.environments.target_search_team import TargetSearchTeam
 from robosim.movers.movers import MoversConfig
@@ -16,6 +15,7 @@ from robosim.plans.floorplan import MapError
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
+from robosim.support.colours import robot_colour
 from robosim.support.installation import install_command
 from tests.plans import room, two_rooms
 
@@ -169,7 +169,7 @@ def test_render_draws_all_robots():
     last = env.render()
     assert first.shape == last.shape and last.dtype == np.uint8
     colours = [set(map(tuple, picture.reshape(-1, 3).tolist())) for picture in (first, last)]
-    assert all(colour_of(number) in colours[1] for number in range(3))
+    assert all(robot_colour(number) in colours[1] for number in range(3))
     assert not np.array_equal(first, last)
     assert made(observe=("pose",)).render() is None
 
