@@ -108,6 +108,7 @@ class Agent:
             estimates = self._estimates(sensed, map_)
         if self.member is not None:
             with self._watch.stage("team"):
+                self.member.begin(map_)
                 map_ = self.shared_map(map_)
                 estimates = replace(estimates, map=map_, received=self.member.received())
         with self._watch.stage("goal"):

@@ -7,7 +7,7 @@ for judging only.
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from robosim.camera.model import Camera, CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import Recogniser, target_mesh
 from robosim.lidar import Lidar
-from robosim.movers.mover import Body
+from robosim.movers.mover import Body, Mover
 from robosim.movers.movers import MoversConfig, make_movers
 from robosim.movers.teammates import Teammates
 from robosim.parts import (
@@ -117,17 +117,19 @@ class Simulator:
         uses_radio: bool = False,
         uses_camera: bool = False,
         others: Sequence[RobotConfig] = (),
+        crowd: Mover | None = None,
     ) -> None:
         """Build the scene: collision shapes, and the lit building for the camera.
 
         `watch` collects the time by stage. The robot has a radio if `uses_radio`, and the target is searched for in
-        pictures if `uses_camera`. `others` are the other robots in the building, placed by `teammates`.
+        pictures if `uses_camera`. `others` are the other robots in the building, placed by `teammates`, and `crowd` the
+        movers that all of them meet, instead of the configuration's.
         """
         self.building = building
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
-            self._meet(others)
+            self._meet(others, crowd)
             self.world = self._make_world()
             # Light takes a second in a large building; it cuts walls into pieces.
             plain = self.config.renderer in ("none", "plan")
@@ -141,6 +143,7 @@ class Simulator:
                 )
         self.anchors: dict[str, RadioLink] = {}
         self._anchor_rngs: dict[str, np.random.Generator] = {}
+        self._waited_s = 0.0
         self.motion: Motion | None = None
         """Motion by the last action; None before the first."""
         self._recogniser: Recogniser | None = None
@@ -153,17 +156,17 @@ class Simulator:
         self._rng = self._radio_rng = self._depth_rng = self._lidar_rng = np.random.default_rng()
         self._depth = np.zeros((0, 0), np.float32)
 
-    def clone(self, others: Sequence[RobotConfig] = ()) -> "Simulator":
+    def clone(self, others: Sequence[RobotConfig] = (), crowd: Mover | None = None) -> "Simulator":
         """A second robot in the same building, among others; both share what is built for the building."""
         other = copy(self)
-        other._meet(others)
+        other._meet(others, crowd)
         other.world = (self.world.clone() if other.movers is None else None) or other._make_world()
         other.radio = None if self.radio is None else self.radio.clone()
         other.anchors, other._anchor_rngs = {}, {}
         other._camera, other._target = None, None
         return other
 
-    def _meet(self, others: Sequence[RobotConfig]) -> None:
+    def _meet(self, others: Sequence[RobotConfig], crowd: Mover | None) -> None:
         """Make the movers, among them other robots."""
         self.teammates = Teammates(
             [
@@ -174,7 +177,7 @@ class Simulator:
         """The other robots in the building."""
         groups = [self.teammates] if others else []
         radius_m = self.config.robot.hull.turning_m
-        self.movers = make_movers(self.config.movers, self.building, radius_m, groups)
+        self.movers = make_movers(self.config.movers, self.building, radius_m, groups, crowd)
 
     def _make_world(self) -> Physics:
         # A physics engine of a user need not know of movers, where there are none.
@@ -182,14 +185,19 @@ class Simulator:
         world: Physics = PHYSICS.make(self.config.physics, self.building, robot=self.config.robot, **moving)
         return world
 
-    def reset(self, task: Task, rng: np.random.Generator) -> Observation:
-        """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
+    def reset(
+        self, task: Task, rng: np.random.Generator, movers_rng: np.random.Generator | None = None
+    ) -> Observation:
+        """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`.
+
+        What moves is drawn from `movers_rng`, if it is given.
+        """
         # Motion and odometry draw from `rng` itself, the sensors that every robot may have from its children, and each
         # other source from a generator of its name: none changes the noise of another.
         self._rng = rng
         self._radio_rng, self._depth_rng, self._lidar_rng = rng.spawn(3)
         if self.movers is not None:
-            self.movers.reset(task.start, named_generator(self._radio_rng, "movers"))
+            self.movers.reset(task.start, movers_rng or named_generator(self._radio_rng, "movers"))
         if self._camera is None or self._target != tuple(task.target):
             self.close()
             with self.watch.stage("scene"):
@@ -203,8 +211,14 @@ class Simulator:
                 self.anchors[anchor.name].place(anchor.place)
                 self._anchor_rngs[anchor.name] = named_generator(self._radio_rng, f"anchor {anchor.name}")
         self.world.reset(task.start)
-        self.motion = None
+        self.motion, self._waited_s = None, 0.0
         return self._observe(np.zeros(3), None)
+
+    def wait_until(self, time_s: float) -> None:
+        """Stand still until movers are at a time, which counts as time of the next action."""
+        if self.movers is not None and time_s > self.movers.time_s:
+            self._waited_s += time_s - self.movers.time_s
+            self.movers.advance(time_s - self.movers.time_s, self.pose)
 
     def step(self, action: Command) -> tuple[Observation, Motion]:
         """Do one discrete action, with actuation noise, or drive with a velocity."""
@@ -215,7 +229,7 @@ class Simulator:
         with self.watch.stage("physics"):
             waits = action is Action.WAIT
             motion = self.world.drive(0.0, 0.0, WAIT_S) if waits else self.world.move(commanded)
-        self.motion, displacement = motion, between(before, self.pose)
+        motion, displacement = self._done(motion), between(before, self.pose)
         return self._observe(self.config.robot.noise.sense(action, displacement, self._rng), action), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
@@ -227,9 +241,16 @@ class Simulator:
         before = self.pose
         with self.watch.stage("physics"):
             motion = self.world.drive(v_mps, w_radps, duration_s)
-        self.motion, displacement = motion, between(before, self.pose)
+        motion, displacement = self._done(motion), between(before, self.pose)
         done = Velocity(v_mps, w_radps, duration_s)
         return self._observe(self.config.robot.noise.sense_motion(displacement, self._rng), done), motion
+
+    def _done(self, motion: Motion) -> Motion:
+        """Note and return a motion, with the time that the robot waited before it."""
+        if self._waited_s:
+            motion, self._waited_s = replace(motion, duration_s=self._waited_s + motion.duration_s), 0.0
+        self.motion = motion
+        return motion
 
     def interpreter(self, classifier: Part) -> Interpret | None:
         """Make what interprets measurements of a transmitter by its name; None without a radio."""

@@ -2,8 +2,9 @@
 
 Robots are known by name; most worlds have one, `ROBOT`. The robots of a world share walls, scene and radio tables, and
 each has its own motion, sensors, radio and noise. They act in turn: each meets the others where they are after their
-last actions, as bodies that stop it, that its camera and lidar see, and that weaken its radio paths. What they sense is
-for their agents (`robosim.agent`); the truth is for judges, logs and drawings only.
+last actions, as bodies that stop it, that its camera and lidar see, and that weaken its radio paths. A step takes as
+long as the longest of their actions, and people walk once in it (`robosim.movers.crowd`). What robots sense is for
+their agents (`robosim.agent`); the truth is for judges, logs and drawings only.
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from robosim.building.building import Building
+from robosim.movers.crowd import Crowd, CrowdAsMet
+from robosim.movers.movers import movers_of
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.step import Truth
@@ -47,25 +50,40 @@ class World:
             uses_camera: Whether they look for the target in pictures.
 
         Raises:
-            ValueError: If there is no robot, or people are to walk among several.
+            ValueError: If there is no robot, or several have different movers.
         """
         if not robots:
             raise ValueError("robots is empty, expected the configuration of at least one robot by its name.")
-        if len(robots) > 1 and any(config.movers.any for config in robots.values()):
-            raise ValueError(
-                f"{len(robots)} robots among people or other movers are not supported. Leave out the movers."
-            )
+        if any(config.movers != next(iter(robots.values())).movers for config in robots.values()):
+            raise ValueError("movers differ between the robots of a world, expected the same ones for all.")
         self.building = building
         self.robots: dict[str, Simulator] = {}
+        self._gather(robots)
         for name, config in robots.items():
             others = self._others(name, robots)
             equal = (robot for robot in self.robots.values() if robot.config == config)
             if (twin := next(equal, None)) is not None:
-                self.robots[name] = twin.clone(others)
+                self.robots[name] = twin.clone(others, self._met_by.get(name))
             else:
                 self.robots[name] = Simulator(
-                    building, config, watch, uses_radio=uses_radio, uses_camera=uses_camera, others=others
+                    building,
+                    config,
+                    watch,
+                    uses_radio=uses_radio,
+                    uses_camera=uses_camera,
+                    others=others,
+                    crowd=self._met_by.get(name),
                 )
+
+    def _gather(self, robots: Mapping[str, SimulatorConfig]) -> None:
+        """Make the movers that several robots meet; a single robot has its own."""
+        self._crowd: Crowd | None = None
+        self._met_by: dict[str, CrowdAsMet] = {}
+        movers = next(iter(robots.values())).movers
+        if len(robots) > 1 and movers.any:
+            radii_m = [config.robot.hull.turning_m for config in robots.values()]
+            self._crowd = Crowd(movers_of(movers), radii_m)
+            self._met_by = {name: CrowdAsMet(self._crowd, number) for number, name in enumerate(robots)}
 
     @staticmethod
     def _others(name: str, robots: Mapping[str, SimulatorConfig]) -> list[RobotConfig]:
@@ -74,7 +92,11 @@ class World:
     def clone(self) -> "World":
         """Return a world of other robots in the same building; both share what is built for the building."""
         other, configs = copy(self), {name: robot.config for name, robot in self.robots.items()}
-        other.robots = {name: robot.clone(self._others(name, configs)) for name, robot in self.robots.items()}
+        other._gather(configs)
+        other.robots = {
+            name: robot.clone(self._others(name, configs), other._met_by.get(name))
+            for name, robot in self.robots.items()
+        }
         return other
 
     def reset(self, tasks: Mapping[str, Task], rng: np.random.Generator) -> dict[str, Observation]:
@@ -83,13 +105,24 @@ class World:
         for name, robot in self.robots.items():
             others = [tasks[other].start for other in self.robots if other != name]
             robot.teammates.place(np.reshape(others, (-1, 3)))
+        if alone:
+            return {name: robot.reset(tasks[name], rng) for name, robot in self.robots.items()}
+        if self._crowd is not None:
+            starts = np.array([tasks[name].start for name in self.robots])
+            self._crowd.reset(self.building, starts, named_generator(rng, "movers"))
+        # What people look like is drawn once for all robots.
         return {
-            name: robot.reset(tasks[name], rng if alone else named_generator(rng, name))
+            name: robot.reset(tasks[name], named_generator(rng, name), named_generator(rng, "clothes"))
             for name, robot in self.robots.items()
         }
 
     def step(self, commands: Mapping[str, Command]) -> dict[str, Observation]:
         """Carry out a command of each of these robots, one after the other; the others stand still."""
+        if self._crowd is not None:
+            time_s = max(robot.movers.time_s for robot in self.robots.values() if robot.movers is not None)
+            self._crowd.begin_step(time_s)
+            for name in commands:
+                self.robots[name].wait_until(time_s)
         return {name: self._meet_others(name).step(command)[0] for name, command in commands.items()}
 
     def _meet_others(self, name: str) -> Simulator:

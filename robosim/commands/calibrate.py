@@ -205,6 +205,8 @@ def calibrate(
     from robosim.support.progress import tracked
     from slam.odometry import calibrated
 
+    if settings.team.robots != "1":
+        raise ValueError(f"robots is {settings.team.robots}: calibrate measures one robot. Give it by --robot.")
     simulator = settings.simulator
     with results_folder(out, "calibrate") as folder:
         if measured is not None:

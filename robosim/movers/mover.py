@@ -35,6 +35,8 @@ class Surroundings(NamedTuple):
     robot: Float[np.ndarray, "3"]
     """Pose of the robot x [m], y [m], yaw [rad] in `map`."""
     robot_radius_m: float
+    others: Float[np.ndarray, "robots 3"] = np.zeros((0, 3))
+    """Other robots x [m], y [m], radius [m]; the array follows them as they go."""
 
 
 @runtime_checkable

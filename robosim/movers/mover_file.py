@@ -10,7 +10,7 @@
       radius_m: 0.3
       height_m: 1.0
 
-A door swings in two seconds, and stops while the robot is in its path. Its leaf is a row of posts; left out are its
+A door swings in two seconds, and stops while a robot is in its path. Its leaf is a row of posts; left out are its
 thickness and what it is made of: the radio meets the posts as it meets people.
 """
 
@@ -83,7 +83,9 @@ class Door:
                 f"({east:g}, {north:g}) m."
             )
         self._time_s, self._share = 0.0, float(self._is_open(0.0))
-        self._space_m = surroundings.robot_radius_m + _POST_M + _SPACE_M
+        self._others = surroundings.others
+        widest_m = max(surroundings.robot_radius_m, self._others[:, 2].max(initial=0.0))
+        self._space_m = widest_m + _POST_M + _SPACE_M
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses of the posts; see `robosim.movers.mover.Mover`."""
@@ -100,8 +102,9 @@ class Door:
         return any(begin <= time_s < end for begin, end in self.config.open_s)
 
     def _gap_m(self, share: float, robot: Float[np.ndarray, "3"]) -> float:
-        """Distance of the robot's centre from the nearest post."""
-        return float(np.hypot(*(self._posts(share)[:, :2] - robot[:2]).T).min())
+        """Distance of the nearest robot's centre from the nearest post."""
+        robots = np.vstack([robot[:2], self._others[:, :2]])
+        return float(np.hypot(*(self._posts(share)[:, None, :2] - robots).T).min())
 
     def _posts(self, share: float) -> Float[np.ndarray, "n 3"]:
         config = self.config

@@ -186,12 +186,22 @@ class Movers:
 
 
 def make_movers(
-    config: MoversConfig, building: Building, robot_radius_m: float, others: Sequence[Mover] = ()
+    config: MoversConfig,
+    building: Building,
+    robot_radius_m: float,
+    others: Sequence[Mover] = (),
+    crowd: Mover | None = None,
 ) -> Movers | None:
-    """The movers of a configuration and others; None if nothing moves."""
-    movers: list[Mover] = [*others]
+    """Others and the movers of a configuration, or a crowd instead of these; None if nothing moves."""
+    movers = [*others, *(movers_of(config) if crowd is None else [crowd])]
+    return Movers(movers, building, robot_radius_m) if movers else None
+
+
+def movers_of(config: MoversConfig) -> list[Mover]:
+    """The movers of a configuration; none if nothing moves."""
+    movers: list[Mover] = []
     if config.people:
         movers.append(Walkers(config.people, config.walking, config.person))
     if config.mover != "none":
         movers.append(MOVER.make(config.mover, field="mover"))
-    return Movers(movers, building, robot_radius_m) if movers else None
+    return movers

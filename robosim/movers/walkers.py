@@ -6,7 +6,7 @@ chooses another; sometimes the place where somebody else is. Others push them as
     f = (v0 e - v) / tau + sum over others of w V0 / sigma exp(-b / sigma) db/dr,
     2 b = sqrt((|r| + |r - s|)^2 - |s|^2),  s = v_other Delta_t,
 
-with weight w = 1 within the field of view and c outside of it; the robot is another one. Bodies neither enter walls nor
+with weight w = 1 within the field of view and c outside of it; robots are other ones. Bodies neither enter walls nor
 each other nor the robot: they step around, to the right first. A person without progress for some seconds, as in a
 doorway from which another one comes, chooses another place.
 
@@ -91,7 +91,8 @@ class Walkers:
         self._rng = rng
         self._routes = _Routes(surroundings, self._body, rng)
         n = len(self.bodies)
-        self._xy = self._routes.starts(n, surroundings.robot[:2], rng)
+        robots = np.vstack([surroundings.robot[:2], surroundings.others[:, :2]])
+        self._xy = self._routes.starts(n, robots, rng)
         self._velocity = np.zeros((n, 2))
         self._yaw = rng.uniform(-math.pi, math.pi, n)
         speed = rng.normal(self._config.speed_mps, self._config.speed_std_mps, n)
@@ -100,15 +101,18 @@ class Walkers:
         # Several people stand at first.
         self._wait_s = rng.exponential(self._config.wait_s, n) * (rng.random(n) < 0.5)
         self._best_m, self._stuck_s = np.full(n, np.inf), np.zeros(n)
-        self._robot = np.array([*surroundings.robot[:2], 0.0, 0.0, surroundings.robot_radius_m + _SPACE_M])
+        self._others = surroundings.others
+        self._robots = np.zeros((1 + len(self._others), 5))
+        self._robots[0, :2], self._robots[1:, :2] = surroundings.robot[:2], self._others[:, :2]
+        self._robots[:, 4] = np.array([surroundings.robot_radius_m, *self._others[:, 2]]) + _SPACE_M
         self._steps, self._before = 0, np.column_stack([self._xy, self._yaw])
         self._change = np.zeros((n, 3))
 
     def poses(self, time_s: float, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses at a time, linear within a step; see `robosim.movers.mover.Mover`."""
         while self._steps * _STEP_S < time_s:
-            self._robot[2:4] = (robot[:2] - self._robot[:2]) / _STEP_S
-            self._robot[:2] = robot[:2]
+            self._robots[0, 2:4] = (robot[:2] - self._robots[0, :2]) / _STEP_S
+            self._robots[0, :2], self._robots[1:, :2] = robot[:2], self._others[:, :2]
             self._before += self._change
             self._step()
             self._change = np.column_stack([self._xy, self._yaw]) - self._before
@@ -129,7 +133,7 @@ class Walkers:
             routes.travel_to(self._goal),
             self._goal,
             routes.grid,
-            self._robot,
+            self._robots,
             self._body.radius_m,
         )
         progress = left_m < self._best_m - _PROGRESS_M
@@ -181,7 +185,7 @@ class _Routes:
         self._is_known = np.zeros(len(self.places), bool)
 
     def starts(
-        self, count: int, robot: Float[np.ndarray, "2"], rng: np.random.Generator
+        self, count: int, robots: Float[np.ndarray, "robots 2"], rng: np.random.Generator
     ) -> Float[np.ndarray, "n 2"]:
         """Places for people to begin at."""
         cells = np.argwhere(self._cells)
@@ -189,7 +193,7 @@ class _Routes:
         for xy in self._to_map(cells[rng.permutation(len(cells))[: 50 * count + 1000]]):
             if len(places) == count:
                 break
-            if math.hypot(*(xy - robot)) > _FROM_ROBOT_M and all(
+            if all(math.hypot(*(xy - robot)) > _FROM_ROBOT_M for robot in robots) and all(
                 math.hypot(*(xy - place)) > _APART_M for place in places
             ):
                 places.append(xy)
@@ -228,12 +232,12 @@ def _walk(
     travel: Float32[np.ndarray, "places ny nx"],
     goal: np.ndarray,
     grid: tuple[np.ndarray, np.ndarray, np.ndarray],
-    robot: Float[np.ndarray, "5"],
+    robots: Float[np.ndarray, "robots 5"],
     radius: float,
 ) -> Float[np.ndarray, " n"]:
     """Move all people by a step, one after the other; returns the travel that is left to each.
 
-    `robot` is x, y [m], velocity x, y [m/s], radius [m].
+    `robots` are x, y [m], velocity x, y [m/s], radius [m].
     """
     n = len(xy)
     left = np.empty(n)
@@ -243,12 +247,13 @@ def _walk(
         ex, ey = _downhill(travel[goal[k]], grid, x, y, left[k])
         ax = (speed[k] * ex - velocity[k, 0]) / _TAU_S
         ay = (speed[k] * ey - velocity[k, 1]) / _TAU_S
-        for j in range(n + 1):
+        for j in range(n + len(robots)):
             if j == k:
                 continue
             if j < n:
                 rx, ry, sx, sy = x - xy[j, 0], y - xy[j, 1], velocity[j, 0], velocity[j, 1]
             else:
+                robot = robots[j - n]
                 rx, ry, sx, sy = x - robot[0], y - robot[1], robot[2], robot[3]
             fx, fy = _repulsion(rx, ry, sx * _AHEAD_S, sy * _AHEAD_S)
             seen = ex * -fx + ey * -fy >= math.hypot(fx, fy) * _VIEW
@@ -265,7 +270,7 @@ def _walk(
             along, across = math.cos(angle), math.sin(angle)
             share = max(along, _SHUFFLE) * _STEP_S
             dx, dy = (vx * along - vy * across) * share, (vx * across + vy * along) * share
-            if _is_free(xy, k, x + dx, y + dy, grid, robot, radius):
+            if _is_free(xy, k, x + dx, y + dy, grid, robots, radius):
                 is_free = True
                 break
         if not is_free:
@@ -333,17 +338,20 @@ def _is_free(
     x: float,
     y: float,
     grid: tuple[np.ndarray, np.ndarray, np.ndarray],
-    robot: np.ndarray,
+    robots: np.ndarray,
     radius: float,
 ) -> bool:
     """Whether a person can move to a point: no wall is there, and no one to whom the move leads nearer."""
     row, column = _cell_of(grid, x, y)
     if row < 0 or not grid[0][row, column]:
         return False
-    for j in range(len(xy) + 1):
+    for j in range(len(xy) + len(robots)):
         if j == k:
             continue
-        ox, oy, other = (xy[j, 0], xy[j, 1], radius) if j < len(xy) else (robot[0], robot[1], robot[4])
+        if j < len(xy):
+            ox, oy, other = xy[j, 0], xy[j, 1], radius
+        else:
+            ox, oy, other = robots[j - len(xy), 0], robots[j - len(xy), 1], robots[j - len(xy), 4]
         gap = math.hypot(x - ox, y - oy)
         if gap < radius + other and gap < math.hypot(xy[k, 0] - ox, xy[k, 1] - oy):
             return False

@@ -84,8 +84,8 @@ class Member:
         self.notes.receive(note)
         self._inbox.append(note)
 
-    def merged(self, own_map: MapEstimate) -> MapEstimate:
-        """The robot's own map, continued by what the others have reported."""
+    def begin(self, own_map: MapEstimate) -> None:
+        """Begin a decision: read what the others have reported, and report the robot's own map."""
         self._decision += 1
         for note in self._inbox:
             content, author = note.read(), note.topic.author
@@ -100,6 +100,9 @@ class Member:
             self._map.refresh()
             for number, tile in self._changes.of(own_map):
                 self.notes.write("tile", tile, number)
+
+    def merged(self, own_map: MapEstimate) -> MapEstimate:
+        """The robot's own map, continued by what the others have reported."""
         merged = self._map.merge(own_map)
         there = [status for status in self.others.values() if self._decision - status.decision <= _SILENT]
         claims = [Claim(xy=s.goal, cost_m=s.left_m) for s in there if s.goal is not None]

@@ -46,6 +46,11 @@ class TeamLog:
         if len(self.robots) == 1:
             return first
         logs = self.robots.values()
+        contacts = [contact for log in logs for contact in log.contacts or ()]
+        # The first bodies that a robot meets are the other robots.
+        with_robots = [contact for contact in contacts if contact.body < len(logs) - 1]
+        by_robot = sum(contact.by_robot for contact in contacts)
+        between = sum(contact.by_robot for contact in with_robots)
         return {
             **first,
             "coverage": self.coverage[-1],
@@ -53,8 +58,8 @@ class TeamLog:
             "path_length_all_m": sum(log.path_length_m for log in logs),
             "collisions": sum(motion.collided for log in logs for motion in log.motions),
             "overlap": self.overlap[-1],
-            "contacts_between_robots": sum(
-                contact.by_robot for log in logs for contact in log.contacts or ()
-            ),
+            "contacts_between_robots": between,
+            "contacts_by_robot": by_robot - between,
+            "contacts_by_others": len(contacts) - len(with_robots) - (by_robot - between),
             "sent_bytes": sum(self.sent_bytes.values()),
         }
