@@ -140,6 +140,11 @@ def record_episode(
                         recordings[log.robot].add(step)
 
             team = run_team(building, entrants, record, watch)
+            if writer is not None and isinstance(picture, TeamPicture):
+                with watch.stage("video"):
+                    image = picture.last()
+                    if image is not None:
+                        writer.add(image)
         with noted_interrupt("writing the files"):
             about = {"plan": plan.name, "goal": part_name(config.goal), "seed": config.seed}
             for name, folder in folders.items():

@@ -23,6 +23,7 @@ from robosim.support.randomness import named_generator
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from slam.actions import Command
+from slam.poses import to_map
 
 #: Name of the robot in worlds of one.
 ROBOT = "robot"
@@ -120,9 +121,12 @@ class World:
         """Carry out a command of each of these robots, one after the other; the others stand still."""
         if self._crowd is not None:
             time_s = max(robot.movers.time_s for robot in self.robots.values() if robot.movers is not None)
-            self._crowd.begin_step(time_s)
             for name in commands:
                 self.robots[name].wait_until(time_s)
+            ahead_m = {name: commands[name].ahead_m if name in commands else 0.0 for name in self.robots}
+            poses = {name: robot.pose for name, robot in self.robots.items()}
+            goals = [to_map(pose, np.array([ahead_m[name], 0.0])) for name, pose in poses.items()]
+            self._crowd.begin_step(time_s, np.array([*poses.values()]), np.array(goals))
         return {name: self._meet_others(name).step(command)[0] for name, command in commands.items()}
 
     def _meet_others(self, name: str) -> Simulator:

@@ -206,7 +206,9 @@ def calibrate(
     from slam.odometry import calibrated
 
     if settings.team.robots != "1":
-        raise ValueError(f"robots is {settings.team.robots}: calibrate measures one robot. Give it by --robot.")
+        raise ValueError(
+            f"robots is {settings.team.robots}: calibrate measures one robot. Give it by --robot."
+        )
     simulator = settings.simulator
     with results_folder(out, "calibrate") as folder:
         if measured is not None:

@@ -50,6 +50,10 @@ class TeamPicture:
         self._steps[robot] = step
         return image
 
+    def last(self) -> UInt8[np.ndarray, "height width 3"] | None:
+        """The picture of the steps after the last one that was returned; None if there are none."""
+        return self.draw(self._steps) if self._steps else None
+
     def draw(self, steps: Mapping[str, Step]) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of one step of each robot; the map is that of the first of them."""
         image = np.full((*self.size[::-1], 3), 255, np.uint8)
@@ -60,6 +64,8 @@ class TeamPicture:
         view.draw_walls(canvas)
         if self.target is not None:
             view.draw_target(canvas, self.target)
+        # The first bodies that a robot meets are the other robots.
+        view.draw_bodies(canvas, first.true.bodies[len(self._trails) - 1 :])
         for k, name in enumerate(self._trails):
             if (step := steps.get(name)) is not None:
                 self._trails[name] = np.vstack([self._trails[name], step.true.pose[:2]])

@@ -1,8 +1,8 @@
 """Movers that several robots meet, each in its turn.
 
 Robots of a world act one after the other, but people walk once in each step, for as long as the longest of the robots'
-actions: the first robot that comes to a time lets them walk, and the others meet them where they were at that time. A
-robot that acts later stands, for people, where its last action has led it.
+actions: the first robot that comes to a time lets them walk, and the others meet them where they were at that time. For
+people, a robot that acts later is on its straight way to where its command leads.
 """
 
 import math
@@ -14,8 +14,8 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.movers.mover import Group, Mover, Surroundings
 
-#: Interval at which poses are stored [s]; linear in between.
-_STEP_S = 0.1
+#: Interval at which poses are stored [s]; linear in between. Time that an action is expected to take [s].
+_STEP_S, _ACTION_S = 0.1, 1.0
 
 
 class Crowd:
@@ -33,19 +33,31 @@ class Crowd:
         self._others = np.column_stack([self._robots[1:, :2], self._radii_m[1:]])
         self._group.reset(Surroundings(building, self._robots[0], float(self._radii_m[0]), self._others), rng)
         self._first, self._poses = 0, [self._group.poses(0.0, self._robots[0])]
+        self.begin_step(0.0, self._robots, self._robots[:, :2])
 
-    def begin_step(self, time_s: float) -> None:
-        """Forget where they were before a time; robots never come back to it."""
+    def begin_step(
+        self, time_s: float, robots: Float[np.ndarray, "robots 3"], goals: Float[np.ndarray, "robots 2"]
+    ) -> None:
+        """Begin a step at a time, with the robots at poses, and where their commands lead [m].
+
+        What was before is forgotten: robots never come back to it.
+        """
+        self._robots = np.array(robots, float)
+        self._begun_s, self._starts, self._goals = time_s, self._robots[:, :2].copy(), goals
+        self._has_acted = np.zeros(len(goals), bool)
         passed = min(math.floor(time_s / _STEP_S) - self._first, len(self._poses) - 1)
         del self._poses[: max(passed, 0)]
         self._first += max(passed, 0)
 
     def poses(self, time_s: float, number: int, robot: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Poses as `robosim.movers.mover.Mover` returns them, at the time of the robot of a number."""
-        self._robots[number] = robot
+        self._robots[number], self._has_acted[number] = robot, True
         while (self._first + len(self._poses) - 1) * _STEP_S < time_s:
-            self._others[:, :2] = self._robots[1:, :2]
             later_s = (self._first + len(self._poses)) * _STEP_S
+            share = min((later_s - self._begun_s) / _ACTION_S, 1.0)
+            expected = self._starts + share * (self._goals - self._starts)
+            self._robots[~self._has_acted, :2] = expected[~self._has_acted]
+            self._others[:, :2] = self._robots[1:, :2]
             self._poses.append(self._group.poses(later_s, self._robots[0]))
         steps = max(time_s / _STEP_S - self._first, 0.0)
         k = min(int(steps), len(self._poses) - 1)

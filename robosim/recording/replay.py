@@ -1,5 +1,7 @@
 """Replay of a recorded episode: its video, and a sheet of some of its frames."""
 
+from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 
 import cv2
@@ -7,8 +9,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.drawing.picture import LEGEND, Picture
+from robosim.drawing.team_picture import TeamPicture
 from robosim.drawing.video import VideoWriter
-from robosim.recording.episode_file import RecordedEpisode, read_episode
+from robosim.recording.episode_file import RecordedEpisode, read_episode, robots_of_team
 from robosim.support.files import write_whole
 
 #: Width of a sheet that two frames or more fit into, and frames side by side [pixels].
@@ -18,32 +21,45 @@ _WIDEST, _COLUMNS = 2400, 3
 def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
     """Draw `replay.mp4`, the video of the episode, and `sheet.png` with evenly distributed frames; returns the files.
 
+    The folder of a team gives the video of the team.
+
     Raises:
         ValueError: If the folder holds no episode, or one without decisions.
     """
-    episode = read_episode(folder)
-    if not len(episode):
+    names = robots_of_team(folder)
+    episodes = {name: read_episode(folder / name) for name in names} or {"": read_episode(folder)}
+    count = max(map(len, episodes.values()))
+    if not count:
         raise ValueError(f"{folder}: the episode ended at its start, without a step to draw.")
-    picture = picture_of(episode)
-    chosen = set(np.linspace(0, len(episode) - 1, min(frames, len(episode))).round().astype(int).tolist())
+    picture = team_picture_of(episodes) if names else picture_of(episodes[""])
+    chosen = set(np.linspace(0, count - 1, min(frames, count)).round().astype(int).tolist())
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"
     writer = VideoWriter(video, picture.size)
     on_sheet = []
     try:
-        for step in episode.steps():
-            frame = picture.draw(step)
+        for number, steps in enumerate(zip_longest(*(episode.steps() for episode in episodes.values()))):
+            # A robot that was lost has fewer steps.
+            made = {name: step for name, step in zip(episodes, steps, strict=True) if step is not None}
+            frame = picture.draw(made) if isinstance(picture, TeamPicture) else picture.draw(made[""])
             writer.add(frame)
-            if step.number in chosen:
+            if number in chosen:
                 on_sheet.append(frame)
     finally:
         writer.close()
+    if isinstance(picture, TeamPicture):
+        _write(sheet, _tiled(on_sheet))
+        return [video, sheet]
     # A single legend for all.
     tiled = _tiled([frame[:, :-LEGEND] for frame in on_sheet])
     legend = np.full((len(tiled), LEGEND, 3), 255, np.uint8)
     legend[: len(on_sheet[0])] = on_sheet[0][:, -LEGEND:]
-    _, content = cv2.imencode(".png", cv2.cvtColor(np.hstack([tiled, legend]), cv2.COLOR_RGB2BGR))
-    write_whole(sheet, content.tobytes())
+    _write(sheet, np.hstack([tiled, legend]))
     return [video, sheet]
+
+
+def _write(sheet: Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
+    _, content = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    write_whole(sheet, content.tobytes())
 
 
 def picture_of(episode: RecordedEpisode) -> Picture:
@@ -58,6 +74,23 @@ def picture_of(episode: RecordedEpisode) -> Picture:
         episode.target if episode.head.seeks_target else None,
         title=f"{row['plan']}  {row['policy']}",
         anticipates=episode.anticipates(),
+    )
+
+
+def team_picture_of(episodes: Mapping[str, RecordedEpisode]) -> TeamPicture:
+    """A picture for the steps of a team by robot, all of which are unpacked first, as `picture_of` does.
+
+    Raises:
+        FileError: If a step is damaged.
+    """
+    for episode in episodes.values():
+        episode.anticipates()
+    first = next(iter(episodes.values()))
+    return TeamPicture(
+        first.rings,
+        first.target if first.head.seeks_target else None,
+        list(episodes),
+        title=f"{first.head.row['plan']}  {first.head.row['policy']}",
     )
 
 
