@@ -17,6 +17,7 @@ from robosim.commands.shared_options import (
 )
 from robosim.support.checks import Range
 from robosim.support.run_folder import run_folder
+from robosim.team.team_config import TeamConfig
 
 
 def replay(
@@ -94,6 +95,7 @@ def live(
     browser: bool = True,
     export: Path | None = None,
     people: Annotated[int, Range(0, 1000, "people")] = 0,
+    robots: str = "1",
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: Reading = NO_OPTIONS,
 ) -> None:
@@ -113,12 +115,13 @@ def live(
         export: File (.html) to write the episode of a folder to, as a page that plays without Python; nothing is
             served then.
         people: People who walk in the building during searches.
+        robots: Robots that search together: their number, or their names, such as jackal,turtlebot4.
         radio: Which paths are traced.
         reading: How to read the plan.
     """
     from robosim.live.server import check_address, viser_module
 
-    config = radio.config()
+    config, team = radio.config(), TeamConfig(robots=robots)
     if export is not None and (export.suffix.lower() != ".html" or not Path(plan).is_dir()):
         raise ValueError(
             f"export is {str(export)!r} for {plan!r}, expected a name that ends in .html, and the folder of an episode."
@@ -129,6 +132,8 @@ def live(
         _export(Path(plan), export)
         return
     folder = Path(plan) if Path(plan).is_dir() else None
+    if folder is not None and robots != "1":
+        raise ValueError(f"robots is {robots}, but {plan} is a recording of its robots. Leave --robots out.")
     floor_plan = None if folder else read_place(plan, reading)
     from robosim.episode_config import EpisodeConfig
     from robosim.live.page import Page
@@ -147,7 +152,7 @@ def live(
             page.explore(floor_plan, config)
             if not isinstance(floor_plan, StoreysPlan):
                 simulator = SimulatorConfig(movers=MoversConfig(people=people))
-                page.search(EpisodeConfig(simulator=simulator))
+                page.search(EpisodeConfig(simulator=simulator, team=team))
         emit_result({"url": page.url, "shown": name})
         console.print(
             Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True

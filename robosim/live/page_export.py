@@ -63,7 +63,8 @@ def export_page(recordings: Sequence[Recording]) -> str:
     title = escape(
         " | ".join(f"{recording.title}: {recording.ended or 'running'}" for recording in recordings)
     )
-    legend = f'<details open style="{_STYLE}"><summary><b>{title}</b></summary>{search_legend()}</details>'
+    legend = search_legend([robot.robot for robot in recordings[0].robots])
+    legend = f'<details open style="{_STYLE}"><summary><b>{title}</b></summary>{legend}</details>'
     page = page.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
     end = page.rindex("</body>")
     return page[:end] + legend + page[end:]
@@ -82,14 +83,14 @@ def _record(server: "viser.ViserServer", recordings: Sequence[Recording]) -> str
     camera = server.initial_camera
     camera.position, camera.look_at = tuple(eye), tuple(target)
     camera.up, camera.fov = (0.0, 0.0, 1.0), float(np.radians(FIELD_DEG))
-    count = max(len(recording) for recording in recordings)
+    count = max(len(robot) for recording in recordings for robot in recording.robots)
     numbers = np.unique(np.linspace(0, count - 1, min(MOST_STEPS, count)).round().astype(int))
     serializer = server.get_scene_serializer()
     for number in numbers.tolist():
         for view, picture in zip(views, pictures, strict=True):
-            step = view.show(number)
-            if step is not None and picture is not None:
-                picture.image = step.sensed.rgb
+            steps = view.show(number)
+            if steps and picture is not None:
+                picture.image = steps[0].sensed.rgb
         serializer.insert_sleep(1 / SPEED_PER_S)
     return before_client(serializer.as_html(), SOFTWARE, _NARROW)
 

@@ -23,7 +23,7 @@ from robosim.live.scene_nodes import (
 from robosim.radio.measurement import Measurement
 from robosim.recording.rerun_recording import RAY_COLOURS, ray_kind
 from robosim.step import Step
-from robosim.support.colours import STATE_COLOURS, STATE_NAMES, Colour, css
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, Colour, css, robot_colour
 from slam.poses import wrap
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 from wireless.support.counting import counted
@@ -184,7 +184,8 @@ def step_facts(recording: Recording, step: Step, stroke: str) -> str:
         )
         bar = f'<div style="width:100%;white-space:nowrap;font-size:0.9em">{parts}</div>'
     rows = table((), [(escape(name), escape(value)) for name, value in facts])
-    return block(f"{key}<b>{escape(recording.title)}</b>{bar}") + block(rows) + _goal(step)
+    title = recording.robot or recording.title
+    return block(f"{key}<b>{escape(title)}</b>{bar}") + block(rows) + _goal(step)
 
 
 def _goal(step: Step) -> str:
@@ -232,12 +233,16 @@ def map_legend(kind: str) -> str:
     return ""
 
 
-def search_legend() -> str:
-    """Legend of a search."""
-    items = [
+def search_legend(robots: Sequence[str] = ()) -> str:
+    """Legend of a search by one robot, or by several of these names."""
+    alone = [
         _item(_line(TRUE_GREEN), "true trajectory"),
         _item(_line(ESTIMATE_ORANGE), "estimated trajectory"),
         _item(_line(PATH_PURPLE), "goal and planned path"),
+    ]
+    team = [_item(_line(robot_colour(k)), escape(name)) for k, name in enumerate(robots)]
+    items = [
+        *(team if len(robots) > 1 else alone),
         _item(_dot(TARGET_RED), "target; on the floor: belief"),
         _item(_dot(OBSTACLE_BLACK), "obstacle on the robot's map"),
         _item(_dot((255, 243, 176)), "anticipated floor"),

@@ -7,7 +7,7 @@ import logging
 import math
 import re
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from robosim.live.page_html import camera_picture, picture, search_legend, sente
 from robosim.live.recordings import Recording
 from robosim.live.search_view import WALLS_M, SearchView
 from robosim.step import Step
+from robosim.support.colours import css, robot_colour
 
 if TYPE_CHECKING:
     import viser
@@ -91,6 +92,7 @@ class Player:
                 view.building.show(self._visible)
                 self._views.append(view)
                 offset_m += 1.15 * float(view.building.size[0]) + 1.0
+            self._legend.content = search_legend([robot.robot for robot in recordings[0].robots])
             self._position, self._shown, self._stamp = 0.0, -1, -1
             self._playing, self._following = playing, following
             self._slider.disabled = self._export.disabled = False
@@ -135,7 +137,7 @@ class Player:
         self._camera = gui.add_html("")
         self._numbers = gui.add_html("")
         self._charts_folder = gui.add_folder("Time lines", expand_by_default=True)
-        gui.add_html(search_legend())
+        self._legend = gui.add_html(search_legend())
         self._rays = gui.add_checkbox("true rays of the 8 strongest paths", True)
         self._export = gui.add_button("Save as a standalone page (.html)", disabled=True)
         walls = gui.add_slider("walls up to [m]", 0.0, 2.5, 0.1, WALLS_M)
@@ -211,7 +213,11 @@ class Player:
     @property
     def _last(self) -> int:
         """Number of the last step of the longest recording."""
-        return max((len(view.recording) for view in self._views), default=0) - 1
+        return max((len(robot) for robot in self._robots()), default=0) - 1
+
+    def _robots(self) -> list[Recording]:
+        """The robots of all searches."""
+        return [robot for view in self._views for robot in view.recording.robots]
 
     @property
     def _running(self) -> bool:
@@ -245,35 +251,38 @@ class Player:
                 self._following = self._running and self._position >= last
             number = int(self._position)
             # The end of a search comes without a step, and is drawn as well.
-            stamp = sum(len(view.recording) + bool(view.recording.ended) for view in self._views)
+            stamp = sum(len(robot) + bool(robot.ended) for robot in self._robots())
             if not self._visible or (number == self._shown and stamp == self._stamp):
                 return
-            steps = [view.show(number, rays=self._rays.value) for view in self._views]
+            described = []
+            for view, stroke in zip(self._views, STROKES, strict=False):
+                steps, mates = view.show(number, rays=self._rays.value), view.recording.mates
+                for k, (robot, step) in enumerate(zip(view.recording.robots, steps, strict=False)):
+                    described.append((robot, step, css(robot_colour(k)) if mates else stroke))
             self._shown, self._stamp = number, stamp
-            recordings = [view.recording for view in self._views]
-        self._describe(number, last, recordings, steps)
+        self._describe(number, last, described)
 
-    def _describe(
-        self, number: int, last: int, recordings: list[Recording], steps: list[Step | None]
-    ) -> None:
+    def _describe(self, number: int, last: int, described: list[tuple[Recording, Step, str]]) -> None:
+        """Show pictures, facts and time lines of robots, each with its step and its colour."""
         if int(self._slider.max) != max(last, 1):
             self._slider.max = max(last, 1)
         if int(self._slider.value) != number:
             self._slider.value = number
-        pictures = [camera_picture(step) for step in steps if step is not None and step.sensed.rgb.size]
+        pictures = [camera_picture(step) for _, step, _ in described if step.sensed.rgb.size]
         if not pictures:
             self._camera.content = ""
         elif len({camera_image.shape for camera_image in pictures}) == 1:
             self._camera.content = picture(np.vstack(pictures), "camera, and depth (dark: far, black: none)")
         self._numbers.content = "".join(
-            step_facts(recording, step, stroke if len(recordings) > 1 else "")
-            for recording, step, stroke in zip(recordings, steps, STROKES, strict=False)
-            if step is not None
+            step_facts(recording, step, stroke if len(described) > 1 else "")
+            for recording, step, stroke in described
         )
-        self._draw_time_lines(number, recordings)
+        self._draw_time_lines(number, {recording: stroke for recording, _, stroke in described})
 
-    def _draw_time_lines(self, number: int, recordings: list[Recording]) -> None:
-        """Charts of SNR, link state and position error up to a step."""
+    def _draw_time_lines(self, number: int, recordings: Mapping[Recording, str]) -> None:
+        """Charts of SNR, link state and position error up to a step, each robot in its colour."""
+        if not recordings:
+            return
         rows = [recording.time_lines()[: number + 1] for recording in recordings]
         count = max(len(row) for row in rows)
         x = np.arange(count, dtype=float)
@@ -288,8 +297,8 @@ class Player:
         self._charts = []
         series: list[Any] = [{"label": "decision"}]
         series += [
-            {"label": recording.title, "stroke": stroke, "width": 2}
-            for recording, stroke in zip(recordings, STROKES, strict=False)
+            {"label": recording.robot or recording.title, "stroke": stroke, "width": 2}
+            for recording, stroke in recordings.items()
         ]
         for title, values in zip(_TIME_LINES, data, strict=True):
             scales: dict[str, Any] = {"x": {"time": False}}

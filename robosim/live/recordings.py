@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from robosim.evaluation.episodes import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import steps_to_arrival
-from robosim.recording.episode_file import EPISODE, RecordedEpisode, read_episode
+from robosim.recording.episode_file import EPISODE, RecordedEpisode, read_episode, robots_of_team
 from robosim.recording.step_codec import decode_belief, decode_map, decode_step
 from robosim.step import Step
 
@@ -36,9 +36,18 @@ class Recording:
     """Height of the walls."""
     ended: str = ""
     """How it ended; empty while it runs."""
+    robot: str = ""
+    """Name of the robot in its team; empty alone."""
+    mates: Sequence["Recording"] = ()
+    """Recordings of the other robots of the team."""
     _rows: list[Mapping[str, Any]] = field(default_factory=list)
     _lines: list[tuple[float, ...]] = field(default_factory=list)
     _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def robots(self) -> list["Recording"]:
+        """This robot and the others of its team."""
+        return [self, *self.mates]
 
     def __len__(self) -> int:
         with self._lock:
@@ -76,8 +85,8 @@ class Recording:
 
 
 def is_episode(folder: Path) -> bool:
-    """Whether a folder is that of an episode."""
-    return (Path(folder) / EPISODE).is_file()
+    """Whether a folder is that of an episode, of one robot or of a team."""
+    return (Path(folder) / EPISODE).is_file() or bool(robots_of_team(Path(folder)))
 
 
 def check_results(folder: Path) -> None:
@@ -90,15 +99,21 @@ def check_results(folder: Path) -> None:
 
 
 def read_recording(folder: Path) -> Recording:
-    """The episode of a folder.
+    """The episode of a folder; that of a team is the recording of the first robot with those of the others.
 
     Raises:
         FileError: If the file is damaged; the message names the file and the remedy.
         ValueError: If it has no steps.
     """
-    episode = read_episode(Path(folder))
-    row = episode.head.row
-    return _make_recording(episode, f"{str(row['policy'])[:40]}, {str(row['plan'])[:40]}")
+    names = robots_of_team(Path(folder))
+    episodes = [read_episode(Path(folder) / name) for name in names or [""]]
+    row = episodes[0].head.row
+    title = f"{str(row['policy'])[:40]}, {str(row['plan'])[:40]}"
+    first, *mates = (_make_recording(episode, title) for episode in episodes)
+    for recording, name in zip([first, *mates], names, strict=False):
+        recording.robot = name
+    first.mates = mates
+    return first
 
 
 @dataclass(frozen=True, eq=False)

@@ -160,6 +160,7 @@ class SearchPanel:
             self._seed = gui.add_number("seed", self._config.seed, min=0, max=2**31 - 1, step=1)
             people = self._config.simulator.movers.people
             self._people = gui.add_number("people", people, min=0, max=max(50, people), step=1)
+            self._team = gui.add_text("robots", self._config.team.robots)
             noise = self._config.simulator.robot.noise.level
             self._noise = gui.add_slider("noise [times published]", 0.0, max(3.0, noise), 0.25, noise)
         actions = {
@@ -185,6 +186,7 @@ class SearchPanel:
         config = replace(
             self._config,
             seed=int(self._seed.value),
+            team=replace(self._config.team, robots=self._team.value.strip()),
             building=replace(radio.building, furniture_material=radio.building.wall_material),
             simulator=replace(
                 simulator,

@@ -19,7 +19,8 @@ from robosim.agent import check_weights
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.drawing.plan_view import building_rings
-from robosim.episode import run_episode
+from robosim.entrants import make_entrants
+from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.live.recordings import Recording
@@ -108,13 +109,16 @@ class SearchProcess:
             while True:
                 kind, content = self._receiver.recv()
                 if kind == "begun":
-                    self.recording = Recording(self.title, *content)
+                    names, *shared = content
+                    first, *mates = (Recording(self.title, *shared, robot=name) for name in names)
+                    first.mates, self.recording = mates, first
                 elif kind == "failed":
                     self.error = content
                 else:
                     assert self.recording is not None  # it has begun
                     if kind == "step":
-                        self.recording.add(content)
+                        number, row = content
+                        self.recording.robots[number].add(row)
                     else:
                         self.recording.ended = content
                 self._on_change(self)
@@ -171,22 +175,28 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
     places = reach(building, *config.simulator.robot.hull_m)
     rng = np.random.default_rng([config.seed, 0])
     task = make_task(places, rng, start=job.start, target=job.target)
-    since = monotonic()
+    entrants = make_entrants(building, places, task, config)
+    since, last = monotonic(), -1
 
     def begin() -> None:
-        pipe.send(("begun", (building_rings(building), task.target, building.height_m)))
+        names = list(entrants) if len(entrants) > 1 else [""]
+        pipe.send(("begun", (names, building_rings(building), task.target, building.height_m)))
 
     def send(log: EpisodeLog, step: Step) -> Action | None:
-        nonlocal since
-        if not step.number:
+        nonlocal since, last
+        if last < 0:
             begin()
+            last = 0
         paths = step.true.paths
-        pipe.send(("step", {**encode_step(step), "paths": paths and paths.strongest(MOST_RAYS)}))
-        action = gate.wait(since)
+        row = {**encode_step(step), "paths": paths and paths.strongest(MOST_RAYS)}
+        pipe.send(("step", (list(entrants).index(log.robot), row)))
+        if step.number < last:
+            return None  # the first robot that decides has waited for all
+        action, last = gate.wait(since), step.number + 1
         since = monotonic()
         return action
 
-    log, _ = run_episode(building, places, task, config, send)
+    log = run_team(building, entrants, send).first
     if not log.steps:
         begin()
     length_m = log.path_length_m

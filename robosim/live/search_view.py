@@ -21,7 +21,7 @@ from robosim.live.radio_view import arrival_fan, ray_segments
 from robosim.live.recordings import Recording
 from robosim.live.scene_nodes import NO_SHADOW, Nodes, add_lines, repeat_colour
 from robosim.step import Step
-from robosim.support.colours import STATE_COLOURS
+from robosim.support.colours import STATE_COLOURS, robot_colour
 from slam.grid import GridFrame
 
 if TYPE_CHECKING:
@@ -76,33 +76,40 @@ class SearchView:
         place = (float(low[0]), float(high[1] + 0.03 * size.max()), 0.0)
         self._title = scene.add_label(f"{root}/title", recording.title, position=place, anchor="bottom-left")
         self._robots: dict[str, Any] = {}
-        for name, colour in _ROBOTS.items():
+        colours = {f"true{k or ''}": robot_colour(k) for k in range(len(recording.robots))}
+        for name, colour in (colours if recording.mates else _ROBOTS).items():
             self._robots[name] = scene.add_cylinder(
                 f"{root}/{name}", radius=0.14, height=_ROBOT_M, color=colour, visible=False,
-                opacity=None if name == "true" else 0.6, **NO_SHADOW,
+                opacity=0.6 if name == "estimated" else None, **NO_SHADOW,
             )  # fmt: skip
             nose = np.array([[[0.0, 0, 0.12], [0.42, 0, 0.12]]])
             add_lines(scene, f"{root}/{name}/nose", nose, colour, 4)
         self._bodies: list[Any] = []
         self._shown: tuple[Layer | None, Layer | None] = None, None
 
-    def show(self, number: int, *, rays: bool = True) -> Step | None:
-        """Draw a step with or without true rays; returns it, the last one if there are fewer, or None without steps."""
-        count = len(self.recording)
-        if not count:
-            return None
-        number = min(max(number, 0), count - 1)
-        step = self.recording[number]
+    def show(self, number: int, *, rays: bool = True) -> list[Step]:
+        """Draw a step of each robot, the last one if it has fewer, with or without true rays; returns those drawn.
+
+        Map and belief are those of the first robot that was not lost.
+        """
+        robots = self.recording.robots
+        if not all(map(len, robots)):
+            return []
+        steps = [robot[min(max(number, 0), len(robot) - 1)] for robot in robots]
+        step = max(steps, key=lambda step: step.number)
         with self._server.atomic():
             status = "" if self._brief else f": {status_line(step, self.recording.target)}"
-            self._title.text = f"{self.recording.title}: step {number}{status}"
-            _place(self._robots["true"], step.true.pose, _ROBOT_M / 2)
-            _place(self._robots["estimated"], step.estimated.pose, _ROBOT_M / 2)
-            self._show_bodies(step.true.bodies)
+            self._title.text = f"{self.recording.title}: step {step.number}{status}"
+            if not self.recording.mates:
+                _place(self._robots["estimated"], step.estimated.pose, _ROBOT_M / 2)
+            # The first bodies that a robot meets are the other robots.
+            self._show_bodies(step.true.bodies[len(robots) - 1 :])
             self._show_maps(step.map_layer, step.belief_layer)
-            self._show_motion(step)
-            self._show_radio(step, rays)
-        return step
+            for k, of_robot in enumerate(steps):
+                _place(self._robots[f"true{k or ''}"], of_robot.true.pose, _ROBOT_M / 2)
+                self._show_motion(k, of_robot)
+                self._show_radio(k, of_robot, rays)
+        return steps
 
     def _show_bodies(self, bodies: Float[np.ndarray, "n 4"]) -> None:
         """People and others who move, as cylinders that face where they walk."""
@@ -160,27 +167,29 @@ class SearchView:
         shape = int(count[1]), int(count[0])
         return GridFrame(origin_xy=(float(x), float(y)), resolution_m=cell, shape=shape), texture
 
-    def _show_motion(self, step: Step) -> None:
-        """Trajectories so far, planned path and goal."""
-        true, estimated = self.recording.trajectories(step.number + 1)
-        self._nodes.polyline("true_trajectory", true, 6 * STEP_M, TRUE_GREEN, 4.0)
-        self._nodes.polyline("estimated_trajectory", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
-        self._nodes.polyline("path", step.decided.path, 8 * STEP_M, PATH_PURPLE, 2.5)
+    def _show_motion(self, k: int, step: Step) -> None:
+        """Trajectories of a robot so far, planned path and goal; those of a team are in the robot's colour."""
+        true, estimated = self.recording.robots[k].trajectories(step.number + 1)
+        name, colour = k or "", robot_colour(k) if self.recording.mates else PATH_PURPLE
+        self._nodes.polyline(f"true_trajectory{name}", true, 6 * STEP_M, robot_colour(k), 4.0)
+        if not self.recording.mates:
+            self._nodes.polyline("estimated_trajectory", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
+        self._nodes.polyline(f"path{name}", step.decided.path, 8 * STEP_M, colour, 2.5)
         arms = 0.18 * np.array([[[-1, -1, 0], [1, 1, 0]], [[-1, 1, 0], [1, -1, 0]]])
-        self._nodes.lines("goal", arms + np.array([*step.decided.goal, 8 * STEP_M]), PATH_PURPLE, 5.0)
+        self._nodes.lines(f"goal{name}", arms + np.array([*step.decided.goal, 8 * STEP_M]), colour, 5.0)
 
-    def _show_radio(self, step: Step, rays: bool) -> None:
+    def _show_radio(self, k: int, step: Step, rays: bool) -> None:
         measured = step.estimated.measurement
         fan, colour = np.zeros((0, 2, 3)), TARGET_RED
         if measured is not None:
             place = np.array([*step.true.pose[:2], _RADIO_M])
             known, colour = measured.directed, STATE_COLOURS[measured.state]
             fan = arrival_fan(place, measured.aoa_rad[known], measured.snr_db[known])
-        self._nodes.lines("arrivals", fan, repeat_colour(colour, len(fan)), 5.0)
+        self._nodes.lines(f"arrivals{k or ''}", fan, repeat_colour(colour, len(fan)), 5.0)
         legs, colours = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
         if rays and step.true.paths is not None:
             legs, colours, _ = ray_segments(step.true.paths, "kind", 0.0)
-        self._nodes.lines("rays", legs, colours, 1.5)
+        self._nodes.lines(f"rays{k or ''}", legs, colours, 1.5)
 
 
 def _place(node: Any, pose: Float[np.ndarray, "3"], z_m: float) -> None:
