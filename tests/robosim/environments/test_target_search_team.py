@@ -192,7 +192,7 @@ def test_parallel_env_rejects_unknown_settings(options, error, message, monkeypa
 
 
 def test_reset_and_step_reject_what_they_do_not_know():
-    """Options, actions of a part of the agents, people, and more robots than there is room for."""
+    """Options, actions of a part of the agents, and more robots than there is room for."""
     env = made(observe=("pose",))
     with pytest.raises(RuntimeError, match="Call reset first"):
         env.step({})
@@ -201,11 +201,22 @@ def test_reset_and_step_reject_what_they_do_not_know():
     env.reset(seed=1)
     with pytest.raises(ValueError, match="expected one of each of"):
         env.step({"robot1": FORWARD})
-    walked = SimulatorConfig(physics="kinematic", camera="plan", movers=MoversConfig(people=1))
-    with pytest.raises(ValueError, match="2 robots among people"):
-        made(observe=("pose",), config=walked).reset(seed=1)
     with pytest.raises(MapError, match="there is room for"):
         made(room(1.5, 1.5), ("pose",), robots=9).reset(seed=1)
+
+
+def test_people_walk_among_robots_by_the_seed():
+    """Depth, in which they are seen, is that of another environment with the same seed, and of no other seed."""
+    walked = SimulatorConfig(physics="kinematic", camera="plan", movers=MoversConfig(people=3))
+    seen = []
+    for seed in (1, 1, 2):
+        env = made(observe=("depth",), config=walked)
+        env.reset(seed=seed)
+        for _ in range(5):
+            observed = env.step(dict.fromkeys(env.agents, 3))[0]  # all wait
+        seen.append(np.stack([observed[name]["depth"] for name in env.possible_agents]))
+        env.close()
+    assert np.array_equal(seen[0], seen[1]) and not np.array_equal(seen[0], seen[2])
 
 
 def test_parallel_env_names_the_extra_that_is_missing(monkeypatch):

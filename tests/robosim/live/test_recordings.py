@@ -2,13 +2,18 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from robosim.live.recordings import check_results, read_evaluation, read_recording
 from robosim.recording.episode_file import EPISODE, read_episode
+from robosim.run import record_episode
 from robosim.support.reading import FileError
+from robosim.team.team_config import TeamConfig
+from tests.plans import two_rooms
+from tests.robosim.live.conftest import START, TARGET
 
 
 def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):
@@ -26,6 +31,17 @@ def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):
     assert np.array_equal(estimated, episode.estimates[:12, :2])
     assert recording.title == "explore, two rooms"
     assert recording.ended == json.loads((recorded / "result.json").read_text())["ended"]
+
+
+def test_a_recording_of_a_team_has_all_robots(quick, tmp_path):
+    config = replace(quick, max_steps=3, team=TeamConfig(robots="2"))
+    record_episode(two_rooms(0.8), config, tmp_path, start=START, target=TARGET, video=False)
+    check_results(tmp_path)
+    robots = read_recording(tmp_path).robots
+    assert [robot.robot for robot in robots] == ["robot1", "robot2"]
+    for robot in robots:
+        episode = read_episode(tmp_path / robot.robot)
+        assert np.array_equal(robot.trajectories(3)[0], episode.poses[:3, :2])
 
 
 def test_a_damaged_file_is_one_line_with_its_name(recorded, tmp_path):

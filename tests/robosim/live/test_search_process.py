@@ -2,15 +2,19 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import run_episode
+from robosim.entrants import make_entrants
+from robosim.episode import run_episode, run_team
+from robosim.episode_config import EpisodeConfig
 from robosim.live.search_process import MANUAL, RUN, WAIT, SearchJob, SearchProcess
 from robosim.task.tasks import make_task
+from robosim.team.team_config import TeamConfig
 from slam.actions import Action
 from tests.plans import two_rooms
 from tests.robosim.live.conftest import START, TARGET
@@ -23,8 +27,8 @@ def search(quick) -> Iterator[Callable]:
     """Starts searches, and ends them with the test."""
     started = []
 
-    def start(mode: int, start: np.ndarray = START) -> SearchProcess:
-        job = SearchJob(plan=two_rooms(0.8), config=quick, start=start, target=TARGET)
+    def start(mode: int, start: np.ndarray = START, config: EpisodeConfig = quick) -> SearchProcess:
+        job = SearchJob(plan=two_rooms(0.8), config=config, start=start, target=TARGET)
         started.append(SearchProcess("test", job, lambda one: None, mode))
         return started[-1]
 
@@ -58,6 +62,27 @@ def test_a_search_is_the_episode_without_a_page(search, quick):
     shown = np.array([one.recording[i].true.pose for i in range(len(one.recording))])
     assert np.array_equal(shown, np.array(log.poses[: len(shown)]))
     assert len(shown) == log.steps
+
+
+def test_a_search_of_a_team_makes_steps_of_all_robots(search, quick):
+    """A single step is one of each robot; the poses are those of `run_team`."""
+    config = replace(quick, max_steps=5, team=TeamConfig(robots="2"))
+    one = search(WAIT, config=config)
+    wait_for(lambda: decisions(one) == 1)
+    one.step()
+    wait_for(lambda: decisions(one) == 2)
+    time.sleep(0.3)
+    assert [len(robot) for robot in one.recording.robots] == [2, 1]
+    one.set_mode(RUN)
+    wait_for(lambda: not one.is_alive)
+    assert one.error == ""
+    building = make_building(two_rooms(0.8), config=config.building)
+    places = reach(building, *config.simulator.robot.hull_m)
+    task = make_task(places, np.random.default_rng([config.seed, 0]), start=START, target=TARGET)
+    team = run_team(building, make_entrants(building, places, task, config))
+    for robot in one.recording.robots:
+        shown = np.array([robot[i].true.pose for i in range(len(robot))])
+        assert np.array_equal(shown, np.array(team.robots[robot.robot].poses[:5]))
 
 
 def test_a_waiting_search_makes_single_steps(search):

@@ -1,13 +1,20 @@
 """Replays are drawn from the file of an episode alone."""
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
 from robosim.drawing.picture import LEGEND
+from robosim.episode_config import EpisodeConfig
+from robosim.movers.movers import MoversConfig
 from robosim.recording import replay as replaying
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.recording.replay import replay
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from robosim.team.team_config import TeamConfig
+from tests.plans import two_rooms
 from tests.steps import unknown_map
 
 
@@ -19,6 +26,20 @@ def test_a_replay_is_the_video_of_the_episode(recorded, tmp_path):
         width, height = picture.size
     assert width <= 2400 and (width - LEGEND) % 2 == 0 and height % 6 == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["replay.mp4", "sheet.png"]
+
+
+def test_a_replay_of_a_team_is_its_video(tmp_path):
+    """Byte for byte, with a frame for each step of the robot that goes on longest."""
+    team = TeamConfig(robots="2", exchange="perfect", lose=("1@2",))
+    simulator = SimulatorConfig(physics="kinematic", movers=MoversConfig(people=1))
+    config = EpisodeConfig(goal="explore", mapper="classical", simulator=simulator, max_steps=4, team=team)
+    record_episode(two_rooms(0.8), config, tmp_path, start=np.array([1.0, 0.6, 2.0]))
+    video, sheet = replay(tmp_path, tmp_path, frames=3)
+    assert video.read_bytes() == (tmp_path / "episode.mp4").read_bytes()
+    reader = cv2.VideoCapture(str(video))
+    assert reader.get(cv2.CAP_PROP_FRAME_COUNT) == 4
+    with Image.open(sheet) as picture:
+        assert picture.size[0] <= 2400
 
 
 def test_nothing_is_simulated_by_a_replay(recorded, tmp_path, monkeypatch):

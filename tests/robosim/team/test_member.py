@@ -35,6 +35,11 @@ def _decision(estimate: MapEstimate) -> Decision:
     )
 
 
+def _decide(member: Member, own_map: MapEstimate) -> MapEstimate:
+    member.begin(own_map)
+    return member.merged(own_map)
+
+
 def _send(sender: Member, receiver: Member) -> None:
     for subject in ("status", "measurement", "tile"):
         for note in list(sender.notes.news_for(receiver.notes, subject, np.inf)):
@@ -44,10 +49,10 @@ def _send(sender: Member, receiver: Member) -> None:
 @pytest.mark.parametrize("every", [1, 10])
 def test_member_knows_place_plan_and_map_of_the_other(every: int) -> None:
     first, second = (Member(name, k, Hull(radius_m=0.1), every) for k, name in enumerate("ab"))
-    estimate = first.merged(_map(1.0))
+    estimate = _decide(first, _map(1.0))
     first.report(estimate, _decision(estimate))
     _send(first, second)
-    merged = second.merged(_map(2.0, seen=False))
+    merged = _decide(second, _map(2.0, seen=False))
     assert merged.explored.sum() == 400
     (claim,) = merged.claims
     assert claim.cost_m == pytest.approx(2.0)
@@ -59,10 +64,23 @@ def test_member_knows_place_plan_and_map_of_the_other(every: int) -> None:
 
 def test_member_silent_robot_is_nowhere_but_still_bound_for_its_goal() -> None:
     first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
-    estimate = first.merged(_map(1.0))
+    estimate = _decide(first, _map(1.0))
     first.report(estimate, _decision(estimate))
     _send(first, second)
-    merged = [second.merged(_map(2.0)) for _ in range(60)]
+    merged = [_decide(second, _map(2.0)) for _ in range(60)]
     assert len(merged[1].moving) == 1 and len(merged[1].claims) == 1
     assert merged[10].moving == () and len(merged[10].claims) == 1
     assert merged[-1].claims == ()
+
+
+def test_member_merged_map_is_the_same_again() -> None:
+    """Asking for it is no decision: nothing is counted, read or written by it."""
+    first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
+    estimate = _decide(first, _map(1.0))
+    first.report(estimate, _decision(estimate))
+    _send(first, second)
+    merged = _decide(second, _map(2.0))
+    for _ in range(60):
+        again = second.merged(_map(2.0))
+    assert np.array_equal(again.explored, merged.explored)
+    assert len(again.moving) == len(merged.moving) == 1 and len(again.claims) == 1

@@ -12,6 +12,7 @@ from robosim.entrants import make_entrants, starts_near
 from robosim.episode import run_episode, run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
+from robosim.movers.movers import Contact, MoversConfig
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
@@ -19,6 +20,7 @@ from robosim.step import Step
 from robosim.task.tasks import Task
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_log import TeamLog
+from robosim.world import World
 
 _CONFIG = EpisodeConfig(
     goal="explore",
@@ -173,3 +175,47 @@ def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
             p.name for p in folder.iterdir()
         }
         assert json.loads((folder / "result.json").read_text())["steps"] == 8
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "dynamic"])
+def test_team_people_walk_once_for_all_robots(scene, physics: str) -> None:
+    """Both robots see the same people at the same time, track them and count contacts; one seed gives one result."""
+    building, places = scene
+    people = MoversConfig(people=4)
+    config = replace(_CONFIG, simulator=replace(_CONFIG.simulator, physics=physics, movers=people))
+    met: dict[str, list[np.ndarray]] = {"robot1": [], "robot2": []}
+    tracked = []
+
+    def look(log: EpisodeLog, step: Step) -> None:
+        met[log.robot].append(np.column_stack([np.full(4, log.times()[-1]), step.true.bodies[1:, :2]]))
+        tracked.append(len(step.estimated.map.moving))
+
+    team = run_team(building, make_entrants(building, places, _TASK, config), look)
+    first, second = (np.array(met[name]) for name in met)
+    assert np.array_equal(first[0], second[0])
+    # No robot is ahead of the other by more than an action, and people walk on between what the two see.
+    apart_s = first[:, 0, 0] - second[:, 0, 0]
+    assert np.abs(apart_s).max() < 2.5
+    gap_m = np.hypot(*np.moveaxis(first[:, :, 1:] - second[:, :, 1:], -1, 0))
+    assert (gap_m.max(axis=1) <= 2.2 * np.abs(apart_s) + 0.01).all()
+    assert np.ptp(first[:, :, 1:], axis=0).max() > 1.0
+    assert max(tracked) > 1
+    assert all(log.contacts is not None for log in team.robots.values())
+    assert {"contacts_by_robot", "contacts_by_others", "contacts_between_robots"} <= set(team.result())
+    again = _run(scene, config)
+    assert all(np.array_equal(_poses(team)[name], _poses(again)[name]) for name in met)
+
+
+def test_team_result_separates_contacts_with_people_and_robots(scene) -> None:
+    team = _run(scene, replace(_CONFIG, max_steps=1))
+    for log in team.robots.values():
+        log.contacts = [Contact(1.0, 0, True), Contact(2.0, 1, True), Contact(3.0, 2, False)]
+    result = team.result()
+    counts = [result[f"contacts_{kind}"] for kind in ("between_robots", "by_robot", "by_others")]
+    assert counts == [2, 2, 2]
+
+
+def test_world_rejects_robots_among_different_people(scene) -> None:
+    simulators = [replace(_CONFIG.simulator, movers=MoversConfig(people=count)) for count in (1, 2)]
+    with pytest.raises(ValueError, match="movers differ"):
+        World(scene[0], dict(zip("ab", simulators, strict=True)))
