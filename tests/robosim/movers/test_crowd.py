@@ -55,7 +55,7 @@ def test_robots_that_act_later_are_expected_on_their_course():
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_people_do_not_enter_any_robot(number):
-    crowd, met = begun(Walkers(8))
+    _, met = begun(Walkers(8))
     places = np.array([met[number].poses(0.1 * k, ROBOTS[number])[:, :2] for k in range(600)])
     gaps_m = np.hypot(*np.moveaxis(places[:, :, None] - ROBOTS[:, :2], -1, 0))
     assert gaps_m.min() > Body().radius_m + 0.1
