@@ -3,8 +3,8 @@
 Robots are known by name; most worlds have one, `ROBOT`. The robots of a world share walls, scene and radio tables, and
 each has its own motion, sensors, radio and noise. They act in turn: each meets the others where they are after their
 last actions, as bodies that stop it, that its camera and lidar see, and that weaken its radio paths. Among
-people, a step takes as long as the longest of their actions, and people walk once in it (`robosim.movers.crowd`). What robots sense is for
-their agents (`robosim.agent`); the truth is for judges, logs and drawings only.
+people, a step takes as long as the longest of their actions, and people walk once in it (`robosim.movers.crowd`). What
+robots sense is for their agents (`robosim.agent`); the truth is for judges, logs and drawings only.
 """
 
 from collections.abc import Mapping

@@ -254,30 +254,29 @@ class Player:
             stamp = sum(len(robot) + bool(robot.ended) for robot in self._robots())
             if not self._visible or (number == self._shown and stamp == self._stamp):
                 return
-            described = []
+            shown = []
             for view, stroke in zip(self._views, STROKES, strict=False):
                 steps, mates = view.show(number, rays=self._rays.value), view.recording.mates
                 for k, (robot, step) in enumerate(zip(view.recording.robots, steps, strict=False)):
-                    described.append((robot, step, css(robot_colour(k)) if mates else stroke))
+                    shown.append((robot, step, css(robot_colour(k)) if mates else stroke))
             self._shown, self._stamp = number, stamp
-        self._describe(number, last, described)
+        self._describe(number, last, shown)
 
-    def _describe(self, number: int, last: int, described: list[tuple[Recording, Step, str]]) -> None:
+    def _describe(self, number: int, last: int, shown: list[tuple[Recording, Step, str]]) -> None:
         """Show pictures, facts and time lines of robots, each with its step and its colour."""
         if int(self._slider.max) != max(last, 1):
             self._slider.max = max(last, 1)
         if int(self._slider.value) != number:
             self._slider.value = number
-        pictures = [camera_picture(step) for _, step, _ in described if step.sensed.rgb.size]
+        pictures = [camera_picture(step) for _, step, _ in shown if step.sensed.rgb.size]
         if not pictures:
             self._camera.content = ""
         elif len({camera_image.shape for camera_image in pictures}) == 1:
             self._camera.content = picture(np.vstack(pictures), "camera, and depth (dark: far, black: none)")
         self._numbers.content = "".join(
-            step_facts(recording, step, stroke if len(described) > 1 else "")
-            for recording, step, stroke in described
+            step_facts(recording, step, stroke if len(shown) > 1 else "") for recording, step, stroke in shown
         )
-        self._draw_time_lines(number, {recording: stroke for recording, _, stroke in described})
+        self._draw_time_lines(number, {recording: stroke for recording, _, stroke in shown})
 
     def _draw_time_lines(self, number: int, recordings: Mapping[Recording, str]) -> None:
         """Charts of SNR, link state and position error up to a step, each robot in its colour."""

@@ -109,8 +109,9 @@ class SearchProcess:
             while True:
                 kind, content = self._receiver.recv()
                 if kind == "begun":
-                    names, *shared = content
-                    first, *mates = (Recording(self.title, *shared, robot=name) for name in names)
+                    names, rings, target, height_m = content
+                    made = [Recording(self.title, rings, target, height_m, robot=name) for name in names]
+                    first, *mates = made
                     first.mates, self.recording = mates, first
                 elif kind == "failed":
                     self.error = content
