@@ -2,7 +2,7 @@
 
 Robots of a world act one after the other, but people walk once in each step, for as long as the longest of the robots'
 actions: the first robot that comes to a time lets them walk, and the others meet them where they were at that time. For
-people, a robot that acts later is on its straight way to where its command leads.
+people, a robot that acts later goes straight to where its command leads.
 """
 
 import math

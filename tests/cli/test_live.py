@@ -77,6 +77,11 @@ def test_a_folder_of_nothing_is_rejected(tmp_path, fails):
     assert "neither an episode (episode.npz) nor an evaluation" in fails("live", tmp_path, "--port", 0)
 
 
+def test_robots_of_a_recording_and_no_robots_are_rejected(tmp_path, fails):
+    assert "is a recording of its robots. Leave --robots out" in fails("live", tmp_path, "--robots", 2)
+    assert "robots is 0, expected 1 to 100" in fails("live", "flat", "--robots", 0, "--no-browser")
+
+
 def test_a_plan_that_cannot_be_read_is_rejected(tmp_path, fails):
     (tmp_path / "damaged.yaml").write_text("image: no.pgm\nresolution: 0.05\norigin: [0, 0, 0]")
     assert "no.pgm" in fails("live", tmp_path / "damaged.yaml", "--port", 0)

@@ -38,8 +38,6 @@ REJECTED = [
     ("episode flat --unit 0", "unit_m is 0.0"),
     ("episode flat --floor-height inf", "floor_height_m is inf"),
     ("calibrate --robots 2", "robots is 2: calibrate measures one robot. Give it by --robot"),
-    ("live flat --robots 0", "robots is 0, expected 1 to 100, or names of robots"),
-    ("live {} --robots 2", "is a recording of its robots. Leave --robots out"),
     ("replay {} --frames 0", "frames is 0, expected a whole number from 1 to 1000"),
     ("replay {} --frames 1001", "frames is 1001"),
     ("evaluate", "plans is empty, expected floor plans, or folders of them, or a suite file"),

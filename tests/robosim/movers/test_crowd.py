@@ -14,7 +14,7 @@ ROBOTS = np.array([[1.0, 1.0, 0.0], [1.0, 3.0, 0.0]])
 
 
 class Noted:
-    """A body that goes ahead at 1 m/s, and notes the times it was asked for, and where the other robot was."""
+    """A body that goes ahead at 1 m/s, and notes the times of its poses, and where the other robot was."""
 
     bodies = (Body(),)
 

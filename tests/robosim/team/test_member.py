@@ -74,7 +74,7 @@ def test_member_silent_robot_is_nowhere_but_still_bound_for_its_goal() -> None:
 
 
 def test_member_merged_map_is_the_same_again() -> None:
-    """Asking for it is no decision: nothing is counted, read or written by it."""
+    """It is no decision: nothing is counted, read or written by it."""
     first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
     estimate = _decide(first, _map(1.0))
     first.report(estimate, _decision(estimate))
