@@ -15,6 +15,7 @@
 #   make linkcheck checks the external links of the documentation; needs the network
 #   make faults    every command under signals, lost workers and full disks at random moments; hours
 #   make fuzz      damaged files for every reader; half an hour and more
+#   make dist      source archive and wheel in dist/, built twice and compared, and checked
 #   make fresh     make demo and make test in bare Debian systems; needs root and debootstrap
 
 VENV ?= .venv
@@ -32,7 +33,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
+.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all dist fresh clean
 
 demo: install
 	$(BIN)/robosim warm-up --episode
@@ -77,6 +78,10 @@ bench: $(VENV)/.test-installed
 faults: $(VENV)/.test-installed
 	$(BIN)/pytest tests/faults -n 2 --long --moments $(MOMENTS) -p no:cacheprovider -rA
 
+# Digests of two builds in two folders must be the same; metadata, contents, licences and size are checked.
+dist: $(VENV)/.dist-installed
+	$(BIN)/python scripts/make_dist.py
+
 install: $(VENV)/.installed
 
 python:
@@ -104,6 +109,10 @@ $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
 
 $(VENV)/.docs-installed: pyproject.toml | system $(BIN)/pip
 	$(INSTALL) '.[docs]'
+	@touch $@ $(VENV)/.installed
+
+$(VENV)/.dist-installed: pyproject.toml | system $(BIN)/pip
+	$(INSTALL) '.[dist]'
 	@touch $@ $(VENV)/.installed
 
 # Debian 12; 13; forky with Python 3.14; 12 with EGL in addition to OSMesa; without OSMesa; and as a user with sudo.
