@@ -54,7 +54,7 @@ def check(files: list[Path]) -> None:
     """Exit with a sentence if the metadata, the contents, the licences or the size are wrong."""
     subprocess.run([sys.executable, "-m", "twine", "check", "--strict", *map(str, files)], check=True)
     wheel = next(file for file in files if file.suffix == ".whl")
-    subprocess.run([sys.executable, "-m", "check_wheel_contents", str(wheel)], check=True)
+    subprocess.run([sys.executable, "-m", "check_wheel_contents", str(wheel)], cwd=ROOT, check=True)
     for file in files:
         missing = [name for name in licences_of(file) if not any(n.endswith(name) for n in names_in(file))]
         if missing:
