@@ -16,6 +16,7 @@
 #   make faults    every command under signals, lost workers and full disks at random moments; hours
 #   make fuzz      damaged files for every reader; half an hour and more
 #   make dist      source archive and wheel in dist/, built twice and compared, and checked
+#   make fresh-wheel   the wheel alone in bare systems: commands of README and tutorial; needs root and debootstrap
 #   make fresh     make demo and make test in bare Debian systems; needs root and debootstrap
 
 VENV ?= .venv
@@ -24,6 +25,8 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; 
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
 FRESH ?= demo test
+SUITES ?= bookworm trixie noble forky
+PAGES ?=
 MOMENTS ?= 20
 BIN := $(VENV)/bin
 # Tests start many processes: bytecode is written, so that the second process does not compile the same modules again.
@@ -33,7 +36,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all dist fresh clean
+.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all dist fresh fresh-wheel clean
 
 demo: install
 	$(BIN)/robosim warm-up --episode
@@ -123,6 +126,10 @@ fresh:
 	PACKAGES="libegl1 libegl-mesa0 libgl1-mesa-dri" scripts/fresh-root.sh bookworm make $(FRESH)
 	WITHOUT=libosmesa6 scripts/fresh-root.sh bookworm make $(FRESH)
 	AS_USER=1 scripts/fresh-root.sh bookworm make demo
+
+# Pages of tasks too: PAGES="docs/tasks/*.md". noble is Ubuntu's; it needs a mirror, see the script.
+fresh-wheel: dist
+	set -e; for suite in $(SUITES); do scripts/fresh-root.sh $$suite scripts/try-wheel.sh $(PAGES); done
 
 clean:
 	rm -rf $(VENV) out runs docs/_build docs/_static/recordings docs/examples docs/reference/api docs/reference/commands
