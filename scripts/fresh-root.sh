@@ -6,7 +6,7 @@
 #
 # SUITE is a suite of debootstrap (bookworm, trixie, noble ...), or a newer one of Debian such as forky, for which the
 # script of sid serves. The system is downloaded once, some 300 MB, and cached; the command runs in a copy that is removed
-# afterwards. Distributions in dist/ are copied to ~/dist. Needs root, debootstrap and unshare. Settings in the environment:
+# afterwards, with dist/ if there is one. Needs root, debootstrap and unshare. Settings in the environment:
 #
 #   PACKAGES="libegl1 ..."      additional packages
 #   WITHOUT="libosmesa6 ..."    packages that the distribution does not offer
@@ -68,7 +68,7 @@ prepare() { # files and users of the copy
     echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$root/etc/sudoers.d/newcomer"
   fi
   git clone --quiet "$source" "$root$home/robosim"
-  [ ! -d "$source/dist" ] || cp -r "$source/dist" "$root$home/dist"
+  [ ! -d "$source/dist" ] || cp -r "$source/dist" "$root$home/robosim/dist"
   mkdir -p "$pip_cache" "$root$home/.cache/pip"
 }
 
@@ -88,7 +88,7 @@ inside() { # mounts, and the command
   local wanted="${PACKAGES:-} ${AS_USER:+sudo}"
   [ -z "${wanted// /}" ] || chroot "$root" env DEBIAN_FRONTEND=noninteractive PATH=/usr/sbin:/usr/bin:/sbin:/bin \
     sh -c "apt-get update -qq && apt-get install -y -qq $wanted" >/dev/null
-  [ -z "${AS_USER:-}" ] || chroot "$root" chown -R newcomer: "$home/robosim" "$home/.cache" $([ ! -d "$source/dist" ] || echo "$home/dist")
+  [ -z "${AS_USER:-}" ] || chroot "$root" chown -R newcomer: "$home/robosim" "$home/.cache"
   # shellcheck disable=SC2016 # the inner shell's own words
   exec chroot ${AS_USER:+--userspec=newcomer:newcomer} "$root" env -i "${settings[@]}" \
     sh -c 'cd ~/robosim && exec "$@"' sh "$@"

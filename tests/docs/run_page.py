@@ -3,8 +3,8 @@
     python tests/docs/run_page.py PAGE...
 
 With the Python of an environment in which a wheel is installed, this runs commands and Python of pages from the wheel
-alone, each page in an empty folder. It prints a line for each page and each failure, and fails if there is one. Inputs
-that a reader has to bring and extras may be missing if the message says so. Commands that serve or train print their help.
+alone, each page in an empty folder. It prints a line for each page and each failure, and fails if there is one. Files
+of a reader and extras may be missing if the message says so. Commands that serve or train print their help.
 
 A block is also written to a file if the line before it is the file's name, as in "`mine.py`:", or if it begins with the
 name in a comment.
