@@ -78,6 +78,7 @@ def test_the_wheel_has_what_is_needed_to_run_and_no_more(wheel):
         "WHEEL",
         "entry_points.txt",
         "LICENSE",
+        "LICENSES.md",
         "RECORD",
     }
 
