@@ -17,6 +17,7 @@
 #   make fuzz      damaged files for every reader; half an hour and more
 #   make dist      source archive and wheel in dist/, built twice and compared, and checked
 #   make fresh-wheel   the wheel alone in bare systems: commands of README and tutorial; needs root and debootstrap
+#   make fresh-container   the steps of the Containerfile in a bare system, without a container engine
 #   make fresh     make demo and make test in bare Debian systems; needs root and debootstrap
 
 VENV ?= .venv
@@ -36,7 +37,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all dist fresh fresh-wheel clean
+.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all dist fresh fresh-wheel fresh-container clean
 
 demo: install
 	$(BIN)/robosim warm-up --episode
@@ -130,6 +131,12 @@ fresh:
 # Pages of tasks too: PAGES="docs/tasks/*.md". noble is Ubuntu's; it needs a mirror, see the script.
 fresh-wheel: dist
 	set -e; for suite in $(SUITES); do scripts/fresh-root.sh $$suite scripts/try-wheel.sh $(PAGES); done
+
+# COPY, WORKDIR, ENV and RUN as shell.
+STEPS = sed -e ':a;/\\$$/{N;s/\\\n//;ba}' -e 's/^COPY/cp -r/' -e 's/^WORKDIR \(.*\)/mkdir -p \1; cd \1/' \
+  -e 's/^ENV /export /' -e 's/^RUN //' -e '/^\(\#\|FROM\|ENTRYPOINT\)/d' Containerfile
+fresh-container:
+	scripts/fresh-root.sh bookworm bash -ec "$$($(STEPS)); robosim episode flat --seed 1 --max-steps 20 --no-video"
 
 clean:
 	rm -rf $(VENV) out runs docs/_build docs/_static/recordings docs/examples docs/reference/api docs/reference/commands
