@@ -12,6 +12,7 @@
 #   make coverage  lines that the tests run, on the terminal and in out/coverage
 #   make docs      the documentation, in docs/_build/html; runs every example, needs no PyTorch
 #   make bench     a benchmark: BENCH="render --sizes 128"; BENCH=--help lists them
+#   make bench-compare   five short benchmarks here and on another commit, in turns: REF=HEAD~1
 #   make linkcheck checks the external links of the documentation; needs the network
 #   make faults    every command under signals, lost workers and full disks at random moments; hours
 #   make fuzz      damaged files for every reader; half an hour and more
@@ -25,6 +26,7 @@ FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
+REF ?= HEAD~1
 FRESH ?= demo test
 SUITES ?= bookworm trixie noble forky
 PAGES ?=
@@ -37,7 +39,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all dist fresh fresh-wheel fresh-container clean
+.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench bench-compare install python system system-all dist fresh fresh-wheel fresh-container clean
 
 demo: install
 	$(BIN)/robosim warm-up --episode
@@ -78,6 +80,9 @@ fuzz: $(VENV)/.test-installed
 
 bench: $(VENV)/.test-installed
 	$(BIN)/python -m tests.benchmarks $(BENCH)
+
+bench-compare: $(VENV)/.test-installed
+	$(BIN)/python -m tests.benchmarks compare --ref $(REF)
 
 faults: $(VENV)/.test-installed
 	$(BIN)/pytest tests/faults -n 2 --long --moments $(MOMENTS) -p no:cacheprovider -rA

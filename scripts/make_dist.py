@@ -2,8 +2,8 @@
 
     python scripts/make_dist.py [FOLDER]
 
-Clones the repository into two folders, builds a source archive and a wheel in each with hatchling, and fails unless both
-pairs are byte-identical. Times inside are those of the last commit (`SOURCE_DATE_EPOCH`). Then `twine check --strict` and
+Clones the repository into two folders, builds a source archive and a wheel in each with hatchling, and fails unless
+both pairs are byte-identical. Times inside are those of the last commit (`SOURCE_DATE_EPOCH`). Then `twine check` and
 `check-wheel-contents` run, licences of fonts, networks and plans must be inside, and the size is limited. FOLDER, by
 default `dist`, then holds the two files, whose digests are printed.
 """

@@ -178,6 +178,7 @@ def _outcome(line: str, status: int, output: str) -> str:
         return "ran"
     for what, pattern in LACKS.items():
         if pattern.search(output) and "Traceback" not in output:
+            print(f"lacks {what}: {line}\n    {' '.join(output.split())[:200]}", flush=True)
             return f"lack {what}"
     print(f"FAILED {line}\n{output[-600:]}", flush=True)
     return "failed"

@@ -10,6 +10,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator
+from enum import EnumType
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ def members(owner: type) -> set[str]:
 def signature(value: Any) -> str:
     """Parameters with their defaults, or nothing of a value that is not called."""
     value = getattr(value, "__func__", value)
-    if not callable(value):
+    if not callable(value) or isinstance(value, EnumType):
         return ""
     try:
         parameters = inspect.signature(value).parameters.values()
@@ -67,7 +68,8 @@ class _Default:
 
     def __init__(self, value: Any) -> None:
         plain = isinstance(value, bool | int | float | str | tuple | None.__class__)
-        self._text = repr(value) if plain and " object at " not in repr(value) else type(value).__name__
+        name = "<factory>" if repr(value) == "<factory>" else type(value).__name__
+        self._text = repr(value) if plain and " object at " not in repr(value) else name
 
     def __repr__(self) -> str:
         return self._text
@@ -101,10 +103,13 @@ def interface() -> list[str]:
 
 def test_the_public_interface_is_as_recorded() -> None:
     """Whatever others may depend on changes only on purpose."""
-    changes = list(difflib.unified_diff(RECORD.read_text("utf-8").splitlines(), interface(), lineterm="", n=0))
+    changes = list(
+        difflib.unified_diff(RECORD.read_text("utf-8").splitlines(), interface(), lineterm="", n=0)
+    )
     assert not changes, (
         "The public interface differs from its record. Each change needs its line in CHANGELOG.md; then run "
-        "'python -m tests.robosim.test_public_interface', which rewrites the record.\n" + "\n".join(changes[2:])
+        "'python -m tests.robosim.test_public_interface', which rewrites the record.\n"
+        + "\n".join(changes[2:])
     )
 
 
