@@ -1,7 +1,7 @@
 """Speed of the working tree compared with that of another commit, in five short tasks that take turns.
 
-Each commit runs in a process of its own for each turn, the two one after the other, in an order that alternates, so
-that other work of the machine disturbs both. A ratio is the median over turns of seconds here over seconds there; its 95 %
+Each commit runs in a process of its own for each turn, the two one after the other in an order that alternates, so that
+other work of the machine disturbs both. A ratio is the median over turns of seconds here over seconds there; its 95 %
 interval is by bootstrap over turns.
 """
 
