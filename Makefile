@@ -12,9 +12,13 @@
 #   make coverage  lines that the tests run, on the terminal and in out/coverage
 #   make docs      the documentation, in docs/_build/html; runs every example, needs no PyTorch
 #   make bench     a benchmark: BENCH="render --sizes 128"; BENCH=--help lists them
+#   make bench-compare   five short benchmarks here and on another commit, in turns: REF=HEAD~1
 #   make linkcheck checks the external links of the documentation; needs the network
 #   make faults    every command under signals, lost workers and full disks at random moments; hours
 #   make fuzz      damaged files for every reader; half an hour and more
+#   make dist      source archive and wheel in dist/, built twice and compared, and checked
+#   make fresh-wheel   the wheel alone in bare systems: commands of README and tutorial; needs root and debootstrap
+#   make fresh-container   the steps of the Containerfile in a bare system, without a container engine
 #   make fresh     make demo and make test in bare Debian systems; needs root and debootstrap
 
 VENV ?= .venv
@@ -22,7 +26,10 @@ FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
+REF ?= HEAD~1
 FRESH ?= demo test
+SUITES ?= bookworm trixie noble forky
+PAGES ?=
 MOMENTS ?= 20
 BIN := $(VENV)/bin
 # Tests start many processes: bytecode is written, so that the second process does not compile the same modules again.
@@ -32,7 +39,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
+.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench bench-compare install python system system-all dist fresh fresh-wheel fresh-container clean
 
 demo: install
 	$(BIN)/robosim warm-up --episode
@@ -74,8 +81,15 @@ fuzz: $(VENV)/.test-installed
 bench: $(VENV)/.test-installed
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
+bench-compare: $(VENV)/.test-installed
+	$(BIN)/python -m tests.benchmarks compare --ref $(REF)
+
 faults: $(VENV)/.test-installed
 	$(BIN)/pytest tests/faults -n 2 --long --moments $(MOMENTS) -p no:cacheprovider -rA
+
+# Digests of two builds in two folders must be the same; metadata, contents, licences and size are checked.
+dist: $(VENV)/.dist-installed
+	$(BIN)/python scripts/make_dist.py
 
 install: $(VENV)/.installed
 
@@ -106,6 +120,10 @@ $(VENV)/.docs-installed: pyproject.toml | system $(BIN)/pip
 	$(INSTALL) '.[docs]'
 	@touch $@ $(VENV)/.installed
 
+$(VENV)/.dist-installed: pyproject.toml | system $(BIN)/pip
+	$(INSTALL) '.[dist]'
+	@touch $@ $(VENV)/.installed
+
 # Debian 12; 13; forky with Python 3.14; 12 with EGL in addition to OSMesa; without OSMesa; and as a user with sudo.
 fresh:
 	scripts/fresh-root.sh bookworm make $(FRESH)
@@ -114,6 +132,16 @@ fresh:
 	PACKAGES="libegl1 libegl-mesa0 libgl1-mesa-dri" scripts/fresh-root.sh bookworm make $(FRESH)
 	WITHOUT=libosmesa6 scripts/fresh-root.sh bookworm make $(FRESH)
 	AS_USER=1 scripts/fresh-root.sh bookworm make demo
+
+# Pages of tasks too: PAGES="docs/tasks/*.md". noble is Ubuntu's; it needs a mirror, see the script.
+fresh-wheel: dist
+	set -e; for suite in $(SUITES); do scripts/fresh-root.sh $$suite scripts/try-wheel.sh $(PAGES); done
+
+# COPY, WORKDIR, ENV and RUN as shell.
+STEPS = sed -e ':a;/\\$$/{N;s/\\\n//;ba}' -e 's/^COPY/cp -r/' -e 's/^WORKDIR \(.*\)/mkdir -p \1; cd \1/' \
+  -e 's/^ENV /export /' -e 's/^RUN //' -e '/^\(\#\|FROM\|ENTRYPOINT\)/d' Containerfile
+fresh-container:
+	scripts/fresh-root.sh bookworm bash -ec "$$($(STEPS)); robosim episode flat --seed 1 --max-steps 20 --no-video"
 
 clean:
 	rm -rf $(VENV) out runs docs/_build docs/_static/recordings docs/examples docs/reference/api docs/reference/commands

@@ -106,6 +106,7 @@ sphinx_gallery_conf = {
     "plot_gallery": os.environ.get("GALLERY", "1") != "0",
     "abort_on_example_error": True,
     "download_all_examples": False,
+    "first_notebook_cell": "# In a new environment: %pip install robosim-wireless",
     "remove_config_comments": True,
     "show_memory": False,
     "show_signature": False,

@@ -6,7 +6,7 @@
 #
 # SUITE is a suite of debootstrap (bookworm, trixie, noble ...), or a newer one of Debian such as forky, for which the
 # script of sid serves. The system is downloaded once, some 300 MB, and cached; the command runs in a copy that is removed
-# afterwards. Needs root, debootstrap and unshare. Settings in the environment:
+# afterwards, with dist/ if there is one. Needs root, debootstrap and unshare. Settings in the environment:
 #
 #   PACKAGES="libegl1 ..."      additional packages
 #   WITHOUT="libosmesa6 ..."    packages that the distribution does not offer
@@ -68,6 +68,7 @@ prepare() { # files and users of the copy
     echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$root/etc/sudoers.d/newcomer"
   fi
   git clone --quiet "$source" "$root$home/robosim"
+  [ ! -d "$source/dist" ] || cp -r "$source/dist" "$root$home/robosim/dist"
   mkdir -p "$pip_cache" "$root$home/.cache/pip"
 }
 

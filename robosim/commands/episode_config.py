@@ -116,28 +116,7 @@ def read_config(path: Path) -> EpisodeConfig:
         episode = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
         if "wall_passage" not in json.dumps(episode) and "max_transmissions" in json.dumps(episode):
             raise ValueError("of version 0.2 of robosim, which counted walls by faces")
-        _move_to_robot(episode)
         return from_dict(EpisodeConfig, episode)
-
-
-def _move_to_robot(values: dict[str, Any]) -> None:
-    """Move sensors and noise to the robot, and drop its radius from other groups, as files of version 0.3 have them."""
-    simulator = check_object(values.get("simulator", {}))
-    for name, field in {
-        "image": "camera",
-        "laser": "laser",
-        "noise": "noise",
-        "depth_noise": "depth_noise",
-    }.items():
-        if name in simulator:
-            check_object(simulator.setdefault("robot", {}))[field] = simulator.pop(name)
-    if "lidar" in simulator:
-        robot = check_object(simulator.setdefault("robot", {}))
-        robot.pop("sensors", None)
-        robot["lidar"] = simulator.pop("lidar")
-        if robot["lidar"] == "none":
-            robot.pop("laser", None)
-    check_object(check_object(values.get("fused", {})).get("cost", {})).pop("radius_m", None)
 
 
 #: Fields of a robot that are no options: they are in files only.

@@ -305,6 +305,5 @@ def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> Pa
 
 
 def plain_config(config: LinkSetConfig) -> dict[str, Any]:
-    """The configuration in plain values; without people they are left out, so that older data sets can be resumed."""
-    plain = {**to_dict(config), "chunk_links": CHUNK_LINKS}
-    return plain if config.people else {key: value for key, value in plain.items() if key != "people"}
+    """The configuration in plain values."""
+    return {**to_dict(config), "chunk_links": CHUNK_LINKS}

@@ -102,8 +102,7 @@ def _camera(folder: Path) -> CameraConfig:
     with reading(folder / "result.json", "the result of an episode", "Run the episode again.") as file:
         config = check_object(parse_json(file.read())["config"], ("simulator",))
         simulator = check_object(config["simulator"], ("robot",))
-        # Files of version 0.3 have the pictures next to the robot.
-        camera = simulator.get("image") or check_object(simulator["robot"]).get("camera")
+        camera = check_object(simulator["robot"]).get("camera")
         return CameraConfig(**check_object(camera or {}))
 
 

@@ -2,14 +2,13 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from robosim.robot.model_file import read_model
 from robosim.robot.robots import RobotConfig
 from robosim.support.files import write_json
 from robosim.support.from_dict import from_dict
 from robosim.support.reading import reading
-from robosim.support.text_in import check_object, parse_json, parse_yaml
+from robosim.support.text_in import parse_json, parse_yaml
 
 
 def read_robot(path: Path) -> RobotConfig:
@@ -21,9 +20,7 @@ def read_robot(path: Path) -> RobotConfig:
         if _is_xml(content):
             return read_model(path)
         parse = parse_json if path.suffix == ".json" else parse_yaml
-        values = parse(content)
-        _replace_sensors(values)
-        return from_dict(RobotConfig, values)
+        return from_dict(RobotConfig, parse(content))
 
 
 def is_description(path: Path) -> bool:
@@ -34,19 +31,6 @@ def is_description(path: Path) -> bool:
 
 def _is_xml(content: bytes) -> bool:
     return content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
-
-
-def _replace_sensors(values: Any) -> None:
-    """Replace `sensors`, as files of version 0.3 have them."""
-    if (sensors := check_object(values).pop("sensors", None)) is not None:
-        place, mount = sensors.get("camera_m"), sensors.get("lidar_m", (0.0, 0.2))
-        values["camera"] = place and {
-            "ahead_m": place[0],
-            "height_m": place[1],
-            "hfov_deg": sensors.get("hfov_deg", 90.0),
-        }
-        if sensors.get("lidar", "none") != "none":
-            values |= {"lidar": sensors["lidar"], "laser": {"ahead_m": mount[0], "height_m": mount[1]}}
 
 
 def write_robot(path: Path, robot: RobotConfig) -> None:

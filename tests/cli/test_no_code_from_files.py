@@ -134,7 +134,7 @@ def test_code_of_a_suite_runs_where_it_is_allowed(folder, capsys):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"simulator": {**to_dict(EpisodeConfig())["simulator"], "lidar": 3}}, "simulator.robot.lidar is 3"),
+        ({"simulator": {"robot": {"lidar": 3}}}, "simulator.robot.lidar is 3"),
         ({"building": "x"}, "building is 'x', expected keys and values"),
         ({"building": 5}, "building is 5, expected keys and values"),
         ({"building": {"ceiling": "false"}}, "building.ceiling is 'false', expected true or false"),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -9,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -78,6 +80,7 @@ def test_the_wheel_has_what_is_needed_to_run_and_no_more(wheel):
         "WHEEL",
         "entry_points.txt",
         "LICENSE",
+        "LICENSES.md",
         "RECORD",
     }
 
@@ -112,3 +115,19 @@ def test_the_command_is_installed(wheel):
     """`robosim` is the entry point that `python -m robosim` has."""
     (points,) = (text for name, text in contents(wheel).items() if name.endswith("entry_points.txt"))
     assert "robosim = robosim.__main__:main" in points.decode()
+
+
+@pytest.mark.parametrize(
+    "file", sorted((ROOT / ".github" / "workflows").glob("*.yml")), ids=lambda file: file.name
+)
+def test_workflows_pin_actions_and_read_only(file):
+    """Actions are pinned by digest; only the job that publishes may do more than read, and no password is named."""
+    workflow = yaml.safe_load(file.read_text("utf-8"))
+    assert workflow["permissions"] == {"contents": "read"}
+    more = {name: job["permissions"] for name, job in workflow["jobs"].items() if "permissions" in job}
+    assert more in ({}, {"publish": {"id-token": "write"}})
+    uses = [
+        step["uses"] for job in workflow["jobs"].values() for step in job.get("steps", ()) if "uses" in step
+    ]
+    assert uses and all(re.fullmatch(r"[\w/-]+@[0-9a-f]{40}", name) for name in uses)
+    assert "secrets." not in file.read_text("utf-8")

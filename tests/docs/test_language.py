@@ -79,7 +79,8 @@ _GENERATED = {"_build", "_static", "examples", "commands", "api"}
 
 def pages() -> list[Path]:
     """Pages that are written by hand."""
-    files = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"]
+    files = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"]
+    files += [ROOT / "paper.md", ROOT / "assets" / "LICENSES.md"]
     files += [
         path
         for suffix in ("md", "rst")

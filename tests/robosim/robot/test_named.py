@@ -19,12 +19,12 @@ from robosim.robot.calibration import open_floor
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.named import JACKAL, TURTLEBOT3_BURGER
-from robosim.robot.odometry import NoiseModel
 from robosim.robot.robot_files import read_robot
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import write_json
 from robosim.support.parts import to_dict
+from robosim.support.reading import FileError
 from slam.poses import between
 
 START = np.array([2.0, 2.0, 0.3])
@@ -122,16 +122,15 @@ def test_options_of_missing_sensors_are_rejected(words: str) -> None:
         start_values({}, words.split())
 
 
-def test_files_of_version_0_3_keep_their_sensors(tmp_path: Path) -> None:
-    path, sensors = tmp_path / "robot.json", {"camera_m": [0.1, 0.2], "hfov_deg": 60.0, "lidar": "lds-01"}
-    path.write_text(json.dumps({"mast_m": 0.3, "sensors": sensors}))
-    robot = read_robot(path)
-    assert robot.camera == CameraConfig(ahead_m=0.1, height_m=0.2, hfov_deg=60.0) and robot.lidar == "lds-01"
-    simulator = {"image": {"width": 64}, "lidar": "none", "laser": {"level": 0.5}, "noise": {"level": 0.0}}
-    config = {"simulator": simulator, "fused": {"cost": {"radius_m": 0.1}}}
-    (tmp_path / "result.json").write_text(json.dumps({"config": config}))
-    robot = read_config(tmp_path / "result.json").simulator.robot
-    assert robot == RobotConfig(camera=CameraConfig(width=64), noise=NoiseModel(level=0.0))
+def test_files_of_version_0_3_are_rejected(tmp_path: Path) -> None:
+    """Sensors stood in other places: the messages name the file and the key."""
+    robot, result = tmp_path / "robot.json", tmp_path / "result.json"
+    robot.write_text(json.dumps({"mast_m": 0.3, "sensors": {"lidar": "lds-01"}}))
+    with pytest.raises(FileError, match=r"robot\.json.*'sensors'"):
+        read_robot(robot)
+    result.write_text(json.dumps({"config": {"simulator": {"image": {"width": 64}}}}))
+    with pytest.raises(FileError, match=r"result\.json.*'image'"):
+        read_config(result)
 
 
 def test_options_of_a_robot_with_sensors_are_in_the_settings() -> None:
