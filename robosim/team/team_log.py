@@ -11,7 +11,7 @@ from robosim.episode_log import EpisodeLog
 from robosim.task.coverage import Coverage
 from slam.graph.encounters import RelativePose
 from slam.grid import MapEstimate
-from slam.poses import between
+from slam.poses import between, wrap
 
 
 @dataclass(eq=False)
@@ -40,14 +40,18 @@ class TeamLog:
         self.overlap.append(twice / max(together, 1))
 
     def frame_errors(self) -> Float[np.ndarray, "n 3"]:
-        """Errors of relative starts that robots have estimated: x [m], y [m], yaw [rad] in the frame of the truth."""
+        """Errors of relative starts that robots have estimated: x [m], y [m], yaw [rad] in the frame of each."""
         starts = {name: log.task.start for name, log in self.robots.items()}
-        errors = [
-            between(between(starts[name], starts[other]), known.pose)
-            for name, frames in self.frames.items()
-            for other, known in frames.items()
-        ]
-        return np.reshape(errors, (-1, 3))
+        errors = np.reshape(
+            [
+                known.pose - between(starts[name], starts[other])
+                for name, frames in self.frames.items()
+                for other, known in frames.items()
+            ],
+            (-1, 3),
+        )
+        errors[:, 2] = wrap(errors[:, 2])
+        return errors
 
     @property
     def first(self) -> EpisodeLog:
