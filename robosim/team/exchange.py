@@ -19,6 +19,8 @@ from robosim.team.team_radio import TeamRadio
 
 #: Time of a decision [s].
 _DECISION_S = 1.0
+#: Decisions between two measurements of the radio between robots whose relative starts are unknown.
+_LOOKS = 3
 
 
 class Exchange:
@@ -33,12 +35,12 @@ class Exchange:
         """Bytes that each robot has sent."""
 
     def begin(self, decision: int) -> None:
-        """Grant each pair the time of another decision; the radio is measured occasionally."""
-        measures = decision % self._config.every == 0
-        self._subjects = SUBJECTS if measures else SUBJECTS[:2]
+        """Grant each pair the time of another decision; the radio is measured occasionally, for starts more often."""
+        is_occasion = decision % self._config.every == 0
+        self._subjects = SUBJECTS if is_occasion else SUBJECTS[:2]
         if self._radio is None:
             return
-        if measures:
+        if is_occasion or (self._config.starts == "unknown" and decision % _LOOKS == 0):
             self._radio.measure()
             for name, member in self._members.items():
                 member.measured(self._radio.measured[name])

@@ -28,7 +28,7 @@ _BENT = np.diag([0.02, 0.02, 0.004]) ** 2
 #: Squared error of an encounter, in variances, up to which it agrees (99.9 % of three numbers).
 _SAME = 16.27
 #: Least encounters that agree, their least part, and how many times more they are than for another relative pose.
-_LEAST, _PART, _LEAD = 5, 0.6, 2.0
+_LEAST, _PART, _LEAD = 4, 0.6, 2.0
 #: Encounters less apart than this of both robots are one place [m].
 APART_M = 0.4
 #: Largest standard deviations of an accepted pose [m, rad].
