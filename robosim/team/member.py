@@ -174,7 +174,7 @@ class Member:
             if note.topic.subject == "robots":
                 frames.add(note.topic.author, *note.topic.number, note.read())
         notes = [note for note in self._inbox if note.topic.subject != "robots"]
-        for author in {*self._placed, *frames.known} if frames.update() else ():
+        for author in sorted({*self._placed, *frames.known}) if frames.update() else ():
             known, before = frames.known.get(author), self._placed.pop(author, None)
             if known is not None:
                 at = compose(self._start, known.pose)
@@ -238,7 +238,7 @@ class Member:
 def _is_same(pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"]) -> bool:
     """Whether tiles need not be put to another place."""
     x, y, yaw = between(pose, other)
-    return math.hypot(x, y) < _SHIFT_M and abs(yaw) < _TURN_RAD
+    return math.hypot(x, y) < _SHIFT_M and abs(float(yaw)) < _TURN_RAD
 
 
 def _thing(number: int, status: Status, decision: int) -> MovingThing:

@@ -2,12 +2,18 @@
 
 Both explore with a map of their own, from starts some metres apart with random headings. A pair counts as in sight if
 the direct path was free at five measurements. A merge is wrong if its error is more than three times the bar.
+
+Also the error of the place of a target after one measurement of one robot, and of two at once, all in line of sight,
+from directions that differ by 15 degrees or more, on a map that is known. It is the mean distance over the belief of
+`fused`, and the distance of the belief's peak.
 """
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import make_building
@@ -16,11 +22,14 @@ from robosim.entrants import Entrant
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
+from robosim.policies.belief import TargetBelief
 from robosim.radio.link import RadioLink
+from robosim.radio.measurement import Interpreter
 from robosim.task.tasks import Task, make_task
 from robosim.team.team_config import TeamConfig, robot_names
 from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.results import Results
+from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
 #: Largest errors by band [m, degrees]; Wi-Fi measures round-trip times with this deviation [m].
@@ -28,6 +37,8 @@ _BARS = {"28ghz": (0.10, 1.0), "wifi-5": (0.5, 3.0)}
 _RANGE_SIGMA_M = 0.5
 #: Travel between both starts [m].
 _NEAREST_M, _FARTHEST_M = 2.0, 8.0
+#: Farthest robots from a target [m], and least angle at which two directions cross.
+_AROUND_M, _CROSSING_RAD = 6.0, np.radians(15.0)
 #: Measurements in line of sight of a pair that counts as in sight.
 _IN_SIGHT = 5
 
@@ -37,6 +48,7 @@ def main(
     *,
     pairs: int = 13,
     steps: int = 150,
+    places: int = 20,
     options: OmitArgPrefixes[Options] = DEFAULT,
 ) -> Results:
     """Errors of estimated relative starts, by band.
@@ -45,6 +57,7 @@ def main(
         plans: Floor plans, by name or file.
         pairs: Pairs of robots on each plan and band.
         steps: Decisions of a pair.
+        places: Targets on each plan.
         options: Of every benchmark.
     """
     units = {
@@ -75,7 +88,57 @@ def main(
             within = (distance_m <= most_m) & (turn_deg <= most_deg)
             add("frame", band, "within the bar", 100 * float(within.mean()), "%", digits=0)
             add("frame", band, "squared error", float(errors[:, 3].mean() / 3), "variances", digits=2)
+    geometries = {f"{plan} target": (plan, options.seed, places) for plan in plans}
+    crossed = run_units(cross_directions, geometries, options.folder("team_frame"), workers=options.workers)
+    every = np.concatenate(list(crossed.values()))
+    for name, rows in {**{name.removesuffix(" target"): r for name, r in crossed.items()}, "all": every}.items():
+        row = Path(name).stem
+        results.add("target", row, "geometries", len(rows), digits=0)
+        for k, column in enumerate(("belief, one", "belief, two", "peak, one", "peak, two")):
+            results.add("target", row, column, float(rows[:, k].mean()), "m", digits=2)
     return options.finish("team_frame", results)
+
+
+def cross_directions(plan: str, seed: int, count: int) -> Float[np.ndarray, "n 4"]:
+    """Errors of a target's place in random geometries [m]: mean over the belief of one robot and of two, peaks."""
+    building, config, rng = make_building(read_plan(plan)), EpisodeConfig(), np.random.default_rng(seed)
+    places = reach(building, *config.simulator.robot.hull_m)
+    link = RadioLink(building, config.simulator.radio)
+    interpreter = Interpreter(link, config.link_states)
+    centres, free = places.plan.centres(places.roomy), building.plan.free
+    frame = GridFrame(
+        origin_xy=tuple(building.plan.origin[:2]),
+        resolution_m=building.plan.resolution_m,
+        shape=building.plan.shape,
+    )
+    rows: list[list[float]] = []
+    while len(rows) < count:
+        target = centres[rng.integers(len(centres))]
+        link.place(target)
+        away_m = np.hypot(*(centres - target).T)
+        around = centres[(away_m >= 1.0) & (away_m <= _AROUND_M)]
+        if not len(around):
+            continue
+        ends = around[rng.integers(len(around), size=2)]
+        azimuth = np.arctan2(*(target - ends).T[::-1])
+        is_crossing = abs(np.sin(azimuth[0] - azimuth[1])) >= np.sin(_CROSSING_RAD)
+        if not is_crossing or any(link.trace(end).link_state()[0, 0] != LinkState.LOS for end in ends):
+            continue
+        belief, errors = TargetBelief(ends[0]), []
+        for end in ends:
+            pose = np.array([*end, rng.uniform(-np.pi, np.pi)])
+            known = MapEstimate(
+                frame=frame,
+                obstacle_probability=np.where(free, 0.05, 0.95).astype(np.float32),
+                explored=free,
+                blocked=np.zeros_like(free),
+                pose=pose,
+            )
+            belief.add_received(interpreter.interpret(link.measure(pose, rng), pose), known)
+            probability, away = belief.probability(), np.hypot(*np.moveaxis(belief.centres - target, -1, 0))
+            errors.append([float((probability * away).sum()), float(away.ravel()[probability.argmax()])])
+        rows.append(np.transpose(errors).ravel().tolist())
+    return np.array(rows)
 
 
 def run_pair(plan: str, band: str, seed: int, steps: int) -> dict[str, Any]:
