@@ -4,6 +4,7 @@ Both ends of a pair send in turn and sound the channel as they sound the target'
 in its own frame, ranges where the radio measures them, and the link state. Rates follow from the same paths.
 
 Robots do not know how the arrays of the others are turned, so departures are not used.
+Left out: bodies of other robots in the paths, interference between pairs, near fields.
 """
 
 import math
@@ -15,7 +16,7 @@ import numpy as np
 
 from robosim.parts import CLASSIFIER
 from robosim.radio.link import RadioLink
-from robosim.radio.measurement import Interpreter, Measurement
+from robosim.radio.measurement import Interpreter, Measurement, check_classifier
 from robosim.simulator import Simulator
 from robosim.support.parts import Part
 
@@ -39,11 +40,11 @@ class TeamRadio:
         config = first.config.radio
         config = replace(config, transmitter=config.receiver, engine="live", tables=None)
         self._link = RadioLink(first.building, config)
-        needs_departures = "aod" in getattr(CLASSIFIER.make(classifier, field="link_states"), "inputs", ())
-        self._interpreter = Interpreter(self._link, "generated-no-aod" if needs_departures else classifier)
+        if "aod" in getattr(CLASSIFIER.make(classifier, field="link_states"), "inputs", ()):
+            classifier = "generated-no-aod"
+            check_classifier(classifier, config)
+        self._interpreter = Interpreter(self._link, classifier)
         self._snr_db = dict.fromkeys(combinations(robots, 2), -math.inf)
-        self.config = config
-        """Carrier, waveform and arrays of the links."""
         self.measured: dict[str, dict[str, Measurement]] = {name: {} for name in robots}
         """Last measurements of each robot by the one that sent, of which azimuths are in the frame of the robot; none
         of robots that were not received."""

@@ -27,9 +27,9 @@ from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Interpreter
 from robosim.task.tasks import Task, make_task
 from robosim.team.team_config import TeamConfig, robot_names
+from slam.grid import GridFrame, MapEstimate
 from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.results import Results
-from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
 #: Largest errors by band [m, degrees]; Wi-Fi measures round-trip times with this deviation [m].
@@ -91,7 +91,10 @@ def main(
     geometries = {f"{plan} target": (plan, options.seed, places) for plan in plans}
     crossed = run_units(cross_directions, geometries, options.folder("team_frame"), workers=options.workers)
     every = np.concatenate(list(crossed.values()))
-    for name, rows in {**{name.removesuffix(" target"): r for name, r in crossed.items()}, "all": every}.items():
+    for name, rows in {
+        **{name.removesuffix(" target"): r for name, r in crossed.items()},
+        "all": every,
+    }.items():
         row = Path(name).stem
         results.add("target", row, "geometries", len(rows), digits=0)
         for k, column in enumerate(("belief, one", "belief, two", "peak, one", "peak, two")):
@@ -158,9 +161,7 @@ def run_pair(plan: str, band: str, seed: int, steps: int) -> dict[str, Any]:
     config = replace(config, simulator=simulator)
     places = reach(building, *simulator.robot.hull_m)
     tasks = tasks_apart(places, np.random.default_rng(seed))
-    entrants = {
-        name: Entrant(task, config, places) for name, task in zip(robot_names(2), tasks, strict=True)
-    }
+    entrants = {name: Entrant(task, config, places) for name, task in zip(robot_names(2), tasks, strict=True)}
     team = run_team(building, entrants)
     covariances = [known.covariance for frames in team.frames.values() for known in frames.values()]
     link, in_sight = RadioLink(building, replace(radio, engine="live")), 0

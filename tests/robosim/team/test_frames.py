@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -114,8 +115,18 @@ def test_robots_that_meet_merge_their_maps(exchange: str) -> None:
     result = team.result()
     assert result["frames_known"] == 1.0
     assert result["frame_error_m"] < 0.1
-    known = [np.count_nonzero(estimate.explored) for estimate in team.maps.values()]
+    one, other = team.maps.values()
+    known = [np.count_nonzero(estimate.explored) for estimate in (one, other)]
     assert min(known) > 0.8 * max(known)
+    # Both maps are drawn by the true start of their robot, so that walls lie in the same places.
+    walls, points = (
+        np.asarray(one.obstacle_probability) > 0.6,
+        other.frame.centres(np.asarray(other.obstacle_probability) > 0.6),
+    )
+    near = cv2.dilate(walls.astype(np.uint8), np.ones((5, 5)))
+    iy, ix = one.frame.index(points)
+    is_inside = one.frame.inside(iy, ix)
+    assert near[iy[is_inside], ix[is_inside]].sum() > 0.9 * len(points)
 
 
 def test_maps_stay_apart_without_exchange() -> None:
