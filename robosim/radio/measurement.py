@@ -75,7 +75,7 @@ class Measurement:
         """Numbers of the paths whose direction of arrival is known."""
         return np.flatnonzero(np.isfinite(self.aoa_rad))
 
-    def moved(self, by: Float[np.ndarray, "3"]) -> "Measurement":
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "Measurement":
         """The measurement in the frame in which its frame lies at a pose."""
         return replace(
             self,

@@ -82,26 +82,26 @@ class Frames:
             self._seen[author, other, decision] = here
             if (there := self._seen.get((other, author, decision))) is not None:
                 pair = (author, other) if author < other else (other, author)
-                one, two = (here, there) if pair[0] == author else (there, here)
-                self._meet(pair, decision, one, two)
+                ends = (here, there) if pair[0] == author else (there, here)
+                self._meet(pair, decision, *ends)
 
-    def _meet(self, pair: tuple[str, str], decision: int, one: Seen, two: Seen) -> None:
+    def _meet(self, pair: tuple[str, str], decision: int, first: Seen, second: Seen) -> None:
         past = self._encounters.setdefault(pair, {})
         # Two encounters at the same two places say the same, with the same error.
         if any(
-            np.hypot(*(one.pose - e.first)[:2]) + np.hypot(*(two.pose - e.second)[:2]) < APART_M
+            np.hypot(*(first.pose - e.first)[:2]) + np.hypot(*(second.pose - e.second)[:2]) < APART_M
             for e in past.values()
         ):
             return
-        weight = np.array([one.sigma_m, two.sigma_m]) ** -2.0
+        weight = np.array([first.sigma_m, second.sigma_m]) ** -2.0
         past[decision] = Encounter(
-            first=one.pose,
-            second=two.pose,
-            bearing_rad=(one.bearing_rad, two.bearing_rad),
-            sigma_rad=(one.sigma_rad, two.sigma_rad),
-            range_m=float(np.average([one.range_m, two.range_m], weights=weight)),
+            first=first.pose,
+            second=second.pose,
+            bearing_rad=(first.bearing_rad, second.bearing_rad),
+            sigma_rad=(first.sigma_rad, second.sigma_rad),
+            range_m=float(np.average([first.range_m, second.range_m], weights=weight)),
             # Powers at both ends have the same error, and ranges hardly.
-            sigma_m=min(one.sigma_m, two.sigma_m),
+            sigma_m=min(first.sigma_m, second.sigma_m),
         )
         self._changed.add(pair)
 

@@ -69,7 +69,7 @@ class Status:
         points = np.vstack([self.pose[:2], self.path, self.goal])
         return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
-    def moved(self, by: Float[np.ndarray, "3"]) -> "Status":
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "Status":
         """The status in the frame in which its frame lies at a pose."""
         return replace(
             self,
@@ -128,7 +128,7 @@ class Member:
         for note in self._inbox if self.frames is None else self._in_frame(self.frames):
             content, author = note.read(), note.topic.author
             if author in self._placed:
-                content = content.moved(self._placed[author])
+                content = content.transformed(self._placed[author])
             if note.topic.subject == "status":
                 self.others[author] = content
             elif note.topic.subject == "measurement":
@@ -172,7 +172,7 @@ class Member:
         """Notes to read: received ones of robots whose frames are known, and all of those whose frames have moved."""
         for note in self._inbox:
             if note.topic.subject == "robots":
-                frames.add(note.topic.author, *note.topic.number, note.read())
+                frames.add(note.topic.author, note.topic.number[0], note.read())
         notes = [note for note in self._inbox if note.topic.subject != "robots"]
         for author in sorted({*self._placed, *frames.known}) if frames.update() else ():
             known, before = frames.known.get(author), self._placed.pop(author, None)
@@ -195,7 +195,7 @@ class Member:
     def _write(self, subject: str, content: Any, number: tuple[int, ...] = ()) -> None:
         """Write a note, relative to the start if that is unknown to the others."""
         if self.frames is not None:
-            content = content.moved(between(self._start, np.zeros(3)))
+            content = content.transformed(between(self._start, np.zeros(3)))
         self.notes.write(subject, content, number)
 
     def place_to_yield(self, waited: int, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:

@@ -37,7 +37,7 @@ class Tile(NamedTuple):
     yaw_rad: float = 0.0
     """Turn of its rows against those of `map` [rad]."""
 
-    def moved(self, by: Float[np.ndarray, "3"]) -> "Tile":
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "Tile":
         """The tile in the frame in which its frame lies at a pose."""
         x, y = to_map(by, np.array(self.origin_xy))
         return Tile((float(x), float(y)), self.codes, self.yaw_rad + float(by[2]))

@@ -78,7 +78,7 @@ def test_turned_tile_lies_where_its_frame_does() -> None:
     codes[20:24, 40:44] = 128 + 126  # a pillar
     at = np.array([0.3, -0.7, 0.6])
     shared = SharedMap()
-    shared.add("b", Tile((0.0, 0.0), codes).moved(at), own)
+    shared.add("b", Tile((0.0, 0.0), codes).transformed(at), own)
     merged = shared.merge(own)
     obstacles = merged.frame.centres(np.asarray(merged.obstacle_probability) > 0.9)
     assert obstacles.mean(axis=0) == pytest.approx(to_map(at, np.array([2.1, 1.1])), abs=0.02)
