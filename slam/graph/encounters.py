@@ -6,9 +6,9 @@ encounter gives X in closed form; over all of them X minimises
 
     sum_k rho(e_k^2 / sigma_k^2),
 
-with rho the Cauchy loss; encounters that agree with it are then fitted by least squares. Directions off a reflection are
-wrong altogether. Therefore X is accepted only if most encounters agree with it, at several places, far more than with
-any other X, and if its covariance is small.
+with rho the Cauchy loss; encounters that agree with it are then fitted by least squares. Directions off a reflection
+are wrong altogether. Therefore X is accepted only if most encounters agree with it, at several places, far more than
+with any other X, and if its covariance is small.
 
 Left out: poses at past encounters remain as they were estimated then, also after loops close.
 References: Martinelli, Pont, Siegwart, Multi-robot localization using relative observations, ICRA 2005; Zhou,
