@@ -110,7 +110,9 @@ class Agent:
             with self._watch.stage("team"):
                 self.member.begin(map_)
                 map_ = self.shared_map(map_)
-                estimates = replace(estimates, map=map_, received=self.member.received())
+                estimates = replace(
+                    estimates, map=map_, received=self.member.received(), robots=self.member.robots
+                )
         with self._watch.stage("goal"):
             around = self._avoidance.around(map_)
             requested = self.policy.goal(sensed, replace(estimates, map=around))

@@ -23,6 +23,7 @@ from robosim.policies.shortest import TrueMapper
 from robosim.simulator import Observation
 from robosim.step import Decision, Step, idle
 from robosim.support.interrupt import noted_interrupt
+from robosim.support.randomness import named_generator
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from robosim.team.team import Team
@@ -80,12 +81,18 @@ def run_team(
         uses_camera=any(agent.policy.uses_camera for agent in agents.values()),
     )
     searches = {name: _Search(name, entrants[name], agents[name], world, watch) for name in entrants}
-    team = Team(first.team, world.robots)
+    rng = np.random.default_rng([first.seed, 1])
+    team = Team(
+        first.team,
+        world.robots,
+        {name: entrant.task.start for name, entrant in entrants.items()},
+        first.link_states,
+        named_generator(rng, "radio between robots"),
+    )
     for name, member in team.members.items():
         agents[name].member = member
     log = TeamLog({name: search.log for name, search in searches.items()})
     with closing(world), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
-        rng = np.random.default_rng([first.seed, 1])
         sensed = world.reset({name: entrant.task for name, entrant in entrants.items()}, rng)
         for name, agent in agents.items():
             agent.reset(entrants[name].task.start)
@@ -113,6 +120,7 @@ def run_team(
             search.log.ended = "another arrived" if name in team.going else "lost"
         log.maps[name] = search.finish()
     log.sent_bytes = team.exchange.sent_bytes
+    log.frames = {name: member.frames.known for name, member in team.members.items() if member.frames}
     return log
 
 

@@ -28,6 +28,8 @@ class Estimates:
     it is needed: the covariances take milliseconds."""
     received: Sequence[Measurement] = ()
     """Measurements of the target that other robots of a team have taken, since the last decision."""
+    robots: Mapping[str, Measurement] = field(default_factory=dict)
+    """Radio measurements of the other robots of a team by name, as they were last taken."""
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:

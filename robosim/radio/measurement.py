@@ -28,7 +28,7 @@ from robosim.parts import CLASSIFIER, TERMINAL
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.link_state import Classifier, TrueStates
 from robosim.support.parts import Part, part_name
-from slam.poses import wrap
+from slam.poses import compose, wrap
 from slam.sensing.bearings import Bearing
 from wireless.estimates import PathEstimates, measured
 from wireless.paths import LinkState
@@ -74,6 +74,15 @@ class Measurement:
     def directed(self) -> Int[np.ndarray, " m"]:
         """Numbers of the paths whose direction of arrival is known."""
         return np.flatnonzero(np.isfinite(self.aoa_rad))
+
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "Measurement":
+        """The measurement in the frame in which its frame lies at a pose."""
+        return replace(
+            self,
+            pose=compose(by, self.pose),
+            aoa_rad=wrap(self.aoa_rad + by[2]),
+            aod_rad=wrap(self.aod_rad + by[2]),
+        )
 
     def power_only(self) -> "Measurement":
         """Return the measurement of a single antenna: total SNR and gain, direction (NaN) and state unknown."""

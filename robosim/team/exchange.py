@@ -2,8 +2,8 @@
 
 By radio, each pair of robots has a link through the building, with the arrays that they receive the target with at both
 ends. Its rate is that of Shannon for the signal-to-noise ratio of all paths together, over the bandwidth, for the share
-of the time that a pair is given. Statuses are sent at each decision; measurements and tiles less often, and those that
-do not fit later.
+of the time that a pair is given. Statuses, and which robots are in sight, are sent at each decision; measurements and
+tiles less often, and those that do not fit later.
 
 Left out: interference between pairs, retransmissions.
 """
@@ -19,6 +19,8 @@ from robosim.team.team_radio import TeamRadio
 
 #: Time of a decision [s].
 _DECISION_S = 1.0
+#: Decisions between two measurements of the radio between robots whose relative starts are unknown.
+_LOOKS = 3
 
 
 class Exchange:
@@ -33,18 +35,23 @@ class Exchange:
         """Bytes that each robot has sent."""
 
     def begin(self, decision: int) -> None:
-        """Grant each pair the time of another decision; the radio is measured occasionally."""
-        self._subjects = SUBJECTS if decision % self._config.every == 0 else SUBJECTS[:1]
+        """Grant each pair the time of another decision; the radio is measured occasionally, for starts more often."""
+        is_occasion = decision % self._config.every == 0
+        self._subjects = SUBJECTS if is_occasion else SUBJECTS[:2]
         if self._radio is None:
             return
-        if decision % self._config.every == 0:
+        if is_occasion or (self._config.starts == "unknown" and decision % _LOOKS == 0):
             self._radio.measure()
+            for name, member in self._members.items():
+                member.measured(self._radio.measured[name])
+        if self._config.exchange == "perfect":
+            return
         for pair in self._bytes_left:
             # Time that was not used is lost.
             self._bytes_left[pair] = self._radio.rate_bps(pair) * self._config.airtime * _DECISION_S / 8
 
     def deliver(self, receiver: str, going: Collection[str]) -> None:
-        """Give a robot the notes of those that are going which reach it now: statuses always, others occasionally."""
+        """Give a robot the notes of those that are going which reach it now."""
         for subject, pair in product(self._subjects, self._bytes_left):
             sender = pair[0] if pair[1] == receiver else pair[1]
             if receiver not in pair or sender not in going:

@@ -3,23 +3,30 @@
 It reports its status (pose, goal, path), its map in tiles, and its measurements of the target, of which those taken
 closer together than a metre add little. Of the others it knows the same. Its own goal policy is given the merged
 map, measurements of all, and where the others are bound, so that it leaves to them what they reach sooner.
+
+If starts are unknown, all that it reports is relative to its start, and it uses nothing of a robot whose frame it does
+not know (`robosim.team.frames`) but stores it until then.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.policies.reason import GoalKind
+from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Measurement
 from robosim.step import Decision
-from robosim.team.notes import Note, Notebook
+from robosim.team.frames import Frames, seen_robots
+from robosim.team.notes import Note, Notebook, Topic
 from robosim.team.shared_map import SharedMap, TileChanges
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
-from slam.poses import to_map
+from slam.poses import between, compose, to_map, wrap
 
 #: Least distance between two measurements that are reported [m].
 _APART_M = 1.0
@@ -27,6 +34,8 @@ _APART_M = 1.0
 _SAME_M = 0.6
 #: Decisions for which a status says where a robot is.
 _FRESH = 2
+#: Maps of others are put to their places again if their frames move by more [m, rad].
+_SHIFT_M, _TURN_RAD = 0.02, math.radians(0.1)
 #: A robot whose last status is older than so many decisions is bound for nothing.
 _SILENT = 40
 
@@ -60,6 +69,16 @@ class Status:
         points = np.vstack([self.pose[:2], self.path, self.goal])
         return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "Status":
+        """The status in the frame in which its frame lies at a pose."""
+        return replace(
+            self,
+            pose=compose(by, self.pose),
+            next_xy=to_map(by, self.next_xy),
+            goal=None if self.goal is None else to_map(by, self.goal),
+            path=None if self.path is None else to_map(by, self.path),
+        )
+
 
 class Member:
     """A robot of a team."""
@@ -78,6 +97,22 @@ class Member:
         self._measurements = 0
         self._received: list[Measurement] = []
         self._inbox: list[Note] = []
+        self.robots: dict[str, Measurement] = {}
+        """Radio measurements of other robots when they were last taken, by robot, with azimuths in `map`."""
+        self._measured: Mapping[str, Measurement] | None = None
+        self.frames: Frames | None = None
+        """Where the frames of the others lie; None if all know their starts in one frame."""
+        self._start, self._radio = np.zeros(3), RadioLinkConfig()
+        self._placed: dict[str, np.ndarray] = {}
+        self._added: set[Topic] = set()
+
+    def begin_apart(self, start: Float[np.ndarray, "3"], radio: RadioLinkConfig) -> None:
+        """Report relative to the start, a pose in `map`, without knowing the starts of the others."""
+        self.frames, self._start, self._radio = Frames(self.name), np.asarray(start, float), radio
+
+    def measured(self, measured: Mapping[str, Measurement]) -> None:
+        """Receive the radio of other robots, with azimuths in the frame of the robot."""
+        self._measured = measured
 
     def receive(self, note: Note) -> None:
         """Receive a note of another robot."""
@@ -87,8 +122,13 @@ class Member:
     def begin(self, own_map: MapEstimate) -> None:
         """Begin a decision: read what the others have reported, and report the robot's own map."""
         self._decision += 1
-        for note in self._inbox:
+        if self._measured is not None:
+            self._interpret(self._measured, own_map.pose)
+            self._measured = None
+        for note in self._inbox if self.frames is None else self._in_frame(self.frames):
             content, author = note.read(), note.topic.author
+            if author in self._placed:
+                content = content.transformed(self._placed[author])
             if note.topic.subject == "status":
                 self.others[author] = content
             elif note.topic.subject == "measurement":
@@ -99,7 +139,7 @@ class Member:
         if (self._decision - 1) % self._every == 0:
             self._map.refresh()
             for number, tile in self._changes.of(own_map):
-                self.notes.write("tile", tile, number)
+                self._write("tile", tile, number)
 
     def merged(self, own_map: MapEstimate) -> MapEstimate:
         """The robot's own map, continued by what the others have reported."""
@@ -119,6 +159,47 @@ class Member:
             if all(math.hypot(*(track.xy - robot.xy)) > _SAME_M for robot in robots)
         ]
         return replace(merged, claims=tuple(claims), moving=(*tracks, *robots))
+
+    def _interpret(self, measured: Mapping[str, Measurement], pose: Float[np.ndarray, "3"]) -> None:
+        """Turn measurements of other robots into `map`, and report those in sight."""
+        self.robots = {
+            name: replace(m, pose=np.array(pose), aoa_rad=wrap(m.aoa_rad + pose[2]))
+            for name, m in measured.items()
+        }
+        seen = seen_robots(self.robots, between(self._start, pose), self._radio)
+        if self.frames is not None and seen:
+            self.notes.write("robots", seen, (self._decision,))
+            self.frames.add(self.name, self._decision, seen)
+
+    def _in_frame(self, frames: Frames) -> list[Note]:
+        """Notes to read: received ones of robots whose frames are known, and all of those whose frames have moved."""
+        for note in self._inbox:
+            if note.topic.subject == "robots":
+                frames.add(note.topic.author, note.topic.number[0], note.read())
+        notes = [note for note in self._inbox if note.topic.subject != "robots"]
+        for author in sorted({*self._placed, *frames.known}) if frames.update() else ():
+            known, before = frames.known.get(author), self._placed.pop(author, None)
+            if known is not None:
+                at = compose(self._start, known.pose)
+                if before is not None and _is_same(at, before):
+                    self._placed[author] = before
+                    continue
+                self._placed[author] = at
+            self._map.remove(author)
+            self.others.pop(author, None)
+            again = [n for n in self.notes.of(author) if n.topic.subject != "robots" and known is not None]
+            # The belief has their measurements already.
+            again = [n for n in again if n.topic.subject != "measurement" or n.topic not in self._added]
+            notes = [note for note in notes if note.topic.author != author] + again
+        notes = [note for note in notes if note.topic.author in self._placed]
+        self._added |= {note.topic for note in notes}
+        return notes
+
+    def _write(self, subject: str, content: Any, number: tuple[int, ...] = ()) -> None:
+        """Write a note, relative to the start if that is unknown to the others."""
+        if self.frames is not None:
+            content = content.transformed(between(self._start, np.zeros(3)))
+        self.notes.write(subject, content, number)
 
     def place_to_yield(self, waited: int, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The place to back off to, if another robot has blocked this one for a while; else None."""
@@ -153,8 +234,14 @@ class Member:
             ):
                 self._reported = place.copy()
                 self._measurements += 1
-                self.notes.write("measurement", measured, (self._measurements,))
-        self.notes.write("status", status)
+                self._write("measurement", measured, (self._measurements,))
+        self._write("status", status)
+
+
+def _is_same(pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"]) -> bool:
+    """Whether tiles need not be put to another place."""
+    x, y, yaw = between(pose, other)
+    return math.hypot(x, y) < _SHIFT_M and abs(float(yaw)) < _TURN_RAD
 
 
 def _thing(number: int, status: Status, decision: int) -> MovingThing:

@@ -44,7 +44,7 @@ class Note:
 #: Bytes of author, subject, number, edition and length.
 _HEADER = 16
 #: Subjects of notes, in the order in which they are sent.
-SUBJECTS = ("status", "measurement", "tile")
+SUBJECTS = ("status", "robots", "measurement", "tile")
 
 
 class Notebook:
@@ -68,6 +68,12 @@ class Notebook:
         """Number of the edition that the robot has; 0 without one."""
         note = self._notes[topic.subject].get(topic)
         return 0 if note is None else note.edition
+
+    def of(self, author: str) -> list[Note]:
+        """All notes of a robot."""
+        return [
+            note for notes in self._notes.values() for topic, note in notes.items() if topic.author == author
+        ]
 
     def news_for(self, other: "Notebook", subject: str, most_bytes: float) -> Iterator[Note]:
         """Notes of which another robot has no edition, or an earlier one, as many as fit."""

@@ -11,10 +11,11 @@ from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
+from slam.poses import to_map, to_robot
 
 #: Side of a tile [cells].
 TILE = 64
@@ -33,6 +34,29 @@ class Tile(NamedTuple):
     """Lower-left corner in `map` [m]."""
     codes: UInt8[np.ndarray, "ny nx"]
     """Its cells."""
+    yaw_rad: float = 0.0
+    """Turn of its rows against those of `map` [rad]."""
+
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "Tile":
+        """The tile in the frame in which its frame lies at a pose."""
+        x, y = to_map(by, np.array(self.origin_xy))
+        return Tile((float(x), float(y)), self.codes, self.yaw_rad + float(by[2]))
+
+    def upright(self, frame: GridFrame) -> "Tile":
+        """The tile without its turn, on the lattice of a frame: each cell as the one at its centre."""
+        cell_m, (ny, nx) = frame.resolution_m, self.codes.shape
+        at = np.array([*self.origin_xy, self.yaw_rad])
+        corners = to_map(at, cell_m * np.array([[0, 0], [nx, 0], [0, ny], [nx, ny]]))
+        cells = frame.to_cells(corners)
+        low = np.floor(cells.min(axis=0)).astype(int)
+        columns, rows = np.ceil(cells.max(axis=0)).astype(int) - low
+        grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1) + low + 0.5
+        ix, iy = np.moveaxis(np.floor(to_robot(at, frame.to_points(grid)) / cell_m).astype(int), -1, 0)
+        is_inside = (ix >= 0) & (ix < nx) & (iy >= 0) & (iy < ny)
+        codes = np.full((rows, columns), _UNKNOWN, np.uint8)
+        codes[is_inside] = self.codes[iy[is_inside], ix[is_inside]]
+        x, y = frame.to_points(low)
+        return Tile((float(x), float(y)), codes)
 
 
 def _codes_of(estimate: MapEstimate) -> UInt8[np.ndarray, "ny nx"]:
@@ -76,11 +100,20 @@ class SharedMap:
 
     def add(self, author: str, tile: Tile, own_map: MapEstimate) -> None:
         """Add or replace a tile of another robot."""
+        is_turned = tile.yaw_rad != 0.0
+        tile = tile.upright(own_map.frame) if is_turned else tile
         frame = self._cover(own_map, tile)
         codes = self._codes.setdefault(author, np.full(frame.shape, _UNKNOWN))
         column, row = np.rint(frame.to_cells(np.array(tile.origin_xy))).astype(int)
         ny, nx = tile.codes.shape
-        codes[row : row + ny, column : column + nx] = tile.codes
+        # Neighbours of a turned tile lie within its upright bounds.
+        is_its = tile.codes != _UNKNOWN if is_turned else True
+        np.copyto(codes[row : row + ny, column : column + nx], tile.codes, where=is_its)
+        self._merged = None
+
+    def remove(self, author: str) -> None:
+        """Remove all tiles of a robot."""
+        self._codes.pop(author, None)
         self._merged = None
 
     def _cover(self, own_map: MapEstimate, tile: Tile | None = None) -> GridFrame:

@@ -2,7 +2,11 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+from jaxtyping import Float
+
 from robosim.simulator import Simulator
+from robosim.support.parts import Part
 from robosim.team.exchange import Exchange
 from robosim.team.member import Member
 from robosim.team.team_config import TeamConfig
@@ -12,8 +16,23 @@ from robosim.team.team_radio import TeamRadio
 class Team:
     """The robots of an episode, in the order in which they decide; a single one has no team."""
 
-    def __init__(self, config: TeamConfig, robots: Mapping[str, Simulator]) -> None:
-        """Make the members, for the robots' agents."""
+    def __init__(
+        self,
+        config: TeamConfig,
+        robots: Mapping[str, Simulator],
+        starts: Mapping[str, Float[np.ndarray, "3"]],
+        classifier: Part,
+        rng: np.random.Generator,
+    ) -> None:
+        """Make the members, for the robots' agents.
+
+        Args:
+            config: What they share.
+            robots: The robots by name.
+            starts: Pose of each at first: x [m], y [m], yaw [rad] in `map`.
+            classifier: Of the states of links between robots.
+            rng: Draws the noise of the radio between robots.
+        """
         self._config, self._decision = config, -1
         self.going = list(robots)
         """Names of the robots that were not lost."""
@@ -21,8 +40,12 @@ class Team:
         """Members by name; none of a single robot."""
         if len(robots) > 1:
             for order, (name, robot) in enumerate(robots.items()):
-                self.members[name] = Member(name, order, robot.config.robot.hull, config.every)
-        radio = TeamRadio(robots) if config.exchange == "radio" and self.members else None
+                member = Member(name, order, robot.config.robot.hull, config.every)
+                if config.starts == "unknown":
+                    member.begin_apart(starts[name], robot.config.radio)
+                self.members[name] = member
+        measures = config.exchange == "radio" or (config.exchange, config.starts) == ("perfect", "unknown")
+        radio = TeamRadio(robots, classifier, rng) if measures and self.members else None
         self.exchange = Exchange(config, self.members, radio)
 
     def next_decision(self) -> list[str]:

@@ -9,6 +9,8 @@ from robosim.support.checks import ADVANCED, Range, checked
 
 #: How robots of a team exchange what they know.
 ExchangeName = Literal["perfect", "radio", "none"]
+#: What robots of a team know of each other's starts.
+StartsName = Literal["known", "unknown"]
 
 
 #: Most robots of a team.
@@ -29,6 +31,9 @@ class TeamConfig:
     """Share of the time in which one robot may send to another."""
     every: Annotated[int, Range(1, 1_000_000, "decisions"), ADVANCED] = 10
     """Decisions between two measurements of the radio between robots, and between two exchanges of maps."""
+    starts: StartsName = "known"
+    """Whether robots know where the others start. If not, each has a frame of its own, and maps stay apart until
+    directions and distances that robots measure of each other give the relative pose."""
     lose: Annotated[tuple[str, ...], ADVANCED] = ()
     """Robots that stop during the search, and when: 2@100 is the second robot at decision 100."""
 

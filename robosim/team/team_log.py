@@ -5,10 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from robosim.episode_log import EpisodeLog
 from robosim.task.coverage import Coverage
+from slam.graph.encounters import RelativePose
 from slam.grid import MapEstimate
+from slam.poses import between, wrap
 
 
 @dataclass(eq=False)
@@ -25,6 +28,8 @@ class TeamLog:
     """Part of what was seen that several robots have seen, after each decision."""
     sent_bytes: Mapping[str, int] = field(default_factory=dict)
     """Bytes that each robot has sent to others."""
+    frames: Mapping[str, Mapping[str, RelativePose]] = field(default_factory=dict)
+    """Starts of others relative to that of each robot, as it has estimated them; empty if starts are known."""
 
     def add_seen(self, coverages: Iterable[Coverage]) -> None:
         """Add what the robots have seen so far."""
@@ -33,6 +38,20 @@ class TeamLog:
         reachable, together, twice = (int(np.count_nonzero(cells)) for cells in (region, seen, seen > 1))
         self.coverage.append(together / max(reachable, 1))
         self.overlap.append(twice / max(together, 1))
+
+    def frame_errors(self) -> Float[np.ndarray, "n 3"]:
+        """Errors of relative starts that robots have estimated: x [m], y [m], yaw [rad] in the frame of each."""
+        starts = {name: log.task.start for name, log in self.robots.items()}
+        errors = np.reshape(
+            [
+                known.pose - between(starts[name], starts[other])
+                for name, frames in self.frames.items()
+                for other, known in frames.items()
+            ],
+            (-1, 3),
+        )
+        errors[:, 2] = wrap(errors[:, 2])
+        return errors
 
     @property
     def first(self) -> EpisodeLog:
@@ -62,4 +81,16 @@ class TeamLog:
             "contacts_by_robot": by_robot - between,
             "contacts_by_others": len(contacts) - len(with_robots) - (by_robot - between),
             "sent_bytes": sum(self.sent_bytes.values()),
+            **self._frames_result(),
+        }
+
+    def _frames_result(self) -> dict[str, Any]:
+        """Part of the relative starts that are known, and their largest errors, if starts were unknown."""
+        if not self.frames:
+            return {}
+        errors, n = self.frame_errors(), len(self.robots)
+        return {
+            "frames_known": len(errors) / (n * (n - 1)),
+            "frame_error_m": float(np.hypot(*errors[:, :2].T).max()) if len(errors) else None,
+            "frame_error_deg": float(np.degrees(np.abs(errors[:, 2]).max())) if len(errors) else None,
         }

@@ -18,7 +18,7 @@ BENCHMARKS = (
     "exploration", "mapping", "robot_logs", "localization", "warsaw_flat", "warsaw_powers", "warsaw_places",
     "measured_hall", "endurance", "environment", "live", "plans", "start", "tracer_peer", "map_errors",
     "mapex", "senses", "people", "blockage", "robots", "learning", "readme", "clusters",
-    "large_buildings", "uwb_apartment", "outlines", "team_logs", "indoor_office", "full_wave",
+    "large_buildings", "uwb_apartment", "outlines", "team_logs", "team_frame", "indoor_office", "full_wave",
     "compare",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
