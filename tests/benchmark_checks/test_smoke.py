@@ -26,6 +26,7 @@ from tests.benchmarks import (
     plans,
     render,
     robots,
+    team_coverage,
     tracer_peer,
     tracing,
 )
@@ -319,3 +320,13 @@ def test_the_list_names_all_benchmarks(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["nothing"])
     assert ended.value.code == 2
+
+
+def test_team_coverage(pair, options):
+    """Two robots see two rooms sooner than one does, and what both saw is a part of it."""
+    results = team_coverage.main((pair,), sizes=(2,), exchanges=("perfect",), max_steps=200, options=options)
+    rows = results.tables()["pair"][1:]
+    assert [row[0] for row in rows] == ["1 robot", "2 robots, perfect"]
+    decisions = column(results, "pair", "decisions")
+    assert 0 < decisions["2 robots, perfect"] <= decisions["1 robot"]
+    assert 0 <= column(results, "pair", "overlap")["2 robots, perfect"] <= 100
