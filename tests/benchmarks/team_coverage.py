@@ -119,6 +119,9 @@ def _figure(curves: dict[tuple[int, str], dict[str, Any]]) -> Figure:
         style = "-" if size == 1 else _STYLES[exchange]
         axes.plot(100 * np.asarray(curve["coverage"]), style, color=colour, label=label)
     axes.axhline(100 * SHARE, color="0.8", zorder=0)
+    reached = [steps for curve in curves.values() if (steps := until(curve)) is not None]
+    if reached:
+        axes.set_xlim(0, 1.5 * max(reached) + 1)
     axes.set(xlabel="decisions", ylabel="floor seen together [%]", ylim=(0, 100))
     axes.legend(loc="lower right", fontsize="small")
     return figure
