@@ -140,7 +140,7 @@ def record_episode(
                         recordings[log.robot].add(step)
 
             team = run_team(building, entrants, record, watch)
-            if writer is not None and isinstance(picture, TeamPicture):
+            if writer is not None:
                 with watch.stage("video"):
                     image = picture.last()
                     if image is not None:

@@ -162,6 +162,9 @@ ANTICIPATING_PALETTE[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
 class Picture:
     """Draws steps of one episode."""
 
+    #: Width of the legend at the right [pixels].
+    legend_width = LEGEND
+
     def __init__(
         self,
         rings: Sequence[Float[np.ndarray, "_ 2"]],
@@ -191,6 +194,9 @@ class Picture:
     def add(self, robot: str, step: Step) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of a step of the robot, of which there is one."""
         return self.draw(step)
+
+    def last(self) -> None:
+        """No picture: `add` has returned those of all steps."""
 
     def draw(self, step: Step) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of a step; trajectories and time lines grow by one point per call.

@@ -20,6 +20,9 @@ _STRIP = 24
 class TeamPicture:
     """Draws the steps of a team."""
 
+    #: It has no legend.
+    legend_width = 0
+
     def __init__(
         self,
         rings: Sequence[Float[np.ndarray, "_ 2"]],

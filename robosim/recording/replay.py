@@ -1,6 +1,6 @@
 """Replay of a recorded episode: its video, and a sheet of some of its frames."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from pathlib import Path
 
@@ -37,29 +37,33 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
     writer = VideoWriter(video, picture.size)
     on_sheet = []
     try:
-        for number, steps in enumerate(zip_longest(*(episode.steps() for episode in episodes.values()))):
-            # A robot that was lost has fewer steps.
-            made = {name: step for name, step in zip(episodes, steps, strict=True) if step is not None}
-            frame = picture.draw(made) if isinstance(picture, TeamPicture) else picture.draw(made[""])
+        for number, frame in enumerate(_frames(picture, episodes)):
             writer.add(frame)
             if number in chosen:
                 on_sheet.append(frame)
     finally:
         writer.close()
-    if isinstance(picture, TeamPicture):
-        _write(sheet, _tiled(on_sheet))
-        return [video, sheet]
     # A single legend for all.
-    tiled = _tiled([frame[:, :-LEGEND] for frame in on_sheet])
-    legend = np.full((len(tiled), LEGEND, 3), 255, np.uint8)
-    legend[: len(on_sheet[0])] = on_sheet[0][:, -LEGEND:]
-    _write(sheet, np.hstack([tiled, legend]))
+    before_legend = picture.size[0] - picture.legend_width
+    tiled = _tiled([frame[:, :before_legend] for frame in on_sheet])
+    legend = np.full((len(tiled), picture.legend_width, 3), 255, np.uint8)
+    legend[: len(on_sheet[0])] = on_sheet[0][:, before_legend:]
+    _, content = cv2.imencode(".png", cv2.cvtColor(np.hstack([tiled, legend]), cv2.COLOR_RGB2BGR))
+    write_whole(sheet, content.tobytes())
     return [video, sheet]
 
 
-def _write(sheet: Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
-    _, content = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    write_whole(sheet, content.tobytes())
+def _frames(
+    picture: Picture | TeamPicture, episodes: Mapping[str, RecordedEpisode]
+) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+    """Pictures of all steps, in the order in which the robots took them."""
+    for steps in zip_longest(*(episode.steps() for episode in episodes.values())):
+        for name, step in zip(episodes, steps, strict=True):
+            # A robot that was lost has fewer steps.
+            if step is not None and (frame := picture.add(name, step)) is not None:
+                yield frame
+    if (frame := picture.last()) is not None:
+        yield frame
 
 
 def picture_of(episode: RecordedEpisode) -> Picture:

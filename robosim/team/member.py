@@ -105,6 +105,7 @@ class Member:
         self._start, self._radio = np.zeros(3), RadioLinkConfig()
         self._placed: dict[str, np.ndarray] = {}
         self._added: set[Topic] = set()
+        """Measurements that were read, while starts are unknown."""
 
     def begin_apart(self, start: Float[np.ndarray, "3"], radio: RadioLinkConfig) -> None:
         """Report relative to the start, a pose in `map`, without knowing the starts of the others."""
@@ -187,12 +188,13 @@ class Member:
                 self._placed[author] = at
             self._map.remove(author)
             self.others.pop(author, None)
-            again = [n for n in self.notes.of(author) if n.topic.subject != "robots" and known is not None]
-            # The belief has their measurements already.
-            again = [n for n in again if n.topic.subject != "measurement" or n.topic not in self._added]
+            # The belief has measurements that were read before.
+            again = [
+                n for n in self.notes.of(author) if n.topic.subject != "robots" and n.topic not in self._added
+            ]
             notes = [note for note in notes if note.topic.author != author] + again
         notes = [note for note in notes if note.topic.author in self._placed]
-        self._added |= {note.topic for note in notes}
+        self._added |= {note.topic for note in notes if note.topic.subject == "measurement"}
         return notes
 
     def _write(self, subject: str, content: Any, number: tuple[int, ...] = ()) -> None:

@@ -71,7 +71,7 @@ class TeamConfig:
     def is_lost(self, name: str, decision: int) -> bool:
         """Whether a robot has stopped permanently before a decision."""
         lost = (text.partition("@") for text in self.lose)
-        return any(f"robot{number}" == name and decision >= int(when) for number, _, when in lost)
+        return any(self.names[int(number) - 1] == name and decision >= int(when) for number, _, when in lost)
 
 
 def robot_names(count: int) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ class TeamLog:
         # The first bodies that a robot meets are the other robots.
         with_robots = [contact for contact in contacts if contact.body < len(logs) - 1]
         by_robot = sum(contact.by_robot for contact in contacts)
-        between = sum(contact.by_robot for contact in with_robots)
+        of_robots = sum(contact.by_robot for contact in with_robots)
         return {
             **first,
             "coverage": self.coverage[-1],
@@ -77,9 +77,9 @@ class TeamLog:
             "path_length_all_m": sum(log.path_length_m for log in logs),
             "collisions": sum(motion.collided for log in logs for motion in log.motions),
             "overlap": self.overlap[-1],
-            "contacts_between_robots": between,
-            "contacts_by_robot": by_robot - between,
-            "contacts_by_others": len(contacts) - len(with_robots) - (by_robot - between),
+            "contacts_between_robots": of_robots,
+            "contacts_by_robot": by_robot - of_robots,
+            "contacts_by_others": len(contacts) - len(with_robots) - (by_robot - of_robots),
             "sent_bytes": sum(self.sent_bytes.values()),
             **self._frames_result(),
         }

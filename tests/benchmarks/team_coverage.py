@@ -70,7 +70,7 @@ def main(
 
 
 def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: int) -> dict[str, Any]:
-    """Let a team explore; its curves of coverage and overlap, and its contacts and metres."""
+    """Curves of coverage and overlap of a team that explores, its contacts and kilometres."""
     building = make_building(read_plan(plan))
     config = EpisodeConfig(
         goal="explore",

@@ -146,7 +146,7 @@ def cross_directions(plan: str, seed: int, count: int) -> Float[np.ndarray, "n 4
 
 
 def run_pair(plan: str, band: str, seed: int, steps: int) -> dict[str, Any]:
-    """Let two robots explore; errors of relative starts with their squares in variances, and lines of sight."""
+    """Errors of relative starts of two robots that explore, their squares in variances, and lines of sight."""
     building = make_building(read_plan(plan))
     config = EpisodeConfig(
         goal="explore",

@@ -67,20 +67,20 @@ def test_a_search_is_the_episode_without_a_page(search, quick):
 def test_a_search_of_a_team_makes_steps_of_all_robots(search, quick):
     """A single step is one of each robot; the poses are those of `run_team`."""
     config = replace(quick, max_steps=5, team=TeamConfig(robots="2"))
-    one = search(WAIT, config=config)
-    wait_for(lambda: decisions(one) == 1)
-    one.step()
-    wait_for(lambda: decisions(one) == 2)
+    process = search(WAIT, config=config)
+    wait_for(lambda: decisions(process) == 1)
+    process.step()
+    wait_for(lambda: decisions(process) == 2)
     time.sleep(0.3)
-    assert [len(robot) for robot in one.recording.robots] == [2, 1]
-    one.set_mode(RUN)
-    wait_for(lambda: not one.is_alive)
-    assert one.error == ""
+    assert [len(robot) for robot in process.recording.robots] == [2, 1]
+    process.set_mode(RUN)
+    wait_for(lambda: not process.is_alive)
+    assert process.error == ""
     building = make_building(two_rooms(0.8), config=config.building)
     places = reach(building, *config.simulator.robot.hull_m)
     task = make_task(places, np.random.default_rng([config.seed, 0]), start=START, target=TARGET)
     team = run_team(building, make_entrants(building, places, task, config))
-    for robot in one.recording.robots:
+    for robot in process.recording.robots:
         shown = np.array([robot[i].true.pose for i in range(len(robot))])
         assert np.array_equal(shown, np.array(team.robots[robot.robot].poses[:5]))
 

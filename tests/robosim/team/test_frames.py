@@ -67,7 +67,7 @@ def test_sight_of_one_robot_alone_is_no_encounter() -> None:
 
 def test_turned_tile_lies_where_its_frame_does() -> None:
     shape = (200, 200)
-    own = MapEstimate(
+    estimate = MapEstimate(
         frame=GridFrame(origin_xy=(-5.0, -5.0), resolution_m=0.05, shape=shape),
         obstacle_probability=np.full(shape, 0.5, np.float32),
         explored=np.zeros(shape, bool),
@@ -78,13 +78,13 @@ def test_turned_tile_lies_where_its_frame_does() -> None:
     codes[20:24, 40:44] = 128 + 126  # a pillar
     at = np.array([0.3, -0.7, 0.6])
     shared = SharedMap()
-    shared.add("b", Tile((0.0, 0.0), codes).transformed(at), own)
-    merged = shared.merge(own)
+    shared.add("b", Tile((0.0, 0.0), codes).transformed(at), estimate)
+    merged = shared.merge(estimate)
     obstacles = merged.frame.centres(np.asarray(merged.obstacle_probability) > 0.9)
     assert obstacles.mean(axis=0) == pytest.approx(to_map(at, np.array([2.1, 1.1])), abs=0.02)
     assert np.count_nonzero(merged.explored) == pytest.approx(64 * 64, rel=0.01)
     shared.remove("b")
-    assert not shared.merge(own).explored.any()
+    assert not shared.merge(estimate).explored.any()
 
 
 def _run(starts: str, exchange: str = "radio") -> TeamLog:

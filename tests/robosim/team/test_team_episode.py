@@ -179,7 +179,7 @@ def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
 
 @pytest.mark.parametrize("physics", ["kinematic", "dynamic"])
 def test_team_people_walk_once_for_all_robots(scene, physics: str) -> None:
-    """Both robots see the same people at the same time, track them and count contacts; one seed gives one result."""
+    """People are the same for both robots, which track them and count contacts; one seed gives one result."""
     building, places = scene
     people = MoversConfig(people=4)
     config = replace(_CONFIG, simulator=replace(_CONFIG.simulator, physics=physics, movers=people))
