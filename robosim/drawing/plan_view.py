@@ -138,8 +138,9 @@ class PlanView:
     def tint(self, canvas: np.ndarray, belief: Layer) -> None:
         """Redden cells where the target is likelier than in a uniform distribution."""
         level = self._resampled(belief.values.astype(np.float32), belief.frame, cv2.INTER_LINEAR)
-        share = 0.7 * level[..., None] / TOP_LEVEL
-        canvas[:] = (1 - share) * canvas + share * np.array(TARGET_RED)
+        is_likely = level > 0
+        share = 0.7 * level[is_likely, None] / TOP_LEVEL
+        canvas[is_likely] = (1 - share) * canvas[is_likely] + share * np.array(TARGET_RED)
 
     def draw_walls(self, canvas: np.ndarray) -> None:
         """Draw the true walls."""
