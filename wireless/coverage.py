@@ -25,6 +25,17 @@ if TYPE_CHECKING:
 _BATCH_LINKS = 8192
 #: Values that are means over the points of a cell, weighted by gains.
 _SPREADS = ("delay_spread_s", "aoa_az_spread_rad", "aod_az_spread_rad")
+#: Labels of quantities in pictures, and the factors of their units.
+_SHOWN = {
+    "power_dbm": ("received power [dBm]", 1.0),
+    "snr_db": ("SNR [dB]", 1.0),
+    "sinr_db": ("SINR [dB]", 1.0),
+    "best_server": ("best server", 1.0),
+    "delay_s": ("delay of the first path [ns]", 1e9),
+    "delay_spread_s": ("delay spread [ns]", 1e9),
+    "aoa_az_spread_rad": ("spread of azimuths of arrival [degrees]", np.rad2deg(1.0)),
+    "aod_az_spread_rad": ("spread of azimuths of departure [degrees]", np.rad2deg(1.0)),
+}
 
 
 class CellState(IntEnum):
@@ -198,15 +209,24 @@ class CoverageMap:
             tx: Number of the transmitter.
             axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
         """
+        from matplotlib.colors import BoundaryNorm
+
         axes, style = axes_in_metres(axes), dict[str, Any]()
+        label, scale = _SHOWN.get(quantity, (quantity, 1.0))
         if quantity == "best_server":
-            values = np.where(self.best_server >= 0, self.best_server + 1.0, np.nan)  # as in names of files
-            style = {"vmin": 1, "vmax": max(2, len(self.gain))}
-        elif tx is None:
-            values = self.best(quantity)
+            numbers = np.arange(len(self.gain)) + 1  # as in names of files
+            values = np.where(self.best_server >= 0, self.best_server + 1.0, np.nan)
+            style["norm"], bar = BoundaryNorm([0.5, *numbers + 0.5], 256), {"ticks": numbers}
         else:
-            values = np.where(self.state[tx] == CellState.REACHED, getattr(self, quantity)[tx], np.nan)
+            if tx is None:
+                values = self.best(quantity)
+            else:
+                values = np.where(self.state[tx] == CellState.REACHED, getattr(self, quantity)[tx], np.nan)
+            values, bar = scale * values, {"extend": "both"}
+            known = values[np.isfinite(values)]
+            # A few cells that hardly anything reaches would take most of the colours.
+            style["vmin"], style["vmax"] = np.percentile(known, [1, 99.5]) if len(known) else (0, 1)
         image = axes.pcolormesh(*np.moveaxis(self.edges, 2, 0), values, cmap="cividis", **style)
-        axes.figure.colorbar(image, ax=axes, label=quantity, shrink=0.8)
+        axes.figure.colorbar(image, ax=axes, label=label, shrink=0.8, **bar)
         axes.plot(*self.tx_position[:, :2].T, "*", color="#CC0000", mec="white", ms=13)
         return axes

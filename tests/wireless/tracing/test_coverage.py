@@ -204,14 +204,18 @@ def test_coverage_rejects_maps_that_cannot_be(options, message, open_ground):
 
 
 def test_coverage_plots_quantities_of_a_transmitter_and_of_the_best_server(shaded):
-    """Cells without a path are empty; the number of the best server counts from 1, as in names of files."""
-    for quantity, tx, expected in (
-        ("power_dbm", 0, shaded.power_dbm[0]),
-        ("sinr_db", None, shaded.best("sinr_db")),
-        ("best_server", None, shaded.best_server + 1.0),
-        ("delay_spread_s", None, shaded.best("delay_spread_s")),
+    """Cells without a path are empty; the number of the best server counts from 1, as in names of files.
+
+    Times are in nanoseconds, and labels name the unit.
+    """
+    for quantity, tx, expected, label in (
+        ("power_dbm", 0, shaded.power_dbm[0], "received power [dBm]"),
+        ("sinr_db", None, shaded.best("sinr_db"), "SINR [dB]"),
+        ("best_server", None, shaded.best_server + 1.0, "best server"),
+        ("delay_spread_s", None, 1e9 * shaded.best("delay_spread_s"), "delay spread [ns]"),
     ):
         axes = shaded.plot(quantity, tx)
+        assert axes.figure.axes[-1].get_ylabel() == label
         shown = np.ma.filled(axes.collections[0].get_array(), np.nan)
         reached = shaded.state[0] == 3 if tx == 0 else shaded.best_server >= 0
         np.testing.assert_array_equal(np.isfinite(shown), reached)
