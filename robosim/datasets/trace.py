@@ -353,7 +353,7 @@ def _explain_outage(
         for place, is_reached in zip(tx, reached, strict=True)
     )
     for reason in filter(None, dict.fromkeys(reasons)):
-        logger.warning("%s: %s", site.name, reason)
+        logger.warning(f"{site.name}: {reason}")
 
 
 def _settings(scene: RadioSite, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid) -> dict[str, Any]:

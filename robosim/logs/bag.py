@@ -80,7 +80,7 @@ def read_bag(path: Path, topics: BagTopics | None = None, report: dict[str, Any]
     with naming(path, "a ROS bag", _REMEDY):
         log = _Reading(path, topics or BagTopics(), report).log()
     for text in report["assumed"]:
-        logger.warning("%s: %s.", path, text)
+        logger.warning(f"{path}: {text}.")
     if log.track is not None:
         report_track(path, log.track)
     return log

@@ -203,11 +203,8 @@ def map_log(
     is_sparse, step_deg = log.step_rad() > _SPARSE_RAD, math.degrees(log.step_rad())
     if is_sparse:
         logger.warning(
-            "%s: beams are %.0f degrees apart. Maps of scans with more than %g between beams often come apart: look at "
-            "map.png before you use them.",
-            log.file or log.name,
-            step_deg,
-            math.degrees(_SPARSE_RAD),
+            f"{log.file or log.name}: beams are {step_deg:.0f} degrees apart. Maps of scans with more than "
+            f"{math.degrees(_SPARSE_RAD):g} between beams often come apart: look at map.png before you use them."
         )
     thin, lines = is_thin(log.beams()[0]), None
     if is_sparse and log.known[1:].all():

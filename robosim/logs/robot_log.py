@@ -164,13 +164,8 @@ def report_track(path: Path, track: OdometryTrack) -> None:
         if is_faulty.any():
             k = int(is_faulty.argmax())
             logger.warning(
-                "%s: at %.6f s %s (%d such places); the motion is unknown there, and scans alone give it. If the map "
-                "comes apart, %s.",
-                path,
-                track.times[k],
-                what.format(step=step_s[k]),
-                is_faulty.sum(),
-                remedy,
+                f"{path}: at {track.times[k]:.6f} s {what.format(step=step_s[k])} ({is_faulty.sum()} such places); "
+                f"the motion is unknown there, and scans alone give it. If the map comes apart, {remedy}."
             )
 
 

@@ -133,7 +133,7 @@ class Loop:
             try:
                 made = self._compile(signature)
             except OSError as error:  # not cached; the next call finds the function in memory
-                logger.warning("Compiled loops cannot be cached in %s: %s", self._folder, error)
+                logger.warning(f"Compiled loops cannot be cached in {self._folder}: {error}")
                 made = self._compile(signature)
             if _count_misses(self._dispatcher) > misses:
                 _write_checksum(self._folder)

@@ -448,7 +448,7 @@ class ClassicalMapper:
             if (size + pads[first] + pads[first + 1]) * across > room:
                 if not self._is_full:
                     logger.warning(
-                        "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
+                        f"The map has reached max_area_m2 = {self.config.max_area_m2:g} m2 and stops growing."
                     )
                 self._is_full = True
                 pads[first] = pads[first + 1] = 0

@@ -240,7 +240,7 @@ def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshF
     heights = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
     if floor_height_m is None:
         if len(floors) > 1:
-            logger.warning("floors found at %s; the lowest is taken. Choose by the floor height.", heights)
+            logger.warning(f"floors found at {heights}; the lowest is taken. Choose by the floor height.")
         return floors[0]
     nearest = min(floors, key=lambda floor: abs(floor.height_m - floor_height_m))
     if not abs(nearest.height_m - floor_height_m) <= _NEAR_M:
