@@ -128,28 +128,15 @@ def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
         )
         for axis in _OTHER
     }
-    if largest[other] <= 2 * largest[usual]:
-        if largest[other] > largest[usual]:
-            logger.warning(
-                "%s: the %s axis is taken to point up, as usual in such files, but the largest floor has %.0f m2 then, "
-                "and %.0f m2 if the %s axis does. If this is wrong, pass up=%r (--up %s).",
-                path,
-                usual,
-                largest[usual],
-                largest[other],
-                *(other,) * 3,
-            )
-        return usual
-    logger.warning(
-        "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s axis. If "
-        "this is wrong, pass up=%r (--up %s).",
-        path,
-        other,
-        largest[other],
-        largest[usual],
-        *(usual,) * 3,
-    )
-    return other
+    has_larger = largest[other] > largest[usual]
+    axis, against = (other, usual) if largest[other] > 2 * largest[usual] else (usual, other)
+    if has_larger:
+        logger.warning(
+            f"{path}: the {axis} axis is taken to point up{', as usual in such files' if axis == usual else ''}. The "
+            f"largest floor has {largest[axis]:.0f} m2 then, and {largest[against]:.0f} m2 if the {against} axis does. "
+            f"If this is wrong, pass up={against!r} (--up {against})."
+        )
+    return axis
 
 
 def plan_from_triangles(

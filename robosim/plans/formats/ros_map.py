@@ -177,15 +177,15 @@ def occupancy_of(
         )
     elif (n_changed := np.count_nonzero(states != letter)) > 0:
         shades = has_shades_of_alpha(image)
-        logger.warning(
-            "%s: the alpha channel of %s changes the state of %d cells by map_server's rule, which averages it with "
-            "the colours in mode trinary. %s Remove it, or set 'mode: scale', by which transparent is unknown.",
-            path,
-            header.image.name,
-            n_changed,
+        here = (
             "It is averaged here too."
             if shades
-            else f"It is ignored here, and transparent is unknown. {settle}",
+            else f"It is ignored here, and transparent is unknown. {settle}"
+        )
+        logger.warning(
+            f"{path}: the alpha channel of {header.image.name} changes the state of {n_changed} cells by map_server's "
+            f"rule, which averages it with the colours in mode trinary. {here} Remove it, or set 'mode: scale', by "
+            "which transparent is unknown."
         )
         states = letter if shades else states
     unknown_level = unknown_grey(image, header.negate and not raw)
