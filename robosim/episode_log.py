@@ -22,7 +22,7 @@ from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.support.tum import write_tum
 from robosim.task.tasks import ARRIVAL_M, Task
 from slam.graph.landmarks import Transmitter
-from slam.poses import wrap
+from slam.poses import Pose, wrap
 from wireless.paths import LinkState
 from wireless.support.counting import counted
 
@@ -82,13 +82,7 @@ class EpisodeLog:
     def __repr__(self) -> str:
         return f"<EpisodeLog: {self.ended} after {counted(self.steps, 'step')}>"
 
-    def add_pose(
-        self,
-        motion: Motion | None,
-        pose: Float[np.ndarray, "3"],
-        estimate: Float[np.ndarray, "3"],
-        coverage: float,
-    ) -> None:
+    def add_pose(self, motion: Motion | None, pose: Pose, estimate: Pose, coverage: float) -> None:
         """Add a step: the motion that led to it, true and estimated pose, and the coverage so far."""
         if motion is not None:
             self.motions.append(motion)

@@ -34,8 +34,12 @@ from robosim.camera.rendering.merged_meshes import merge
 from robosim.support.checks import LEVEL, Range, checked
 from robosim.support.compiled import compiled
 from robosim.support.ray_casting import make_ray_scene
-from slam.poses import moved_ahead
+from slam.poses import Pose, moved_ahead
 from slam.sensing.laser import LaserScan
+
+#: A number for each beam.
+Beams = Float[np.ndarray, " n"]
+
 
 #: Rays of a beam that is a cone.
 _RAYS = 9
@@ -86,14 +90,14 @@ class LidarModel:
             )
 
     @property
-    def bearing_rad(self) -> Float[np.ndarray, " n"]:
+    def bearing_rad(self) -> Beams:
         """Directions of the beams in the robot's frame [rad], rising."""
         half = np.radians(self.fov_deg) / 2
         if self.fov_deg == 360.0:
             return np.linspace(-half, half, self.beams, endpoint=False)
         return np.linspace(-half, half, self.beams)
 
-    def sigma_at(self, range_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    def sigma_at(self, range_m: Beams) -> Beams:
         """Standard deviation of ranges [m]."""
         return np.maximum(self.sigma_m, self.sigma_share * range_m)
 
@@ -106,15 +110,13 @@ Moving = Float[np.ndarray, "m 3 3"]
 class Lidar(Protocol):
     """Interface of lidars."""
 
-    def scan(
-        self, pose: Float[np.ndarray, "3"], rng: np.random.Generator, moving: Moving | None = None
-    ) -> LaserScan:
+    def scan(self, pose: Pose, rng: np.random.Generator, moving: Moving | None = None) -> LaserScan:
         """Measure at a true pose in `map`, x [m], y [m], yaw [rad], with noise from a generator.
 
         `moving` are triangles in `map` [m] of what moves in the building; without movers it is not given.
         """
 
-    def true_scan(self, pose: Float[np.ndarray, "3"], moving: Moving | None = None) -> LaserScan:
+    def true_scan(self, pose: Pose, moving: Moving | None = None) -> LaserScan:
         """Measure without errors."""
 
 
@@ -130,9 +132,7 @@ class EmbreeLidar:
         self._scene = make_ray_scene(scenery.triangles)
         self._normal = _normals(scenery.triangles)
 
-    def scan(
-        self, pose: Float[np.ndarray, "3"], rng: np.random.Generator, moving: Moving | None = None
-    ) -> LaserScan:
+    def scan(self, pose: Pose, rng: np.random.Generator, moving: Moving | None = None) -> LaserScan:
         """Measure; see `robosim.lidar.Lidar`."""
         model, level = self.model, self.config.level
         ranges, slant = self._cast(pose, moving)
@@ -147,11 +147,11 @@ class EmbreeLidar:
         measured[lost | np.isinf(ranges)] = math.inf
         return self._make_scan(measured)
 
-    def true_scan(self, pose: Float[np.ndarray, "3"], moving: Moving | None = None) -> LaserScan:
+    def true_scan(self, pose: Pose, moving: Moving | None = None) -> LaserScan:
         """Measure without errors."""
         return self._make_scan(self._cast(pose, moving)[0])
 
-    def _make_scan(self, range_m: Float[np.ndarray, " n"]) -> LaserScan:
+    def _make_scan(self, range_m: Beams) -> LaserScan:
         return LaserScan(
             bearing_rad=self._bearing,
             range_m=range_m,
@@ -160,9 +160,7 @@ class EmbreeLidar:
             ahead_m=self.config.ahead_m,
         )
 
-    def _cast(
-        self, pose: Float[np.ndarray, "3"], moving: Moving | None
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    def _cast(self, pose: Pose, moving: Moving | None) -> tuple[Beams, Beams]:
         """Ranges [m], inf where nothing is within reach, and angles from the normals [rad]."""
         pose = moved_ahead(pose, self.config.ahead_m)
         half = math.radians(self.model.cone_deg) / 2
@@ -200,12 +198,8 @@ def _normals(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
 
 @compiled
 def _ranges_and_slants(
-    angle: Float[np.ndarray, " n"],
-    far: np.ndarray,
-    face: np.ndarray,
-    normal: Float[np.ndarray, "m 3"],
-    max_range_m: float,
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    angle: Beams, far: np.ndarray, face: np.ndarray, normal: Float[np.ndarray, "m 3"], max_range_m: float
+) -> tuple[Beams, Beams]:
     """Ranges of what rays hit, inf for nothing within `max_range_m`, and angles from the normals [rad]."""
     ranges, slant = np.full(len(angle), math.inf), np.zeros(len(angle))
     for k in range(len(angle)):

@@ -23,6 +23,7 @@ from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, MOVES, TURN_RAD, Action, Command, Velocity
+from slam.poses import Covariance, Pose
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -152,9 +153,7 @@ class OdometryCorrector:
         self.bias_covariance = self._noise / config.runs if config.runs else guessed.copy()
         self.bias_covariance[Action.WAIT] = least
 
-    def correct(
-        self, action: Command, measured: Float[np.ndarray, "3"]
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    def correct(self, action: Command, measured: Pose) -> tuple[Pose, Covariance]:
         """Displacement without its constant error, and the covariance of what is left.
 
         The motion of a velocity counts as parts of a step and of a turn: constants grow with the parts, and so do the
@@ -175,13 +174,7 @@ class OdometryCorrector:
             return corrected, self._noise[Action.WAIT] + random + constant
         return measured - self.bias[action], self._noise[action] + self.bias_covariance[action]
 
-    def learn(
-        self,
-        action: Command,
-        measured: Float[np.ndarray, "3"],
-        matched: Float[np.ndarray, "3"],
-        matched_covariance: Float[np.ndarray, "3 3"],
-    ) -> None:
+    def learn(self, action: Command, measured: Pose, matched: Pose, matched_covariance: Covariance) -> None:
         """Move the constant error of an action towards what a matched displacement says of it; not of a velocity."""
         if action is Action.WAIT or isinstance(action, Velocity):
             return

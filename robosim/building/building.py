@@ -294,7 +294,7 @@ def make_building(
         "tolerance_m": config.tolerance_m,
         "frame": "map",
     }
-    logger.info("%s: %d faces around %.1f m2 of free floor", plan.name, len(solid.faces), free.area)
+    logger.info(f"{plan.name}: {len(solid.faces)} faces around {free.area:.1f} m2 of free floor")
     building = Building(
         plan=plan,
         free=free,
@@ -353,7 +353,7 @@ def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> 
     faces = [np.asarray(bare.mesh.faces), *(body.faces + at for body, at in zip(bodies, first, strict=True))]
     counts = [len(body.faces) for body in bodies]
     material = np.repeat(np.array([materials.index(each) for each in made_of], np.uint8), counts)
-    logger.info("%d things of %d faces are placed in the building", len(furnishings), sum(counts))
+    logger.info(f"{len(furnishings)} things of {sum(counts)} faces are placed in the building")
     return replace(
         bare,
         mesh=plain_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
@@ -386,7 +386,7 @@ def _check_place(bare: Building, furnishing: Furnishing) -> None:
             f"{near[1]:.2f}) m."
         )
     if inside.area < outline.area / 2:
-        logger.warning("%s stands in walls by more than half of its outline.", at)
+        logger.warning(f"{at} stands in walls by more than half of its outline.")
 
 
 def _coloured_walls(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"]:

@@ -26,6 +26,9 @@ from robosim.plans.furnishings.furnishing import Furnishing
 from wireless.em.materials import Material
 from wireless.tracing.mesh_check import surfaces_digest
 
+#: Sides of triangles.
+Sides = Int[np.ndarray, " m"]
+
 
 def rings_of(free: shapely.MultiPolygon) -> tuple[np.ndarray, Int[np.ndarray, " n"]]:
     """The closed lines of polygons, and which polygon each belongs to; its outer line comes first."""
@@ -230,13 +233,7 @@ def _triangulate(
     return np.searchsorted(spots[:, 0] + 1j * spots[:, 1], points[:, :, 0] + 1j * points[:, :, 1])
 
 
-def _half_edges(
-    triangles: Int[np.ndarray, "n 3"],
-    start: Int[np.ndarray, " m"],
-    end: Int[np.ndarray, " m"],
-    *,
-    must: bool = True,
-) -> Int[np.ndarray, " m"]:
+def _half_edges(triangles: Int[np.ndarray, "n 3"], start: Sides, end: Sides, *, must: bool = True) -> Sides:
     """Side of a triangle from `start` to `end`, as triangle * 3 + side; -1 if there is none."""
     base = 1 + max(triangles.max(initial=0), start.max(initial=0), end.max(initial=0))
     keys = (triangles * base + np.roll(triangles, -1, axis=1)).ravel()
@@ -252,7 +249,7 @@ def _half_edges(
     return at
 
 
-def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, " m"]) -> Int[np.ndarray, "m 2"]:
+def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Sides) -> Int[np.ndarray, "m 2"]:
     """Start and end of sides of triangles."""
     row, side = np.divmod(half_edge, 3)
     return np.stack([triangles[row, side], triangles[row, (side + 1) % 3]], axis=1)

@@ -133,7 +133,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     materials = tuple(dict.fromkeys(material))
     number_of = {entry: number for number, entry in enumerate(materials)}
     of_face = np.array([number_of[entry] for entry in material], np.uint8)
-    logger.info("%s: %d storeys, %d faces", plan.name, len(plan.storeys), len(faces))
+    logger.info(f"{plan.name}: {len(plan.storeys)} storeys, {len(faces)} faces")
     bare = Storeys(
         plan=plan,
         storeys=tuple(

@@ -246,7 +246,7 @@ def fit_powers(
     scene = _traced(measured, plan, wall_of(prior, config.thickness_m), config)
     on_done("paths traced")
     if lost := int((fitted & (scene.paths.count() == 0)).sum()):
-        logger.warning("%d readings at places that no path reaches do not count", lost)
+        logger.warning(f"{lost} readings at places that no path reaches do not count")
     fitted &= scene.paths.count() > 0
     for name, readings in zip(measured.names, fitted, strict=True):
         if not readings.any():

@@ -25,6 +25,10 @@ from jaxtyping import Float32, UInt64
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
 
+#: A number for each pixel.
+Pixels = Float32[np.ndarray, "h w"]
+
+
 #: Focal length of the camera that the published numbers belong to [pixels].
 NATIVE_FOCAL_PX = 585.0
 
@@ -62,9 +66,7 @@ class DepthNoise:
         """Standard deviation along the view of a surface that is faced [m]."""
         return self.level * (0.0012 + 0.0019 * max(depth_m - 0.4, 0.0) ** 2)
 
-    def apply(
-        self, depth: Float32[np.ndarray, "h w"], focal_px: float, rng: np.random.Generator
-    ) -> Float32[np.ndarray, "h w"]:
+    def apply(self, depth: Pixels, focal_px: float, rng: np.random.Generator) -> Pixels:
         """The measured depth image [m], 0 where nothing was measured, of a true one [m]; the same array at level 0.
 
         `focal_px` is the focal length of the image [pixels]; `rng` draws all of the noise.
@@ -91,12 +93,7 @@ class DepthNoise:
 
 
 @compiled
-def _measure(
-    depth: Float32[np.ndarray, "h w"],
-    normals: Float32[np.ndarray, "h w"],
-    bits: UInt64[np.ndarray, "h w"],
-    settings: np.ndarray,
-) -> Float32[np.ndarray, "h w"]:
+def _measure(depth: Pixels, normals: Pixels, bits: UInt64[np.ndarray, "h w"], settings: np.ndarray) -> Pixels:
     """All effects, pixel by pixel."""
     f, level, lateral, rounding, shift, fading, lost, nearest, farthest = settings
     h, w = depth.shape
@@ -161,9 +158,7 @@ def _uniform(word: int, shift: int) -> float:
 
 
 @compiled
-def _slope(
-    inverse: Float32[np.ndarray, "h w"], i: int, j: int, di: int, dj: int, f: float
-) -> tuple[float, float, float]:
+def _slope(inverse: Pixels, i: int, j: int, di: int, dj: int, f: float) -> tuple[float, float, float]:
     """Change of the inverse depth per pixel, and the inverse depth of what lies after and before an edge (0 if none).
 
     The flatter of the two sides is taken, as the steeper one may lead over an edge. An edge is where a neighbour

@@ -184,7 +184,6 @@ def _named_place(word: str) -> tuple[str, float, float]:
 
 # None is part of the annotated type: of a union, tyro prints the error of every member.
 XY = Annotated[tuple[float, ...] | None, _numbers(2, 2, "X,Y")]
-Place = Annotated[tuple[float, ...] | None, _numbers(2, 3, "X,Y[,Z]")]
 Box = Annotated[tuple[float, ...] | None, _numbers(4, 4, "X,Y,X,Y")]
 Pose = Annotated[tuple[float, ...] | None, _numbers(3, 3, "X,Y,YAW")]
 #: A name and a place.

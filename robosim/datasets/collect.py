@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from rich.console import Console
 
 from robosim.agent import Agent
@@ -51,6 +51,7 @@ from robosim.task.tasks import make_task
 from robosim.world import ROBOT, World
 from slam.actions import nearest_action
 from slam.grid import MapEstimate
+from slam.poses import Pose
 from slam.sensing.egocentric import belief_ahead
 
 #: Bytes of a shard, packed and unpacked.
@@ -166,10 +167,7 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
 
 
 def _row(
-    sensed: Observation,
-    estimate: MapEstimate,
-    pose: Float[np.ndarray, "3"],
-    patch: Bool[np.ndarray, "3 ny nx"],
+    sensed: Observation, estimate: MapEstimate, pose: Pose, patch: Bool[np.ndarray, "3 ny nx"]
 ) -> dict[str, Any]:
     """Sensor data, estimates and ground truth of a frame."""
     return {

@@ -55,6 +55,12 @@ from wireless.paths import LinkCategory, Paths
 from wireless.sounding.sounder import SoundingConfig
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
 
+#: Places of receivers [m].
+Receivers = Float[np.ndarray, "n_rx 3"]
+#: Places of transmitters [m].
+Transmitters = Float[np.ndarray, "n_tx 3"]
+
+
 logger = logging.getLogger(__name__)
 
 PATHS, UNITS = "paths.parquet", "units"
@@ -65,8 +71,8 @@ UNIT_RX = BLOCK_RX
 def trace_grid(
     plan: AnyPlace,
     config: RadioConfig,
-    tx: Float[np.ndarray, "n_tx 3"],
-    rx: Float[np.ndarray, "n_rx 3"],
+    tx: Transmitters,
+    rx: Receivers,
     folder: Path,
     *,
     bodies: Bodies | None = None,
@@ -114,12 +120,7 @@ def trace_grid(
     return folder / PATHS
 
 
-def _join(
-    file: Path,
-    units: dict[tuple[int, int], Path],
-    tx: Float[np.ndarray, "n_tx 3"],
-    rx: Float[np.ndarray, "n_rx 3"],
-) -> None:
+def _join(file: Path, units: dict[tuple[int, int], Path], tx: Transmitters, rx: Receivers) -> None:
     """Join the paths of units, by transmitter and first receiver, in one file."""
     writer = None
     try:
@@ -141,11 +142,7 @@ def _prepared(site: LinkPlan, config: RadioConfig) -> RadioSite:
 
 
 def _trace_unit(
-    site: LinkPlan,
-    config: RadioConfig,
-    txs: list[int],
-    rx: Float[np.ndarray, "n_rx 3"],
-    bodies: Bodies | None,
+    site: LinkPlan, config: RadioConfig, txs: list[int], rx: Receivers, bodies: Bodies | None
 ) -> list[bytes]:
     """Paths from some transmitters to consecutive receivers, one file per transmitter."""
     paths = _prepared(site, config).trace(site.transmitters[txs], rx, workers=1, bodies=bodies)
@@ -342,10 +339,7 @@ def _transmitters(
 
 
 def _explain_outage(
-    site: RadioSite,
-    tx: Float[np.ndarray, "n_tx 3"],
-    rx: Float[np.ndarray, "n_rx 3"],
-    reached: Bool[np.ndarray, "n_tx n_rx"],
+    site: RadioSite, tx: Transmitters, rx: Receivers, reached: Bool[np.ndarray, "n_tx n_rx"]
 ) -> None:
     """Warn of ends of links [m] without paths that are in solids or below the ground, each once."""
     reasons = (
@@ -353,7 +347,7 @@ def _explain_outage(
         for place, is_reached in zip(tx, reached, strict=True)
     )
     for reason in filter(None, dict.fromkeys(reasons)):
-        logger.warning("%s: %s", site.name, reason)
+        logger.warning(f"{site.name}: {reason}")
 
 
 def _settings(scene: RadioSite, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from robosim.building.building import Building
 from robosim.layers import BLOCKED, FREE, OBSTACLE, TOP_LEVEL, UNKNOWN, Layer
 from robosim.support.colours import Colour
 from slam.grid import GridFrame
+from slam.poses import Pose
 
 #: Lengths of scale bars [m].
 BARS_M = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
@@ -195,7 +196,7 @@ class PlanView:
         """Draw the scale."""
         draw_scale(canvas, self._px_per_m)
 
-    def draw_robot(self, canvas: np.ndarray, pose: Float[np.ndarray, "3"], title: str = "") -> None:
+    def draw_robot(self, canvas: np.ndarray, pose: Pose, title: str = "") -> None:
         """Draw the robot at its true pose, the scale, and a title."""
         nose = pose[:2] + 0.3 * np.array([np.cos(pose[2]), np.sin(pose[2])])
         cv2.circle(canvas, self._pixel(pose[:2]), 4, TRUE_GREEN, -1, cv2.LINE_AA)
@@ -240,11 +241,7 @@ class BriefPicture:
         self._places = np.zeros((0, 2))
 
     def draw(
-        self,
-        rgb: UInt8[np.ndarray, "h w 3"],
-        depth_m: Float[np.ndarray, "h w"],
-        pose: Float[np.ndarray, "3"],
-        text: str,
+        self, rgb: UInt8[np.ndarray, "h w 3"], depth_m: Float[np.ndarray, "h w"], pose: Pose, text: str
     ) -> UInt8[np.ndarray, "height width 3"]:
         """The picture at a true pose, with a line of text; the trajectory grows by one point per call."""
         self._places = np.vstack([self._places, pose[:2]])

@@ -36,6 +36,10 @@ from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 from wireless.support.counting import counted
 from wireless.support.ray_colours import ray_colours
 
+#: Place of a terminal [m].
+Place = Float[np.ndarray, "3"]
+
+
 WALL = "0.25"
 TX_COLOUR, RX_COLOUR = "#CC0000", "#009E73"
 KINDS = {
@@ -185,12 +189,7 @@ def choose_link(paths: Paths, tx: int) -> int:
 
 
 def draw_power(
-    axes: Axes,
-    building: Section,
-    grid: ReceiverGrid,
-    first: Paths,
-    tx_position: Float[np.ndarray, "3"],
-    tx_power_dbm: float,
+    axes: Axes, building: Section, grid: ReceiverGrid, first: Paths, tx_position: Place, tx_power_dbm: float
 ) -> None:
     """Received power of the strongest path."""
     values = np.full(len(grid.position), np.nan)
@@ -211,7 +210,7 @@ def draw_state(
     building: Section,
     grid: ReceiverGrid,
     category: UInt8[np.ndarray, " n"],
-    tx_position: Float[np.ndarray, "3"],
+    tx_position: Place,
     title: str = "link state",
     *,
     frequency_hz: float | None = None,
@@ -239,9 +238,7 @@ def draw_state(
     _legend(axes, building, [_tx_handle(), *states, outage])
 
 
-def draw_arrival(
-    axes: Axes, building: Section, grid: ReceiverGrid, first: Paths, tx_position: Float[np.ndarray, "3"]
-) -> None:
+def draw_arrival(axes: Axes, building: Section, grid: ReceiverGrid, first: Paths, tx_position: Place) -> None:
     """Azimuth of the strongest arrival, as colour, and as arrows that point there."""
     values = np.full(len(grid.position), np.nan)
     values[first.rx] = np.degrees(first.aoa_az)
@@ -306,9 +303,7 @@ def draw_rays(axes: Axes, building: Section, paths: Paths, tx: int, rx: int, tx_
     _legend(axes, building, handles)
 
 
-def conditions(
-    frequency_hz: float, tx_position: Float[np.ndarray, "3"], rx_position: Float[np.ndarray, "n 3"]
-) -> str:
+def conditions(frequency_hz: float, tx_position: Place, rx_position: Float[np.ndarray, "n 3"]) -> str:
     """Frequency and heights, for the title of a picture of radio."""
     low_m, high_m = float(rx_position[:, 2].min()), float(rx_position[:, 2].max())
     receivers = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
@@ -390,7 +385,7 @@ def _draw_bodies(axes: Axes, bodies: Bodies | None) -> None:
     axes.plot([], [], "o", mfc=css(BODY_YELLOW), mec="black", mew=0.5, ms=7, label=_PERSON)
 
 
-def _mark(axes: Axes, tx_position: Float[np.ndarray, "3"]) -> None:
+def _mark(axes: Axes, tx_position: Place) -> None:
     axes.plot(*tx_position[:2], "*", color=TX_COLOUR, mec="white", mew=0.8, ms=15, zorder=7)
 
 

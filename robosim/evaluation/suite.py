@@ -191,7 +191,7 @@ def _suite(content: Any, path: Path) -> Suite:
     tasks, known = [], dict[_Task, int]()
     for number, task in enumerate(said.tasks):
         if (first := known.setdefault(task, number)) < number:
-            logger.warning("%s: tasks[%d] is tasks[%d] again. Use --seeds.", shown(path), number, first)
+            logger.warning(f"{shown(path)}: tasks[{number}] is tasks[{first}] again. Use --seeds.")
         tasks.append(SuiteTask(number=counts[task.plan], **vars(task)))
         counts[task.plan] += 1
     order = {name: place for place, name in enumerate(plans)}

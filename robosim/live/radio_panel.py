@@ -309,7 +309,7 @@ class RadioPanel:
         self.refresh()
 
     def _show_error(self, error: Exception) -> None:
-        logger.debug("on the page: %s", error)
+        logger.debug(f"on the page: {error}")
         self._say(" ".join(str(error).split()))
 
     def _show_file_error(self, error: Exception) -> None:

@@ -272,13 +272,13 @@ def _checked_requests(host: str) -> Iterator[None]:
         def check(connection: Any, request: Any) -> Any:
             requested, origin = request.headers.get("Host"), request.headers.get("Origin")
             if not is_own_name(requested, host):
-                logger.warning("Rejected a request for %s.", requested)
+                logger.warning(f"Rejected a request for {requested}.")
                 message = (
                     "This page has another name. Open it by its number, such as 127.0.0.1, or give --host."
                 )
                 return connection.respond(421, message + "\n")
             if not is_same_page(origin, requested):
-                logger.warning("Rejected a connection from a page of %s.", origin)
+                logger.warning(f"Rejected a connection from a page of {origin}.")
                 return connection.respond(403, "Other pages may not connect to this one.\n")
             return None if process_request is None else patch_response(process_request(connection, request))
 

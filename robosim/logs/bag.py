@@ -25,7 +25,7 @@ from robosim.logs.frames import MOST_TIPPED, Frames, Places, frame_name, matrice
 from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, report_track, with_beam_times
 from robosim.support.installation import is_installed, missing_extra
 from robosim.support.reading import FileError, naming
-from slam.poses import between, wrap
+from slam.poses import Pose, between, wrap
 
 logger = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ def read_bag(path: Path, topics: BagTopics | None = None, report: dict[str, Any]
     with naming(path, "a ROS bag", _REMEDY):
         log = _Reading(path, topics or BagTopics(), report).log()
     for text in report["assumed"]:
-        logger.warning("%s: %s.", path, text)
+        logger.warning(f"{path}: {text}.")
     if log.track is not None:
         report_track(path, log.track)
     return log
@@ -236,7 +236,7 @@ class _Reading:
 
     def _mount(
         self, base: str, frame: str, sensor: str, times: Float[np.ndarray, " n"], is_laser: bool
-    ) -> Float[np.ndarray, "3"]:
+    ) -> Pose:
         """Pose of the beams in a frame; that of a slice has the axes of the base. FileError if it is none."""
         places = self._places(base, sensor, times, _AT_BASE)
         poses = planar(places)
@@ -375,9 +375,7 @@ def _odometry_frame(frames: Frames, base: str) -> str | None:
     return next(iter([*named, *local[::-1], *above]), None)
 
 
-def _log(
-    path: Path, scans: list[Scan], track: OdometryTrack | None, mount: Float[np.ndarray, "3"]
-) -> RobotLog:
+def _log(path: Path, scans: list[Scan], track: OdometryTrack | None, mount: Pose) -> RobotLog:
     """The log; without odometry all displacements are unknown."""
     times = np.array([scan.time_s for scan in scans])
     width = max(len(scan.bearing_rad) for scan in scans)

@@ -259,7 +259,7 @@ def _rising(path: Path, times: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarra
         return np.arange(len(times), dtype=float), True
     if len(late_scans):
         logger.warning(
-            "%s: %d times repeat or go back, and are put after the one before.", path, len(late_scans)
+            f"{path}: {len(late_scans)} times repeat or go back, and are put after the one before."
         )
     return rising, False
 

@@ -145,7 +145,7 @@ def read_log(
         if needs_times:
             raise FileError(f"{problem}, expected times of each scan. Give a log with times.")
         if beam_seconds is None:
-            logger.warning("%s, so that scans are counted instead.", problem)
+            logger.warning(f"{problem}, so that scans are counted instead.")
     if beam_seconds is not None:
         log = with_beam_times(log, *beam_seconds)
     return log if reference is None else with_reference(log, reference)

@@ -24,7 +24,7 @@ from slam.matching.line_odometry import line_odometry, points_of_walls, refine_p
 from slam.matching.lines import Ends
 from slam.matching.scan_matching import MatchConfig, ScanPoints, points_of_beams
 from slam.matching.thin_scans import is_thin, thin_scan
-from slam.poses import between, compose, to_map
+from slam.poses import Pose, Poses, between, compose, to_map
 
 logger = logging.getLogger(__name__)
 
@@ -62,11 +62,8 @@ class LogOdometryConfig:
     """The same for the turn [rad]."""
 
     def predicted(
-        self,
-        displacement: Float[np.ndarray, "3"] | None,
-        time_s: float,
-        last: Float[np.ndarray, "3"],
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        self, displacement: Pose | None, time_s: float, last: Pose
+    ) -> tuple[Pose, Float[np.ndarray, "3 3"]]:
         """Displacement over a time and its covariance.
 
         If it is not known, it is one standard deviation ahead; where scans follow each other fast, the last one again,
@@ -156,9 +153,7 @@ class Mapped:
     lines: _Lines | None
     """Ends of beams and odometry, by which poses of scans of few beams are adjusted to lines; None for other scans."""
 
-    def robot_poses(
-        self, laser_poses: Float[np.ndarray, "n 3"], origin: Float[np.ndarray, "3"]
-    ) -> Float[np.ndarray, "n 3"]:
+    def robot_poses(self, laser_poses: Poses, origin: Pose) -> Poses:
         """Poses of the robot, of those of the laser in a frame at a pose (`origin`): x, y [m], yaw [rad]."""
         if self.lines is not None:
             laser_poses = refine_poses(laser_poses, *self.lines)
@@ -203,11 +198,8 @@ def map_log(
     is_sparse, step_deg = log.step_rad() > _SPARSE_RAD, math.degrees(log.step_rad())
     if is_sparse:
         logger.warning(
-            "%s: beams are %.0f degrees apart. Maps of scans with more than %g between beams often come apart: look at "
-            "map.png before you use them.",
-            log.file or log.name,
-            step_deg,
-            math.degrees(_SPARSE_RAD),
+            f"{log.file or log.name}: beams are {step_deg:.0f} degrees apart. Maps of scans with more than "
+            f"{math.degrees(_SPARSE_RAD):g} between beams often come apart: look at map.png before you use them."
         )
     thin, lines = is_thin(log.beams()[0]), None
     if is_sparse and log.known[1:].all():
@@ -304,8 +296,8 @@ def _map_grid(
 
 
 def _beams(
-    log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float
-) -> Iterator[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "w 2"], Bool[np.ndarray, " w"]]]:
+    log: RobotLog, poses: Poses, range_m: float
+) -> Iterator[tuple[Pose, Float[np.ndarray, "w 2"], Bool[np.ndarray, " w"]]]:
     """Pose of each scan, ends of its beams in `map` [m], and which hit something; the others end at the laser."""
     for pose, bearing, ranges in zip(poses, log.beams(), log.range_m, strict=True):
         directions = np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -313,9 +305,7 @@ def _beams(
         yield pose, to_map(pose, np.where(hit, ranges, 0.0)[:, None] * directions), hit
 
 
-def make_log_plan(
-    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
-) -> FloorPlan:
+def make_log_plan(log: RobotLog, poses: Poses, resolution_m: float, range_m: float) -> FloorPlan:
     """The map of scans at poses of the robot, see `make_plan`."""
     return make_plan([(log, poses)], log.name, resolution_m, range_m)
 

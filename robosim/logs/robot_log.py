@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from robosim.logs.beam_times import OdometryTrack, corrected_beams, relative
 from robosim.support.checks import ADVANCED, Range, checked
-from slam.poses import between, compose
+from slam.poses import Pose, Poses, between, compose
 
 logger = logging.getLogger(__name__)
 
@@ -65,7 +65,7 @@ class RobotLog:
     reference: Float[np.ndarray, "n 3"] | None = None
     """Poses from another source: x [m], y [m], yaw [rad]; None if the log has none."""
 
-    def odometry(self) -> Float[np.ndarray, "n 3"]:
+    def odometry(self) -> Poses:
         """Poses by odometry alone, from (0, 0, 0)."""
         poses = [np.zeros(3)]
         for step in self.displacement[1:]:
@@ -106,7 +106,7 @@ class RobotLog:
                 )
         return replace(self, bearing_rad=bearing_rad, range_m=range_m, beam_s=None)
 
-    def seen_from(self, offset: Float[np.ndarray, "3"]) -> "RobotLog":
+    def seen_from(self, offset: Pose) -> "RobotLog":
         """The log of a frame at a pose on the robot [m, rad] instead of the robot's; the first pose is (0, 0, 0)."""
         if not offset.any():
             return self
@@ -116,7 +116,7 @@ class RobotLog:
             track = replace(track, poses=np.array([compose(pose, offset) for pose in track.poses]))
         return replace(self, displacement=np.array(steps), track=track, mount=between(offset, self.mount))
 
-    def laser_poses(self, poses: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    def laser_poses(self, poses: Poses) -> Poses:
         """Poses of the laser, of those of the robot: x, y [m], yaw [rad]."""
         return np.array([compose(pose, self.mount) for pose in poses])
 
@@ -164,13 +164,8 @@ def report_track(path: Path, track: OdometryTrack) -> None:
         if is_faulty.any():
             k = int(is_faulty.argmax())
             logger.warning(
-                "%s: at %.6f s %s (%d such places); the motion is unknown there, and scans alone give it. If the map "
-                "comes apart, %s.",
-                path,
-                track.times[k],
-                what.format(step=step_s[k]),
-                is_faulty.sum(),
-                remedy,
+                f"{path}: at {track.times[k]:.6f} s {what.format(step=step_s[k])} ({is_faulty.sum()} such places); "
+                f"the motion is unknown there, and scans alone give it. If the map comes apart, {remedy}."
             )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.logs.robot_log import RobotLog
-from slam.poses import between, compose, to_map, wrap
+from slam.poses import Poses, between, compose, to_map, wrap
 
 #: Distances between the two poses of a relation [m].
 NEAR_M, FAR_M = 1.0, 5.0
@@ -23,9 +23,7 @@ NEAR_M, FAR_M = 1.0, 5.0
 CELL_M, _RANGE_M = 0.05, 10.0
 
 
-def compare_trajectories(
-    poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]
-) -> dict[str, float]:
+def compare_trajectories(poses: Poses, reference: Poses) -> dict[str, float]:
     """Errors of a trajectory against a reference, `_m` [m] and of turns `_deg` [deg].
 
     `ate` is the absolute trajectory error, root mean square; `rpe` the mean relative pose error between places 1 to 5 m
@@ -43,9 +41,7 @@ def compare_trajectories(
     }
 
 
-def align_trajectory(
-    poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "n 3"]:
+def align_trajectory(poses: Poses, reference: Poses) -> Poses:
     """The poses after the rigid motion that brings their places nearest to those of the reference."""
     middle, target = poses[:, :2].mean(axis=0), reference[:, :2].mean(axis=0)
     a, b = poses[:, :2] - middle, reference[:, :2] - target
@@ -54,20 +50,18 @@ def align_trajectory(
     return np.column_stack([placed, poses[:, 2] + turn])
 
 
-def alignment(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+def alignment(poses: Poses, reference: Poses) -> Float[np.ndarray, "3"]:
     """The same motion, as the pose of the frame of `poses` in that of the reference."""
     return compose(align_trajectory(poses, reference)[0], between(poses[0], np.zeros(3)))
 
 
-def count_filled_cells(log: RobotLog, poses: Float[np.ndarray, "n 3"]) -> int:
+def count_filled_cells(log: RobotLog, poses: Poses) -> int:
     """Number of cells that the ends of all beams fill."""
     cells = np.floor(ends_of_beams(log, poses) / CELL_M).astype(np.int64)
     return len(np.unique(cells, axis=0))
 
 
-def ends_of_beams(
-    log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float = _RANGE_M
-) -> Float[np.ndarray, "m 2"]:
+def ends_of_beams(log: RobotLog, poses: Poses, range_m: float = _RANGE_M) -> Float[np.ndarray, "m 2"]:
     """Ends of beams (x, y) [m] in `map`."""
     return np.concatenate(
         [
@@ -85,7 +79,7 @@ def ends_of_beams(
     )
 
 
-def _near_in_place(reference: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"]:
+def _near_in_place(reference: Poses) -> Int[np.ndarray, "m 2"]:
     """Pairs of poses whose places lie 1 m to 5 m apart."""
     x, y = reference[:, 0], reference[:, 1]
     pairs = []
@@ -96,7 +90,7 @@ def _near_in_place(reference: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"
     return np.concatenate(pairs)
 
 
-def _near_along(reference: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"]:
+def _near_along(reference: Poses) -> Int[np.ndarray, "m 2"]:
     """Pairs of poses 1 m to 5 m apart along the trajectory."""
     length_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(reference[:, :2], axis=0).T))])
     pairs = []
@@ -107,7 +101,7 @@ def _near_along(reference: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"]:
 
 
 def _relative(
-    poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"], pairs: Int[np.ndarray, "m 2"]
+    poses: Poses, reference: Poses, pairs: Int[np.ndarray, "m 2"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Errors of displacements [m] and turns [rad] between pairs of poses."""
     mine, theirs = (_displacements(track, *pairs.T) for track in (poses, reference))
@@ -116,7 +110,7 @@ def _relative(
 
 
 def _displacements(
-    track: Float[np.ndarray, "n 3"], first: Int[np.ndarray, " m"], second: Int[np.ndarray, " m"]
+    track: Poses, first: Int[np.ndarray, " m"], second: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m 3"]:
     yaw = track[first, 2]
     dx, dy = (track[second, :2] - track[first, :2]).T

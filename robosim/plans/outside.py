@@ -35,10 +35,9 @@ def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
         _FOUND[plan] = outside = find_outside(plan)
         if outside.any():
             logger.warning(
-                "%s: %.0f m2 of free space around the building reach the edges of the plan and are outside: they do "
-                "not count as floor, and nothing is placed there. Make them unknown or occupied to shut them off.",
-                plan.name,
-                outside.sum() * plan.resolution_m**2,
+                f"{plan.name}: {outside.sum() * plan.resolution_m**2:.0f} m2 of free space around the building reach "
+                "the edges of the plan and are outside: they do not count as floor, and nothing is placed there. "
+                "Make them unknown or occupied to shut them off."
             )
     return _FOUND[plan]
 

@@ -47,10 +47,8 @@ class StoreyPlan:
     """Polygons (x, y) [m] in `map` in which the slab is open, where the floors below and above are free too."""
 
     def __post_init__(self) -> None:
-        for name, value, (low, high) in (
-            ("height", self.height_m, HEIGHTS_M),
-            ("slab", self.slab_m, SLABS_M),
-        ):
+        for name, value, bounds in (("height", self.height_m, HEIGHTS_M), ("slab", self.slab_m, SLABS_M)):
+            low, high = bounds
             if not low <= value <= high:
                 raise MapError(f"{name} is {value:g}, expected {low:g} to {high:g} m.")
         for ring in self.openings:
@@ -101,17 +99,8 @@ class StoreysPlan:
         """A text that changes with everything that a building depends on."""
         seen = hashlib.sha256()
         for storey in self.storeys:
-            seen.update(
-                repr(
-                    (
-                        storey.plan.digest(),
-                        storey.height_m,
-                        storey.slab_m,
-                        storey.slab_material,
-                        storey.openings,
-                    )
-                ).encode()
-            )
+            sizes = storey.height_m, storey.slab_m
+            seen.update(repr((storey.plan.digest(), *sizes, storey.slab_material, storey.openings)).encode())
         return seen.hexdigest()[:16]
 
     def storey(self, number: int) -> "OneStorey":

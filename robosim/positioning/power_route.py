@@ -105,12 +105,8 @@ def read_power_route(path: Path, *, needs_time: bool, not_received: float | None
         lowest, is_lowest = table[:, 4].min(), table[:, 4] == table[:, 4].min()
         if 0.05 < is_lowest.mean() < 1 and table[~is_lowest, 4].min() > lowest + _GAP_DB:
             logger.warning(
-                "%s: %.0f %% of power_dbm are %g, far below the others. If it means that nothing was received, give "
-                "--not-received %g",
-                path,
-                100 * is_lowest.mean(),
-                lowest,
-                lowest,
+                f"{path}: {100 * is_lowest.mean():.0f} % of power_dbm are {lowest:g}, far below the others. If it "
+                f"means that nothing was received, give --not-received {lowest:g}"
             )
         order = np.argsort(table[:, 0], kind="stable")
         table, beacons = table[order], [beacons[i] for i in order]
@@ -154,7 +150,7 @@ def map_route(
             f"clock{_unit_of(log, powers)}."
         )
     if lost := len(powers.time_s) - len(within):
-        logger.warning("%d readings outside of the log's times do not count", lost)
+        logger.warning(f"{lost} readings outside of the log's times do not count")
     config = config or LogConfig()
     poses = map_log(log, config, watched=watched).poses
     used = replace(

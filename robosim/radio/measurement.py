@@ -116,9 +116,9 @@ def check_classifier(classifier: Part, radio: RadioLinkConfig) -> None:
     """
     if radio.engine == "table" and radio.receiver != "ue":
         logger.warning(
-            "engine is 'table', whose errors were measured with the receiver 'ue', and the receiver is %r: estimated "
-            "paths are more exact than in a measurement. Take live or cached to measure them.",
-            part_name(radio.receiver),
+            "engine is 'table', whose errors were measured with the receiver 'ue', and the receiver is "
+            f"{part_name(radio.receiver)!r}: estimated paths are more exact than in a measurement. Take live or "
+            "cached to measure them."
         )
     made = CLASSIFIER.make(classifier, field="link_states")
     inputs, name = getattr(made, "inputs", ()), part_name(classifier)
@@ -140,11 +140,9 @@ def check_classifier(classifier: Part, radio: RadioLinkConfig) -> None:
     trained_ghz = getattr(made, "card", {}).get("frequency_ghz")
     if trained_ghz and abs(math.log(radio.frequency_hz / 1e9 / trained_ghz)) > _BAND:
         logger.warning(
-            "link_states is %r, trained at %g GHz, and the radio works at %g GHz: probabilities of link states are not "
-            "reliable. Take the one of --band, train one on links of robosim dataset at this frequency, or take true.",
-            name,
-            trained_ghz,
-            radio.frequency_hz / 1e9,
+            f"link_states is {name!r}, trained at {trained_ghz:g} GHz, and the radio works at "
+            f"{radio.frequency_hz / 1e9:g} GHz: probabilities of link states are not reliable. Take the one of "
+            "--band, train one on links of robosim dataset at this frequency, or take true."
         )
 
 

@@ -4,7 +4,7 @@ Positions are x, y [m] in `map`, or in the frame of the scene, and heights above
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +23,6 @@ from robosim.radio.no_paths import explain_missing_paths
 from robosim.radio.receivers import ReceiverGrid, random_transmitters, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
 from wireless.coverage import CoverageMap
-from wireless.em.materials import Material
 from wireless.motion.blockage import block
 from wireless.motion.bodies import Bodies
 from wireless.paths import Paths
@@ -192,20 +191,11 @@ class RadioSite(ABC):
         return np.array([low, high])
 
 
-def radio_site(
-    place: AnyPlace | Path,
-    config: RadioConfig,
-    materials: Mapping[str, str | Material] | None = None,
-    *,
-    allow_large: bool = False,
-) -> RadioSite:
-    """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file.
-
-    `materials` replace those of a scene, by their names in it; `allow_large` as for `read_mitsuba`.
-    """
+def radio_site(place: AnyPlace | Path, config: RadioConfig) -> RadioSite:
+    """The building of a plan, all storeys of a building around one of them, or the Mitsuba scene of a file."""
     match place:
         case Path():
-            return MeshScene(read_mitsuba(place, materials, allow_large=allow_large), config)
+            return MeshScene(read_mitsuba(place), config)
         case MitsubaScene():
             return MeshScene(place, config)
     return RadioScene(place, config)

@@ -39,6 +39,7 @@ from robosim.support.reading import naming, reading
 from robosim.support.text_in import check_object, parse_json
 from slam.actions import Action
 from slam.grid import MapEstimate
+from slam.poses import Pose
 from wireless.paths import LinkState
 
 #: Name of the file in the folder of an episode.
@@ -98,12 +99,7 @@ class EpisodeWriter:
         self._rows.append(row)
 
     def content(
-        self,
-        head: Head,
-        pose: Float[np.ndarray, "3"],
-        coverage: float,
-        end: MapEstimate,
-        times: Float[np.ndarray, " m"],
+        self, head: Head, pose: Pose, coverage: float, end: MapEstimate, times: Float[np.ndarray, " m"]
     ) -> bytes:
         """Content of the file, with the final true pose, coverage and map, and the simulated times of all poses [s]."""
         last = {"pose": pose, "estimate": end.pose, "coverage": coverage}

@@ -212,9 +212,7 @@ def placed_solids(building: Building, height_m: float) -> WallSolids:
     if things.is_empty:
         return WallSolids(np.empty((0, 5)))
     pieces = _behind_walls(things, wall_segments(things)[:, ::-1])  # free floor is on the left of them
-    logger.info(
-        "%s: %d boxes and %d prisms placed", building.plan.name, len(pieces.boxes), len(pieces.prisms)
-    )
+    logger.info(f"{building.plan.name}: {len(pieces.boxes)} boxes and {len(pieces.prisms)} prisms placed")
     return pieces
 
 
@@ -225,7 +223,7 @@ def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
     """
     segments = wall_segments(free)
     solids = _along_lattice(segments, plan) or _behind_walls(_around(free).difference(free), segments)
-    logger.info("%s: walls made of %d boxes and %d prisms", plan.name, len(solids.boxes), len(solids.prisms))
+    logger.info(f"{plan.name}: walls made of {len(solids.boxes)} boxes and {len(solids.prisms)} prisms")
     return solids
 
 

@@ -131,9 +131,9 @@ def robot_of(path: Path, model: Model) -> RobotConfig:
             **sensors,
             model=path.absolute() if len(model.wheels[0]) == 1 else None,
         )
-    logger.warning("%s does not state %s. Give what differs.", path, " and ".join(unstated(model)))
+    logger.warning(f"{path} does not state {' and '.join(unstated(model))}. Give what differs.")
     for note in model.notes:
-        logger.warning("%s: %s", path, note)
+        logger.warning(f"{path}: {note}")
     return robot
 
 

@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from slam.poses import wrap
+from slam.poses import Pose, wrap
 
 #: A wall stopped a robot short of its goal if it ends further away than this [m], [rad].
 BLOCKED_M, BLOCKED_RAD = 5e-3, math.radians(1.0)
@@ -42,13 +42,13 @@ class Physics(Protocol):
     """Moves a robot in a building."""
 
     @property
-    def pose(self) -> Float[np.ndarray, "3"]:
+    def pose(self) -> Pose:
         """True pose: x [m], y [m], yaw [rad] in `map`."""
 
-    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+    def reset(self, pose: Pose) -> None:
         """Put the robot at a pose, at rest."""
 
-    def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
+    def move(self, displacement: Pose) -> Motion:
         """Move by dx [m], dy [m], dyaw [rad] in the robot's frame, as far as walls let it."""
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
@@ -89,9 +89,7 @@ class SpeedProfile:
 class PlannedMove:
     """Where a robot should be at each time of a move."""
 
-    def __init__(
-        self, start: tuple[float, float, float], displacement: Float[np.ndarray, "3"], profile: SpeedProfile
-    ) -> None:
+    def __init__(self, start: tuple[float, float, float], displacement: Pose, profile: SpeedProfile) -> None:
         """Plan a straight motion from a pose by a displacement in the robot's frame (x [m], y [m], yaw [rad])."""
         dx, dy, self.turn_rad = (float(component) for component in displacement)
         c, s = math.cos(start[2]), math.sin(start[2])
@@ -139,7 +137,7 @@ class CommandQueue:
         self._waiting = deque((left - duration, later) for left, later in self._waiting)
 
 
-def check_displacement(displacement: Float[np.ndarray, "3"]) -> None:
+def check_displacement(displacement: Pose) -> None:
     """Raise ValueError for a displacement that is not three finite numbers."""
     if np.shape(displacement) != (3,) or not np.isfinite(displacement).all():
         raise ValueError(f"displacement = {displacement}, expected finite dx [m], dy [m], dyaw [rad].")

@@ -27,10 +27,10 @@ from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.poses import Pose
 
 NoiseVariant = Literal["published", "corrected"]
 
@@ -71,28 +71,24 @@ class NoiseModel:
     exact_odometry: bool = False
     """Whether odometry measures motions exactly; actuation still has noise."""
 
-    def actuation(self, action: Action, rng: np.random.Generator) -> Float[np.ndarray, "3"]:
+    def actuation(self, action: Action, rng: np.random.Generator) -> Pose:
         """Motion dx [m], dy [m], dyaw [rad] of an action without obstacles."""
         mean, deviation = self._moments(_ACTUATION, action)
         nominal = NOMINAL[action]
         return nominal + self.level * (mean + deviation * rng.standard_normal(3) - nominal)
 
-    def sense(
-        self, action: Action, true_displacement: Float[np.ndarray, "3"], rng: np.random.Generator
-    ) -> Float[np.ndarray, "3"]:
+    def sense(self, action: Action, true_displacement: Pose, rng: np.random.Generator) -> Pose:
         """What odometry says of a motion dx [m], dy [m], dyaw [rad] that an action led to."""
         mean, deviation = self._moments(_SENSOR, action)
         # Drawn all the same: the motions that follow must not depend on it.
         error = self.level * (mean + deviation * rng.standard_normal(3))
         return true_displacement + (0.0 if self.exact_odometry else error)
 
-    def sensor_bias(self, action: Action) -> Float[np.ndarray, "3"]:
+    def sensor_bias(self, action: Action) -> Pose:
         """Mean error of `sense` [m, m, rad]: the result of a calibration, which a mapper may subtract."""
         return (0.0 if self.exact_odometry else self.level) * self._moments(_SENSOR, action)[0]
 
-    def sense_motion(
-        self, true_displacement: Float[np.ndarray, "3"], rng: np.random.Generator
-    ) -> Float[np.ndarray, "3"]:
+    def sense_motion(self, true_displacement: Pose, rng: np.random.Generator) -> Pose:
         """What odometry says of any motion dx [m], dy [m], dyaw [rad].
 
         Taken as parts of a step forward and of a turn: means grow with the parts, deviations with the
@@ -106,17 +102,13 @@ class NoiseModel:
             measured += self.level * rng.normal(fraction * mean, math.sqrt(abs(fraction)) * deviation)
         return np.array(true_displacement, float) if self.exact_odometry else measured
 
-    def _moments(
-        self, table: _Table, action: Action
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    def _moments(self, table: _Table, action: Action) -> tuple[Pose, Pose]:
         """Mean and standard deviation [m, m, rad] of an action in one of the tables."""
         return _moments(self.variant, table is _SENSOR, action)
 
 
 @cache
-def _moments(
-    variant: NoiseVariant, sensed: bool, action: Action
-) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+def _moments(variant: NoiseVariant, sensed: bool, action: Action) -> tuple[Pose, Pose]:
     if action is Action.WAIT:
         return np.zeros(3), np.zeros(3)
     if action is Action.BACKWARD:

@@ -125,15 +125,14 @@ class Loop:
         with _lock(self._folder):
             if not _is_intact(self._folder):
                 _notify(
-                    "Compiling inner loops, first those of %s, which takes up to a minute once. "
-                    "`robosim warm-up` compiles all in advance.",
-                    self.py_func.__module__,
+                    f"Compiling inner loops, first those of {self.py_func.__module__}, which takes up to a minute "
+                    "once. `robosim warm-up` compiles all in advance."
                 )
             misses = _count_misses(self._dispatcher)
             try:
                 made = self._compile(signature)
             except OSError as error:  # not cached; the next call finds the function in memory
-                logger.warning("Compiled loops cannot be cached in %s: %s", self._folder, error)
+                logger.warning(f"Compiled loops cannot be cached in {self._folder}: {error}")
                 made = self._compile(signature)
             if _count_misses(self._dispatcher) > misses:
                 _write_checksum(self._folder)
@@ -145,10 +144,10 @@ def _count_misses(dispatcher: Any) -> int:
     return sum(dispatcher.stats.cache_misses.values())
 
 
-def _notify(text: str, *values: object) -> None:
+def _notify(text: str) -> None:
     """Report once in a process that it compiles."""
     if not _notice.disabled:
-        _notice.warning(text, *values)
+        _notice.warning(text)
         _notice.disabled = True
 
 
@@ -177,9 +176,8 @@ def writable_folder(folders: tuple[Path, ...]) -> Path | None:
         else:
             return folder
     _notify(
-        "Each run compiles its inner loops, up to a minute, since no cache folder is writable: %s. "
-        "Set NUMBA_CACHE_DIR to a writable folder.",
-        ", ".join(reasons),
+        f"Each run compiles its inner loops, up to a minute, since no cache folder is writable: {', '.join(reasons)}. "
+        "Set NUMBA_CACHE_DIR to a writable folder."
     )
     return None
 

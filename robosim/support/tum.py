@@ -66,9 +66,7 @@ def _yaw(path: Path, lines: list[int], quaternion: Float[np.ndarray, "n 4"]) -> 
         )
     if tilt.max() > _LEVEL:
         logger.warning(
-            "%s: poses tip by up to %.1f degrees (line %d); of their rotation only the heading is used.",
-            path,
-            np.degrees(tilt.max()),
-            lines[int(tilt.argmax())],
+            f"{path}: poses tip by up to {np.degrees(tilt.max()):.1f} degrees (line {lines[int(tilt.argmax())]}); of "
+            "their rotation only the heading is used."
         )
     return np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy**2 + qz**2))

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robosim.plans.floorplan import FloorPlan
+from slam.poses import Pose
 from slam.sensing.laser import LaserScan
 
 VISION_RANGE_M = 3.2
@@ -38,10 +39,7 @@ class Coverage:
         self._slack_m = plan.resolution_m / 2
 
     def update(
-        self,
-        pose: Float[np.ndarray, "3"],
-        depth: Float[np.ndarray, "h w"] | None,
-        laser: LaserScan | None = None,
+        self, pose: Pose, depth: Float[np.ndarray, "h w"] | None, laser: LaserScan | None = None
     ) -> None:
         """Add what one frame shows from a true pose of the robot in `map`.
 

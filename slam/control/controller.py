@@ -31,7 +31,7 @@ from slam.control.action_search import find_actions, is_clear
 from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
-from slam.poses import between, wrap
+from slam.poses import Pose, between, wrap
 from slam.robot import Robot
 
 
@@ -87,7 +87,7 @@ _CALIBRATED, _SURE = 50, 5
 class LocalPolicy(Protocol):
     """Chooses actions or velocities."""
 
-    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Command:
+    def act(self, pose: Pose, plan: Plan) -> Command:
         """The next action at an estimated pose x [m], y [m], yaw [rad], along a plan."""
 
     def withdraw(self) -> None:
@@ -131,7 +131,7 @@ class Controller:
         self._course_goal: Float[np.ndarray, 2] = np.zeros(2)
         self._committed: deque[Action] = deque()
 
-    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def act(self, pose: Pose, plan: Plan) -> Action:
         """The next action.
 
         Args:
@@ -161,7 +161,7 @@ class Controller:
         self._committed.clear()
         self._course.clear()
 
-    def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
+    def _watch(self, pose: Pose, clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
         self._trail.append((float(pose[0]), float(pose[1])))
         if self._last is not None and self._last_pose is not None:
@@ -173,13 +173,7 @@ class Controller:
             self._trail.clear()
             self._committed.clear()
 
-    def _learn(
-        self,
-        action: Action,
-        before: Float[np.ndarray, "3"],
-        after: Float[np.ndarray, "3"],
-        clearance: Clearance,
-    ) -> None:
+    def _learn(self, action: Action, before: Pose, after: Pose, clearance: Clearance) -> None:
         """Update the mean displacement of an action, unless it was stopped."""
         displacement = between(before, after)
         swing_m = math.hypot(*self.motion[action][:2])
@@ -198,7 +192,7 @@ class Controller:
             self._motions[action] = min(self._motions[action] + 1, _CALIBRATED)
             self.motion[action] += (displacement - self.motion[action]) / self._motions[action]
 
-    def _usual(self, action: Action, displacement: Float[np.ndarray, "3"]) -> bool:
+    def _usual(self, action: Action, displacement: Pose) -> bool:
         """Whether a displacement is about what the action is meant to do."""
         nominal = self.config.forward_m if action in STEPS else self.config.turn_rad
         done = (displacement[0] if action in STEPS else displacement[2]) * (
@@ -208,7 +202,7 @@ class Controller:
             0.7 < done / nominal < 1.3 and math.hypot(*displacement[:2]) < 1.5 * self.config.forward_m
         )
 
-    def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def _best(self, pose: Pose, plan: Plan) -> Action:
         """First action of the cheapest turn and run; of a polygon, of a search."""
         config = self.config
         if self.hull.outline_m and (course := self._searched(pose, plan)):
@@ -243,7 +237,7 @@ class Controller:
             return self._committed.popleft()
         return self._turning(pose, turns, plan.clearance)
 
-    def _searched(self, pose: Float[np.ndarray, "3"], plan: Plan) -> deque[Action]:
+    def _searched(self, pose: Pose, plan: Plan) -> deque[Action]:
         """Actions that bring a polygon forward: those found before, as long as they are clear, or new ones."""
         same_goal = np.hypot(*(plan.asked_xy - self._course_goal)) < self.config.arrived_m
         if not (
@@ -257,7 +251,7 @@ class Controller:
             self._course, self._course_goal = deque(actions[:_COURSE]), plan.asked_xy
         return self._course
 
-    def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
+    def _turning(self, pose: Pose, turns: int, clearance: Clearance) -> Action:
         """First of some turns, or of what goes before them where that spares the hull pushes."""
         before, rest = self._manoeuvre(pose, turns, clearance)
         # Complete it: after half of it the turn may still push, and forward may look better again.
@@ -269,7 +263,7 @@ class Controller:
         turns = [action for action in self._recent if action not in STEPS]
         return sum(a is not b for a, b in pairwise(turns)) >= MOST_REVERSALS
 
-    def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
+    def _turned(self, pose: Pose) -> Float[np.ndarray, "k 3"]:
         """Poses after each number of turns: a base that does not turn about its centre swings around."""
         poses = np.empty((len(self._turns), 3))
         n = np.abs(self._turns)
@@ -277,9 +271,7 @@ class Controller:
             poses[side] = swung(pose, self.motion[action], int(n.max()))[n[side]]
         return poses
 
-    def _manoeuvre(
-        self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
-    ) -> Manoeuvre:
+    def _manoeuvre(self, pose: Pose, turns: int, clearance: Clearance, *, around: bool = False) -> Manoeuvre:
         """Return the manoeuvre before turns, see `slam.control.manoeuvre`."""
         config = self.config
         return easier(
@@ -293,9 +285,7 @@ class Controller:
             around=around,
         )
 
-    def _pushes(
-        self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance
-    ) -> Int[np.ndarray, " n"]:
+    def _pushes(self, pose: Pose, turns: int, clearance: Clearance) -> Int[np.ndarray, " n"]:
         """How many of 0, 1, ... turns, positive to the left, push the hull against something."""
         return pushes_of(pose, turns, clearance, self.motion, self.hull)
 
@@ -323,7 +313,7 @@ class Controller:
         price[space < least] = np.inf
         return price
 
-    def _pushing(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> Float[np.ndarray, " k"]:
+    def _pushing(self, pose: Pose, clearance: Clearance) -> Float[np.ndarray, " k"]:
         """Extra cost of each heading for turns that push the hull against something [decisions]."""
         extra = np.zeros(len(self._turns))
         n = np.abs(self._turns)
@@ -332,9 +322,7 @@ class Controller:
             extra[side] = self._pushes(pose, sign * int(n.max()), clearance)[n[side]]
         return self.config.push_price * extra
 
-    def _reluctance(
-        self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, " k"]:
+    def _reluctance(self, pose: Pose, headings: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Extra cost of each heading for past bumps, and for reversing the last turn [decisions]."""
         extra = np.zeros(len(headings))
         for x, y, yaw, _ in self._bumps:
@@ -347,13 +335,13 @@ class Controller:
             extra[self._turns > 0] += 3.0
         return extra
 
-    def _towards(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def _towards(self, pose: Pose, plan: Plan) -> Action:
         """Turn towards the short-term goal: the fallback if no run is clear."""
         dx, dy = plan.short_term_goal - pose[:2]
         off = wrap(math.atan2(dy, dx) - pose[2])
         return self._turning(pose, round(off / self.config.turn_rad), plan.clearance)
 
-    def _face(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def _face(self, pose: Pose, plan: Plan) -> Action:
         """At the end of the path: turn to the requested goal, then look around."""
         dx, dy = plan.asked_xy - pose[:2]
         turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
@@ -361,7 +349,7 @@ class Controller:
             return self._look_around(pose, plan)
         return self._first_aside(pose, turns, plan.clearance)
 
-    def _look_around(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def _look_around(self, pose: Pose, plan: Plan) -> Action:
         """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
         once = turns_round(self.config.turn_rad)
         if self._looking is None:
@@ -372,9 +360,7 @@ class Controller:
         turns = once if self._looking is Action.LEFT else -once
         return self._first_aside(pose, turns, plan.clearance, around=True)
 
-    def _first_aside(
-        self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
-    ) -> Action:
+    def _first_aside(self, pose: Pose, turns: int, clearance: Clearance, *, around: bool = False) -> Action:
         """First of some turns at the end of the path, or of a manoeuvre to a place nearby where they push less."""
         before, _ = self._manoeuvre(pose, turns, clearance, around=around)
         circle = swung(pose, self.motion[first_of(turns)], abs(turns))[:, :2]
@@ -383,7 +369,7 @@ class Controller:
         self._committed.extend(before)
         return self._committed.popleft() if before else first_of(turns)
 
-    def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+    def _escape(self, pose: Pose, plan: Plan) -> Action:
         """Drive away: turn to the direction with most room, and go there."""
         headings = self._turned(pose)[:, 2]
         room = plan.clearance.free_run_m(pose[:2], headings, self.hull)

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from slam.actions import STEPS, Action
 from slam.hull import Hull
 from slam.planning.clearance import Clearance
-from slam.poses import to_map
+from slam.poses import Pose, Poses, to_map
 
 #: Places at which one step is checked against obstacles.
 PARTS = 4
@@ -41,9 +41,7 @@ class Manoeuvre(NamedTuple):
     """Turns left then; positive to the left."""
 
 
-def swung(
-    pose: Float[np.ndarray, "3"], motion: Float[np.ndarray, "3"], turns: int
-) -> Float[np.ndarray, "n 3"]:
+def swung(pose: Pose, motion: Pose, turns: int) -> Poses:
     """Poses after 0, 1, ... turns: x [m], y [m], yaw [rad]."""
     dx, dy, turn = motion
     yaw = pose[2] + turn * np.arange(turns + 1)
@@ -53,9 +51,7 @@ def swung(
     return np.column_stack([x, y, yaw])
 
 
-def pushes(
-    poses: Float[np.ndarray, "n 3"], clearance: Clearance, hull: Hull, room_m: float = _ROOM_M
-) -> Int[np.ndarray, " n"]:
+def pushes(poses: Poses, clearance: Clearance, hull: Hull, room_m: float = _ROOM_M) -> Int[np.ndarray, " n"]:
     """How many of the turns up to each pose push the hull against an obstacle, or leave less than some space [m]."""
     room = clearance.space(hull, poses[:, :2], poses[:, 2])
     pushed = (room[1:] < room_m) & (room[1:] < room[:-1] - _LESS_M)
@@ -68,7 +64,7 @@ def turns_round(turn_rad: float) -> int:
 
 
 def easier(
-    pose: Float[np.ndarray, "3"],
+    pose: Pose,
     turns: int,
     clearance: Clearance,
     motion: Float[np.ndarray, "4 3"],
@@ -113,11 +109,7 @@ def easier(
 
 
 def pushes_of(
-    pose: Float[np.ndarray, "3"],
-    turns: int,
-    clearance: Clearance,
-    motion: Float[np.ndarray, "4 3"],
-    hull: Hull,
+    pose: Pose, turns: int, clearance: Clearance, motion: Float[np.ndarray, "4 3"], hull: Hull
 ) -> Int[np.ndarray, " n"]:
     """How many of 0, 1, ... turns, positive to the left, push the hull; none of a disk that turns in place."""
     turn = motion[first_of(turns)]
@@ -133,9 +125,7 @@ def first_of(turns: int) -> Action:
     return Action.LEFT if turns > 0 else Action.RIGHT
 
 
-def _along(
-    pose: Float[np.ndarray, "3"], step: Float[np.ndarray, "3"], clearance: Clearance, hull: Hull
-) -> Float[np.ndarray, "n 3"]:
+def _along(pose: Pose, step: Pose, clearance: Clearance, hull: Hull) -> Poses:
     """Poses after one, two, ... steps, as far as the hull stays clear of obstacles."""
     fraction = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
     points = to_map(pose, fraction * step[:2])

@@ -25,7 +25,7 @@ from slam.actions import Velocity
 from slam.control.controller import ControlConfig
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
-from slam.poses import compose, wrap
+from slam.poses import Pose, compose, wrap
 from slam.robot import Robot
 
 #: Numbers of speeds and, to each side, of turn rates that are compared.
@@ -73,7 +73,7 @@ class VelocityController:
         """The last command was not done, as when the robot waits instead: it stands."""
         self._command = self._speeds = (0.0, 0.0)
 
-    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Velocity:
+    def act(self, pose: Pose, plan: Plan) -> Velocity:
         """The next command at an estimated pose x [m], y [m], yaw [rad], along a plan."""
         config = self.config
         self._watch(pose)
@@ -88,7 +88,7 @@ class VelocityController:
             self._command = self._best(pose, plan)
         return Velocity(*self._command, config.control_s)
 
-    def _watch(self, pose: Float[np.ndarray, "3"]) -> None:
+    def _watch(self, pose: Pose) -> None:
         """Note whether the robot gets anywhere."""
         self._trail.append((float(pose[0]), float(pose[1])))
         trail = np.array(self._trail)
@@ -97,7 +97,7 @@ class VelocityController:
             self._escape_decisions = _ESCAPE
             self._trail.clear()
 
-    def _at_next_command(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    def _at_next_command(self, pose: Pose) -> Pose:
         """Where the robot is when its next command comes into force; sets its speeds there.
 
         The last command is in force for one period until then, and the ones before have no part in it.
@@ -113,7 +113,7 @@ class VelocityController:
         ahead_m, turn = self.robot.latency_s * (now + then) / 2
         return compose(pose, np.array([ahead_m * math.cos(turn / 2), ahead_m * math.sin(turn / 2), turn]))
 
-    def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> tuple[float, float]:
+    def _best(self, pose: Pose, plan: Plan) -> tuple[float, float]:
         """The cheapest speed and turn rate."""
         config = self.config
         arcs, distance_m = self._arcs(pose, self._speeds)
@@ -156,7 +156,7 @@ class VelocityController:
             price + self._times[first:] + cost_m / self.robot.max_speed_mps + turn_rad / self._turn_rate_radps
         )
 
-    def _can_turn(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> Bool[np.ndarray, " k"]:
+    def _can_turn(self, pose: Pose, clearance: Clearance) -> Bool[np.ndarray, " k"]:
         """Which turns on the spot leave the hull clear, or no nearer to obstacles than it is; of a disk all."""
         turns = np.append(_TURNS_RAD, 0.0)
         space = clearance.space(self.hull, np.broadcast_to(pose[:2], (len(turns), 2)), pose[2] + turns)
@@ -166,7 +166,7 @@ class VelocityController:
         return is_clear[:-1]
 
     def _arcs(
-        self, pose: Float[np.ndarray, "3"], speeds: tuple[float, float]
+        self, pose: Pose, speeds: tuple[float, float]
     ) -> tuple[Float[np.ndarray, "k n 3"], Float[np.ndarray, "k n"]]:
         """Poses and driven distances [m] at all times of all candidates, from a speed and a turn rate."""
         v, w = speeds
@@ -181,7 +181,7 @@ class VelocityController:
         )
         return np.stack([x, y, yaw], axis=-1), np.cumsum(np.abs(steps_m), axis=1)
 
-    def _look(self, pose: Float[np.ndarray, "3"], plan: Plan) -> float:
+    def _look(self, pose: Pose, plan: Plan) -> float:
         """Turn rate at the end of the path: to the requested goal, then once round and on."""
         dx, dy = plan.asked_xy - pose[:2]
         off = wrap(math.atan2(dy, dx) - pose[2])
@@ -199,7 +199,7 @@ class VelocityController:
         limit = self._turn_rate_radps
         return max(-limit, min(limit, off / self.config.control_s))
 
-    def _escape(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> tuple[float, float]:
+    def _escape(self, pose: Pose, clearance: Clearance) -> tuple[float, float]:
         """Drive away: turn to the direction with most room, and go there."""
         turns = np.append(_TURNS_RAD, 0.0)
         room_m = clearance.free_run_m(pose[:2], pose[2] + turns, self.hull, _ESCAPE_SPACE_M)

@@ -39,7 +39,7 @@ from slam.matching.levels import ARM_M
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_beams, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.odometry import OdometryCorrector
-from slam.poses import between, rotation, wrap
+from slam.poses import Covariance, Pose, between, rotation, wrap
 from slam.robot import Robot
 from slam.sensing.bearings import Bearing
 from slam.sensing.laser import LaserScan
@@ -94,14 +94,11 @@ class Mapper(Protocol):
     def collided(self) -> bool:
         """Whether the last action ended at an obstacle."""
 
-    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+    def reset(self, pose: Pose) -> None:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
 
     def update(
-        self,
-        depth: Float32[np.ndarray, "h w"],
-        action: Command | None = None,
-        odometry: Float[np.ndarray, "3"] | None = None,
+        self, depth: Float32[np.ndarray, "h w"], action: Command | None = None, odometry: Pose | None = None
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
@@ -125,13 +122,7 @@ class Mapper(Protocol):
 class PoseMatcher(Protocol):
     """Finds the pose from a scan and the map."""
 
-    def match(
-        self,
-        scan: Scan,
-        occupancy: OccupancyGrid,
-        predicted: Float[np.ndarray, "3"],
-        covariance: Float[np.ndarray, "3 3"],
-    ) -> Match:
+    def match(self, scan: Scan, occupancy: OccupancyGrid, predicted: Pose, covariance: Covariance) -> Match:
         """The pose, given the prediction of odometry and its covariance, axes of `map`."""
 
 
@@ -169,7 +160,7 @@ class ClassicalMapper:
         self._matcher = matcher
         self.reset(np.zeros(3))
 
-    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+    def reset(self, pose: Pose) -> None:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
         config = self.config
         cell, half = config.resolution_m, 2 * GROWTH_CELLS
@@ -202,7 +193,7 @@ class ClassicalMapper:
         self,
         depth: Float32[np.ndarray, "h w"],
         action: Command | None = None,
-        odometry: Float[np.ndarray, "3"] | None = None,
+        odometry: Pose | None = None,
         laser: LaserScan | None = None,
         time_s: float | None = None,
     ) -> MapEstimate:
@@ -302,22 +293,13 @@ class ClassicalMapper:
         """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
 
-    def _match(
-        self,
-        scan: Scan,
-        points: ScanPoints,
-        view: View,
-        predicted: Float[np.ndarray, "3"],
-        prior: Float[np.ndarray, "3 3"],
-    ) -> Match:
+    def _match(self, scan: Scan, points: ScanPoints, view: View, predicted: Pose, prior: Covariance) -> Match:
         """Fit a scan near the predicted pose."""
         if self._matcher is not None:
             return self._matcher.match(scan, self.occupancy, predicted, prior)
         return self.tracker.match(points, view)
 
-    def _measured(
-        self, action: Command | None, odometry: Float[np.ndarray, "3"] | None
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    def _measured(self, action: Command | None, odometry: Pose | None) -> tuple[Pose, Covariance]:
         """Displacement without bias, and its covariance; zero if odometry is missing or not finite."""
         if action is None:
             return np.zeros(3), 1e-14 * np.eye(3)
@@ -326,12 +308,7 @@ class ClassicalMapper:
         return self.odometry.correct(action, np.asarray(odometry, float))
 
     def _learn(
-        self,
-        action: Command,
-        odometry: Float[np.ndarray, "3"],
-        start: Float[np.ndarray, "3"],
-        open_before: Float[np.ndarray, "3 3"],
-        match: Match,
+        self, action: Command, odometry: Pose, start: Pose, open_before: Covariance, match: Match
     ) -> None:
         """Learn the errors of odometry from a match, as far as the pose before it was known."""
         turn = rotation(start[2])
@@ -348,15 +325,13 @@ class ClassicalMapper:
         x, y = 0.5 * (low + high)
         return float(x), float(y), float(0.5 * np.hypot(*(high - low)))
 
-    def _enter(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
+    def _enter(self, frame: _Frame, pose: Pose) -> None:
         """Enter a scan at a pose."""
         self._make_room_for(frame, pose)
         self._draw(frame, pose, self.occupancy, self.surfaces)
         self.entered.append(pose)
 
-    def _draw(
-        self, frame: _Frame, pose: Float[np.ndarray, "3"], occupancy: OccupancyGrid, surfaces: SurfaceGrid
-    ) -> None:
+    def _draw(self, frame: _Frame, pose: Pose, occupancy: OccupancyGrid, surfaces: SurfaceGrid) -> None:
         """Draw a scan at a pose on grids, as far as it lies inside."""
         rows, columns, cleared = occupancy.integrate(frame.scan, pose, self.camera.height_m, frame.lowest)
         surfaces.clear(rows, columns, cleared)
@@ -426,7 +401,7 @@ class ClassicalMapper:
         self.redrawn.append(frame)
         return len(numbers)
 
-    def _make_room_for(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
+    def _make_room_for(self, frame: _Frame, pose: Pose) -> None:
         """Grow the map, as far as allowed, until it holds a scan at a pose."""
         self._make_room(*self.occupancy.view_box(frame.scan, pose))
         if frame.laser is not None:
@@ -448,7 +423,7 @@ class ClassicalMapper:
             if (size + pads[first] + pads[first + 1]) * across > room:
                 if not self._is_full:
                     logger.warning(
-                        "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
+                        f"The map has reached max_area_m2 = {self.config.max_area_m2:g} m2 and stops growing."
                     )
                 self._is_full = True
                 pads[first] = pads[first + 1] = 0

@@ -19,14 +19,14 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float32
 
 from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, MOVES, STEPS, Action, Command, Velocity
 from slam.grid import Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
 from slam.odometry import Vector
-from slam.poses import to_map
+from slam.poses import Pose, to_map
 from slam.robot import Robot
 
 #: Shorter motions are not judged [m]; number of commanded speeds that count.
@@ -84,12 +84,7 @@ class CollisionMarks:
         self.frame = frame
 
     def update(
-        self,
-        step: int,
-        action: Command,
-        displacement: Float[np.ndarray, "3"],
-        pose: Float[np.ndarray, "3"],
-        probability: Float32[Grid, "ny nx"],
+        self, step: int, action: Command, displacement: Pose, pose: Pose, probability: Float32[Grid, "ny nx"]
     ) -> bool:
         """Detect a collision by the measured displacement, mark it, remove old marks; whether the robot was stopped."""
         self._forget(step)
@@ -118,7 +113,7 @@ class CollisionMarks:
             self._mark(step, pose, reach_m)
         return True
 
-    def _stopped_swing(self, action: Command, displacement: Float[np.ndarray, "3"]) -> float | None:
+    def _stopped_swing(self, action: Command, displacement: Pose) -> float | None:
         """Direction [rad] in which something stopped the swing of a turn, relative to the heading; None if free."""
         motions = dict(zip(MOVES, self._motions, strict=False))
         motion = motions.get(action) if action in (Action.LEFT, Action.RIGHT) else None
@@ -135,9 +130,7 @@ class CollisionMarks:
         self._speeds_mps.append(max(action.v_mps, 0.0))
         return min(self._speeds_mps) * action.duration_s
 
-    def _explained(
-        self, pose: Float[np.ndarray, "3"], reach_m: float, probability: Float32[Grid, "ny nx"]
-    ) -> bool:
+    def _explained(self, pose: Pose, reach_m: float, probability: Float32[Grid, "ny nx"]) -> bool:
         """Whether an obstacle of the map touches the half of the hull that goes ahead."""
         margin = self.config.touch_m + 0.5 * self.frame.resolution_m
         reach = self._hull.turning_m + margin
@@ -151,9 +144,7 @@ class CollisionMarks:
             touches &= (ahead < reach_m + margin) & (np.abs(aside) < self._hull.radius_m + margin)
         return bool(touches.any())
 
-    def _mark(
-        self, step: int, pose: Float[np.ndarray, "3"], reach_m: float, *, is_swing: bool = False
-    ) -> None:
+    def _mark(self, step: int, pose: Pose, reach_m: float, *, is_swing: bool = False) -> None:
         config, cell = self.config, self.frame.resolution_m
         depth_m = cell if is_swing else config.depth_m
         ahead = reach_m + 0.5 * cell + np.arange(0, depth_m - 1e-9, 0.5 * cell)
@@ -180,7 +171,7 @@ class CollisionMarks:
         left = until[~old]
         self._next_expiry = int(left.min()) if left.size else np.iinfo(np.int32).max
 
-    def stand(self, pose: Float[np.ndarray, "3"]) -> None:
+    def stand(self, pose: Pose) -> None:
         """Take marks off the cells whose centres the hull covers."""
         rows, columns, under = self.frame.under(pose, self._hull)
         blocked = self.blocked[rows, columns]

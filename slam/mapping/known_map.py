@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from slam.grid import GridFrame
 from slam.matching.levels import SurfaceLevels, difference, matches, most_paired
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
-from slam.poses import to_map
+from slam.poses import Covariance, Pose, to_map
 
 #: Neighbours within so many cells make the line of a wall.
 _NEIGHBOURS = 3
@@ -100,9 +100,7 @@ class KnownMap:
         on_lattice = lattice & self.free
         return self.frame.centres(on_lattice if on_lattice.any() else self.free)
 
-    def agreement(
-        self, pose: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 2"]
-    ) -> tuple[float, float]:
+    def agreement(self, pose: Pose, points: Float[np.ndarray, "n 2"]) -> tuple[float, float]:
         """Return the share of a scan that agrees with the map, and the share that contradicts it.
 
         A point contradicts the map in the middle of free cells, or behind a wall; unknown cells contradict nothing.
@@ -129,11 +127,7 @@ class KnownMap:
         return float(((gap_m < _AGREES_M) & ~through).mean()), float(contradicts.mean())
 
     def fit(
-        self,
-        scan: ScanPoints,
-        predicted: Float[np.ndarray, "3"],
-        covariance: Float[np.ndarray, "3 3"],
-        config: MatchConfig,
+        self, scan: ScanPoints, predicted: Pose, covariance: Covariance, config: MatchConfig
     ) -> tuple[Match, float, float]:
         """Return the match near a prediction that agrees best with the map, and its `agreement`.
 

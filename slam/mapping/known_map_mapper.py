@@ -7,7 +7,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from slam.graph.submaps import View
 from slam.grid import GridFrame
@@ -15,6 +14,7 @@ from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.known_map import KnownMap
 from slam.mapping.localization import LocalizationConfig
 from slam.matching.scan_matching import Match, ScanPoints
+from slam.poses import Covariance, Pose
 from slam.robot import Robot
 from slam.sensing.projection import Scan
 
@@ -47,7 +47,7 @@ class KnownMapMapper(ClassicalMapper):
         self.known, self._fitting = known, localization.match
         super().__init__(robot, replace(config, tracking=replace(config.tracking, loops=False, radio=False)))
 
-    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+    def reset(self, pose: Pose) -> None:
         """Forget everything but the known map, and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
         super().reset(pose)
         known = self.known.frame
@@ -70,13 +70,6 @@ class KnownMapMapper(ClassicalMapper):
         grid.top_m[occupied] = _TOP_M
         self.surfaces.add(*self.known.levels.fine.planes())
 
-    def _match(
-        self,
-        scan: Scan,
-        points: ScanPoints,
-        view: View,
-        predicted: Float[np.ndarray, "3"],
-        prior: Float[np.ndarray, "3 3"],
-    ) -> Match:
+    def _match(self, scan: Scan, points: ScanPoints, view: View, predicted: Pose, prior: Covariance) -> Match:
         """Fit a scan to the known map near the predicted pose."""
         return self.known.fit(points, predicted, prior, self._fitting)[0]

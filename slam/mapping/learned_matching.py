@@ -15,14 +15,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match
 from slam.networks.features import Features
 from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork
-from slam.poses import compose, moved_ahead
+from slam.poses import Covariance, Pose, compose, moved_ahead
 from slam.sensing.egocentric import cut_ahead
 from slam.sensing.projection import Scan
 
@@ -46,13 +45,7 @@ class LearnedMatcher:
         self._network, self.config = network, config
         self._features = Features()
 
-    def match(
-        self,
-        scan: Scan,
-        occupancy: OccupancyGrid,
-        predicted: Float[np.ndarray, "3"],
-        covariance: Float[np.ndarray, "3 3"],
-    ) -> Match:
+    def match(self, scan: Scan, occupancy: OccupancyGrid, predicted: Pose, covariance: Covariance) -> Match:
         """The pose between what odometry predicts and what frame and map say."""
         unmatched = Match(pose=predicted.copy(), information=np.zeros((3, 3)), paired=np.zeros(0, bool))
         eye = moved_ahead(predicted, scan.ahead_m)
@@ -76,7 +69,7 @@ class LearnedMatcher:
         return Match(pose=pose, information=information, paired=np.zeros(0, bool))
 
 
-def _positive(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+def _positive(matrix: Covariance) -> Covariance:
     """The nearest matrix without negative eigenvalues."""
     scale = np.diag(UNIT)  # metres and radians weigh alike
     values, vectors = np.linalg.eigh(scale @ matrix @ scale)

@@ -23,7 +23,7 @@ from slam.graph.submaps import OF_SCAN, covariance_of
 from slam.mapping.known_map import KnownMap
 from slam.matching.levels import ARM_M, difference, nearest_poses
 from slam.matching.scan_matching import MatchConfig, ScanPoints, match_from
-from slam.poses import compose, rotation
+from slam.poses import Covariance, Pose, compose, rotation
 
 #: Step of places and headings that are tried, the latter at the end of an arm [m].
 _STEP_M = 0.25
@@ -96,18 +96,13 @@ class Localizer:
         self.known, self.config = known, config
         self.reset()
 
-    def reset(self, pose: Float[np.ndarray, "3"] | None = None) -> None:
+    def reset(self, pose: Pose | None = None) -> None:
         """Begin at a pose (x [m], y [m], yaw [rad] in `map`), or anywhere."""
         self._is_located, self._candidates = pose is not None, list[_Candidate]()
         if pose is not None:
             self._candidates = [_Candidate(poses=[np.asarray(pose, float)], covariance=_FOUND)]
 
-    def update(
-        self,
-        scan: ScanPoints,
-        displacement: Float[np.ndarray, "3"],
-        covariance: Float[np.ndarray, "3 3"],
-    ) -> Location:
+    def update(self, scan: ScanPoints, displacement: Pose, covariance: Covariance) -> Location:
         """Add a scan and the displacement since the one before by odometry, in the frame of that, with covariance."""
         for candidate in self._candidates:
             self._follow(candidate, scan, displacement, covariance)
@@ -139,11 +134,7 @@ class Localizer:
         return np.array(self._candidates[0].poses) if self._candidates else np.zeros((0, 3))
 
     def _follow(
-        self,
-        candidate: _Candidate,
-        scan: ScanPoints,
-        displacement: Float[np.ndarray, "3"],
-        covariance: Float[np.ndarray, "3 3"],
+        self, candidate: _Candidate, scan: ScanPoints, displacement: Pose, covariance: Covariance
     ) -> None:
         """Move a candidate by odometry, and fit the scan to the map there."""
         turn = rotation(candidate.poses[-1][2])
@@ -202,7 +193,7 @@ class Localizer:
         self._candidates = distinct[: self.config.candidates]
 
 
-def _deviation_m(covariance: Float[np.ndarray, "3 3"]) -> float:
+def _deviation_m(covariance: Covariance) -> float:
     """Standard deviation of a place [m]."""
     return math.sqrt(covariance[0, 0] + covariance[1, 1])
 

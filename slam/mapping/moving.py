@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
 from slam.grid import Grid, GridFrame, MovingThing
-from slam.poses import between, to_map, wrap
+from slam.poses import Pose, between, to_map, wrap
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Scan
 
@@ -156,7 +156,7 @@ class MovingThings:
         self,
         scan: Scan,
         laser: LaserScan | None,
-        pose: Float[np.ndarray, "3"],
+        pose: Pose,
         probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
@@ -177,7 +177,7 @@ class MovingThings:
     def update(
         self,
         views: Sequence[Float[np.ndarray, "_ 2"]],
-        pose: Float[np.ndarray, "3"],
+        pose: Pose,
         probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
@@ -232,7 +232,7 @@ class MovingThings:
         self,
         sensor: int,
         points: Float[np.ndarray, "n 2"],
-        pose: Float[np.ndarray, "3"],
+        pose: Pose,
         probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
     ) -> Iterator[_Segment]:
@@ -285,7 +285,7 @@ class MovingThings:
         self._tracks.append(_Track(state, covariance, self._count, segment.xy, is_moving))
         return True
 
-    def _forget_absent(self, views: Sequence[Float[np.ndarray, "_ 2"]], pose: Float[np.ndarray, "3"]) -> None:
+    def _forget_absent(self, views: Sequence[Float[np.ndarray, "_ 2"]], pose: Pose) -> None:
         """End tracks that are not seen where a sensor sees farther than they would be."""
         left = []
         for track in self._tracks:

@@ -37,7 +37,7 @@ from slam.grid import (
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.occupancy import probability_of
 from slam.networks.map_network import MapNetwork, MapPredictor, Prediction
-from slam.poses import to_map
+from slam.poses import Pose, to_map
 from slam.robot import Robot
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
@@ -78,7 +78,7 @@ class NeuralMapper:
         self.patch = replace(patch, origin_xy=(x + robot.optics.ahead_m, y))
         self.reset(np.zeros(3))
 
-    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+    def reset(self, pose: Pose) -> None:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
         self.classical.reset(pose)
         self._laser_m = 0.0
@@ -102,7 +102,7 @@ class NeuralMapper:
         self,
         depth: Float32[np.ndarray, "h w"],
         action: Command | None = None,
-        odometry: Float[np.ndarray, "3"] | None = None,
+        odometry: Pose | None = None,
         laser: LaserScan | None = None,
         time_s: float | None = None,
     ) -> MapEstimate:
@@ -176,7 +176,7 @@ class NeuralMapper:
                 new[below : below + ny, left : left + nx] = getattr(self, name)
                 setattr(self, name, new)
 
-    def _enter(self, prediction: Prediction, pose: Float[np.ndarray, "3"]) -> None:
+    def _enter(self, prediction: Prediction, pose: Pose) -> None:
         """Average a prediction into the cells that it covers."""
         rows, columns, column, row = self._covered(pose)
         ny, nx = self.patch.shape
@@ -232,7 +232,7 @@ class NeuralMapper:
                 getattr(self, name)[rows, columns] = grid[rows, columns]
 
     def _covered(
-        self, pose: Float[np.ndarray, "3"]
+        self, pose: Pose
     ) -> tuple[slice, slice, Float32[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx"]]:
         """Window of the map around the patch, and where its cells' centres lie on it: column, row."""
         cell = self.patch.resolution_m
@@ -247,13 +247,13 @@ class NeuralMapper:
         row = ((-s * x - y0) / cell - 0.5)[None, :] + (c * y / cell)[:, None]
         return rows, columns, column.astype(np.float32), row.astype(np.float32)
 
-    def _corners(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 2"]:
+    def _corners(self, pose: Pose) -> Float[np.ndarray, "4 2"]:
         """Corners of the patch ahead of a pose (x, y) [m]."""
         cell = self.patch.resolution_m
         (x0, y0), (ny, nx) = self.patch.origin_xy, self.patch.shape
         return to_map(pose, np.array([(x, y) for x in (x0, x0 + nx * cell) for y in (y0, y0 + ny * cell)]))
 
-    def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
+    def _stand(self, pose: Pose) -> None:
         """Where the hull is, nothing else stands."""
         rows, columns, under = self.frame.under(pose, self.classical.hull, 0.5 * self.frame.resolution_m)
         self._log_odds[rows, columns][under] = np.minimum(self._log_odds[rows, columns][under], -1.0)

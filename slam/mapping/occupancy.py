@@ -13,15 +13,18 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float32, Int
 
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
 from slam.grid import LARGE_CELLS, ComputedGrid, Grid, GridFrame, enlarged, filled_blocks, zeros
 from slam.hull import Hull
-from slam.poses import moved_ahead, to_map
+from slam.poses import Pose, moved_ahead, to_map
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
+
+#: Cells of the grid, or of a window of it.
+Cells = Bool[np.ndarray, "ny nx"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +89,7 @@ class OccupancyGrid:
         if isinstance(self.probability, np.ndarray):
             self.probability[rows, columns] = probability_of(self.log_odds[rows, columns])
 
-    def view_box(
-        self, scan: Scan, pose: Float[np.ndarray, "3"]
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+    def view_box(self, scan: Scan, pose: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
         """Lower-left and upper-right corner (x, y) [m] of what a scan can change at a pose."""
         pose = moved_ahead(pose, scan.ahead_m)
         deepest = (
@@ -100,8 +101,8 @@ class OccupancyGrid:
         return (low[0], low[1]), (high[0], high[1])
 
     def integrate(
-        self, scan: Scan, pose: Float[np.ndarray, "3"], camera_height_m: float, down: float
-    ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
+        self, scan: Scan, pose: Pose, camera_height_m: float, down: float
+    ) -> tuple[slice, slice, Cells]:
         """Enter a scan; returns rows and columns of the changed window, and its cells that stopped being obstacles."""
         rows, columns, frame = self.frame.window(*self.view_box(scan, pose))
         top_m, cleared = self.top_m[rows, columns], np.zeros(frame.shape, bool)
@@ -128,9 +129,7 @@ class OccupancyGrid:
         self.update_probability(rows, columns)
         return rows, columns, cleared
 
-    def integrate_laser(
-        self, scan: LaserScan, pose: Float[np.ndarray, "3"]
-    ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
+    def integrate_laser(self, scan: LaserScan, pose: Pose) -> tuple[slice, slice, Cells]:
         """Enter a laser's scan as far as it reaches; arguments and results as of `integrate`.
 
         Below its beams it sees nothing: lower obstacles stay unchanged.
@@ -158,9 +157,7 @@ class OccupancyGrid:
         in_view = seen & (away < (clear + half).astype(np.float32)[beam])
         return rows, columns, self._weigh(rows, columns, hit, free & ~held, (in_view | hit), away)
 
-    def laser_box(
-        self, scan: LaserScan, pose: Float[np.ndarray, "3"]
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+    def laser_box(self, scan: LaserScan, pose: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
         """Lower-left and upper-right corner (x, y) [m] of what a laser's scan can change at a pose."""
         pose = moved_ahead(pose, scan.ahead_m)
         angle = scan.bearing_rad + pose[2]
@@ -168,7 +165,7 @@ class OccupancyGrid:
         low, high = ends.min(axis=0) - 0.15, ends.max(axis=0) + 0.15
         return (low[0], low[1]), (high[0], high[1])
 
-    def stand(self, pose: Float[np.ndarray, "3"], hull: Hull, margin_m: float = 0.0) -> None:
+    def stand(self, pose: Pose, hull: Hull, margin_m: float = 0.0) -> None:
         """Clear the cells that the hull covers but for a margin: the robot stands there, so nothing else does."""
         rows, columns, under = self.frame.under(pose, hull, margin_m)
         log_odds = self.log_odds[rows, columns]
@@ -179,11 +176,11 @@ class OccupancyGrid:
         self,
         rows: slice,
         columns: slice,
-        hit: Bool[np.ndarray, "ny nx"],
-        free: Bool[np.ndarray, "ny nx"],
-        in_view: Bool[np.ndarray, "ny nx"],
+        hit: Cells,
+        free: Cells,
+        in_view: Cells,
         away_m: Float32[np.ndarray, "ny nx"],
-    ) -> Bool[np.ndarray, "ny nx"]:
+    ) -> Cells:
         """Add the evidence of a look to a window; returns the cells that stopped being obstacles."""
         log_odds = self.log_odds[rows, columns]
         changed = log_odds + np.where(hit, np.float32(self.config.hit), np.float32(0))
@@ -309,7 +306,7 @@ def _look(
 
 
 def _beams(
-    frame: GridFrame, pose: Float[np.ndarray, "3"], scan: LaserScan
+    frame: GridFrame, pose: Pose, scan: LaserScan
 ) -> tuple[Float32[np.ndarray, "ny nx"], Int[np.ndarray, "ny nx"]]:
     """Distance of the cell centres [m], and the number of the beam nearest to each."""
     x, y = frame.axes()

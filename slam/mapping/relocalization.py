@@ -29,7 +29,7 @@ from slam.grid import GridFrame
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
 from slam.matching.surfaces import SurfaceGrid
-from slam.poses import compose, to_map, wrap
+from slam.poses import Pose, compose, to_map, wrap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,9 +103,7 @@ class Surroundings:
             free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE
         )
 
-    def contradiction(
-        self, pose: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 2"], near_m: float
-    ) -> float:
+    def contradiction(self, pose: Pose, points: Float[np.ndarray, "n 2"], near_m: float) -> float:
         """Share of surface points, seen from a pose, that contradict this map."""
         world = to_map(pose, points)
         iy, ix, inside = _cells(self.frame, world)
@@ -151,7 +149,7 @@ class Relocalizer:
         self,
         match: Match,
         points: ScanPoints,
-        displacement: Float[np.ndarray, "3"],
+        displacement: Pose,
         deviation_m: float,
         occupancy: OccupancyGrid,
         surfaces: SurfaceGrid,
@@ -205,13 +203,13 @@ class Relocalizer:
         self._tried = 0
         return candidate, True
 
-    def _same(self, pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"]) -> bool:
+    def _same(self, pose: Pose, other: Pose) -> bool:
         near = math.hypot(*(pose - other)[:2]) < self.config.same_m
         return bool(near and abs(wrap(pose[2] - other[2])) < self.config.same_rad)
 
     def _search(
         self,
-        pose: Float[np.ndarray, "3"],
+        pose: Pose,
         points: ScanPoints,
         around: Surroundings,
         surfaces: SurfaceGrid,
@@ -239,11 +237,7 @@ class Relocalizer:
 
 
 def _lattice(
-    pose: Float[np.ndarray, "3"],
-    points: Float[np.ndarray, "n 2"],
-    around: Surroundings,
-    half_m: float,
-    half_rad: float,
+    pose: Pose, points: Float[np.ndarray, "n 2"], around: Surroundings, half_m: float, half_rad: float
 ) -> Float[np.ndarray, "k 3"]:
     """The best poses of a lattice around one, no two of them neighbours."""
     sample = _thinned(points)

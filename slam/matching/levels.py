@@ -18,7 +18,7 @@ from robosim.support.compiled import compiled
 from slam.grid import GridFrame
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_from, match_scan
 from slam.matching.surfaces import SurfaceGrid
-from slam.poses import to_map, wrap
+from slam.poses import Covariance, Pose, to_map, wrap
 
 #: Side of the coarse cells, in fine ones.
 _COARSER = 4
@@ -55,7 +55,7 @@ class SurfaceLevels:
         self._loose: list[Float[np.ndarray, "n 2"]] = []
         self._near: tuple[GridFrame, Float[np.ndarray, "ny nx"]] | None = None
 
-    def enter(self, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
+    def enter(self, pose: Pose, scan: ScanPoints) -> None:
         """Enter a scan at a pose."""
         for surfaces in (self.fine, self.coarse):
             _enter(surfaces, pose, scan)
@@ -72,7 +72,7 @@ class SurfaceLevels:
         loose = np.concatenate([np.zeros((0, 2)), *self._loose])
         return Surfaces(fine, coarse, loose)
 
-    def take(self, surfaces: Surfaces, pose: Float[np.ndarray, "3"]) -> None:
+    def take(self, surfaces: Surfaces, pose: Pose) -> None:
         """Enter surfaces of others, whose frame lies at a pose."""
         _enter(self.fine, pose, surfaces.fine)
         _enter(self.coarse, pose, surfaces.coarse)
@@ -101,7 +101,7 @@ def _empty(cell_m: float) -> SurfaceGrid:
     return SurfaceGrid(GridFrame(origin_xy=corner, resolution_m=cell_m, shape=shape), fronts=False)
 
 
-def _enter(surfaces: SurfaceGrid, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
+def _enter(surfaces: SurfaceGrid, pose: Pose, scan: ScanPoints) -> None:
     placed = scan.at(pose)
     surfaces.make_room(placed.points)
     surfaces.add(placed.points, placed.normals, placed.weights)
@@ -110,8 +110,8 @@ def _enter(surfaces: SurfaceGrid, pose: Float[np.ndarray, "3"], scan: ScanPoints
 def matches(
     levels: SurfaceLevels,
     scan: ScanPoints,
-    predicted: Float[np.ndarray, "3"],
-    covariance: Float[np.ndarray, "3 3"],
+    predicted: Pose,
+    covariance: Covariance,
     config: MatchConfig,
     rated: Callable[[Match], float],
     loosened: float = 1.0,
@@ -159,20 +159,14 @@ def most_paired(match: Match) -> float:
     return float(match.paired.sum())
 
 
-def difference(
-    pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"], arm_m: float = ARM_M
-) -> Float[np.ndarray, "3"]:
+def difference(pose: Pose, other: Pose, arm_m: float = ARM_M) -> Pose:
     """How far apart two poses are: x, y, and the turn at the end of an arm [m]."""
     return np.array([*(pose - other)[:2], arm_m * wrap(pose[2] - other[2])])
 
 
 def _lattice(
-    points: Float[np.ndarray, "n 2"],
-    levels: SurfaceLevels,
-    predicted: Float[np.ndarray, "3"],
-    half: Float[np.ndarray, "3"],
-    arm_m: float,
-) -> list[Float[np.ndarray, "3"]]:
+    points: Float[np.ndarray, "n 2"], levels: SurfaceLevels, predicted: Pose, half: Pose, arm_m: float
+) -> list[Pose]:
     """The poses of a lattice at which points lie nearest to surfaces, no two of them neighbours."""
     step_rad = _STEP_M / arm_m
     count = min(math.ceil(half[2] / step_rad), math.ceil(math.pi / step_rad))
@@ -188,12 +182,12 @@ def _lattice(
 def nearest_poses(
     levels: SurfaceLevels,
     points: Float[np.ndarray, "n 2"],
-    centre: Float[np.ndarray, "3"],
+    centre: Pose,
     shift: Float[np.ndarray, "k 2"],
     turns: Float[np.ndarray, " t"],
     arm_m: float = ARM_M,
     count: int = _REFINED,
-) -> list[Float[np.ndarray, "3"]]:
+) -> list[Pose]:
     """Poses at which points of a scan lie nearest to surfaces, the best first and no two of them neighbours.
 
     Args:

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.support.compiled import compiled
-from slam.matching.lines import WILD, Ends, OnLines, adjust_poses, find_lines
-from slam.poses import between, compose, wrap
+from slam.matching.lines import WILD, Ends, OnLines, Track, adjust_poses, find_lines
+from slam.poses import Pose, between, compose, wrap
 
 #: Recent scans that are adjusted together hold so many ends, and are so many at least and at most.
 _ENDS, _FEWEST, _MOST = 220, 5, 60
@@ -48,7 +48,7 @@ _MOST_NOISE = 4.0
 class Calibration:
     """Systematic errors of odometry: scale of distances, turn for each metre [rad/m], and scale of turns."""
 
-    def __init__(self, values: Float[np.ndarray, "3"] | None = None) -> None:
+    def __init__(self, values: Pose | None = None) -> None:
         """Begin without any, or with those of an earlier pass."""
         self.values = np.zeros(3) if values is None else values
         self._information = np.diag(np.array([_SCALE, _TURN_PER_M, _TURN_PER_RAD]) ** -2.0)
@@ -56,14 +56,14 @@ class Calibration:
             self._information *= _KNOWN
         self._sum = self._information @ self.values
 
-    def corrected(self, measured: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    def corrected(self, measured: Pose) -> Pose:
         """A displacement of odometry without them."""
         scale, per_m, per_rad = self.values
         distance_m = np.hypot(measured[0], measured[1])
         turn = (1 + per_rad) * measured[2] + per_m * distance_m
         return np.array([(1 + scale) * measured[0], (1 + scale) * measured[1], turn])
 
-    def add(self, measured: Float[np.ndarray, "3"], estimated: Float[np.ndarray, "3"]) -> None:
+    def add(self, measured: Pose, estimated: Pose) -> None:
         """Learn from a displacement that is known better; outliers count little."""
         slopes = np.array([[measured[0], 0.0, 0.0], [0.0, np.hypot(measured[0], measured[1]), measured[2]]])
         error = (estimated - measured)[[0, 2]]
@@ -75,11 +75,8 @@ class Calibration:
 
 
 def line_odometry(
-    ends: Ends,
-    displacement: Float[np.ndarray, "k 3"],
-    deviation: Float[np.ndarray, "k 3"],
-    watched: Callable[[range], Iterable[int]] = iter,
-) -> tuple[Float[np.ndarray, "k 3"], tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]]:
+    ends: Ends, displacement: Track, deviation: Track, watched: Callable[[range], Iterable[int]] = iter
+) -> tuple[Track, tuple[Track, Track]]:
     """Poses of scans by odometry and common lines.
 
     Args:
@@ -110,9 +107,7 @@ def line_odometry(
     return poses, (corrected, deviation)
 
 
-def _turn_noise(
-    poses: Float[np.ndarray, "k 3"], corrected: Float[np.ndarray, "k 3"], deviation: Float[np.ndarray, "k 3"]
-) -> float:
+def _turn_noise(poses: Track, corrected: Track, deviation: Track) -> float:
     """How much larger turns of odometry deviate from those of the poses than is given."""
     error = wrap(np.diff(poses[:, 2]) - corrected[1:, 2]) / deviation[1:, 2]
     # The mean magnitude: less sensitive to outliers than the mean square, and normal errors have 0.8 of it.
@@ -121,12 +116,7 @@ def _turn_noise(
 
 
 def _take_in(
-    k: int,
-    poses: Float[np.ndarray, "k 3"],
-    ends: Ends,
-    odometry: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
-    calibration: Calibration,
-    window: int,
+    k: int, poses: Track, ends: Ends, odometry: tuple[Track, Track], calibration: Calibration, window: int
 ) -> None:
     """Estimate the pose of a scan, adjust those of recent ones, and learn from the one that leaves them."""
     displacement, deviation = odometry
@@ -149,13 +139,7 @@ def _take_in(
         calibration.add(displacement[first], between(poses[first - 1], poses[first]))
 
 
-def _fit(
-    track: Float[np.ndarray, "k 3"],
-    ends: Ends,
-    on: OnLines,
-    motion: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
-    k: int,
-) -> None:
+def _fit(track: Track, ends: Ends, on: OnLines, motion: tuple[Track, Track], k: int) -> None:
     """Fit one scan to the lines of the others, near what odometry predicts from its neighbours; its pose changes."""
     lines = on.without(ends.scan[on.end] == k).lines(ends.at(track))
     predicted, deviation = [compose(track[k - 1], motion[0][k])], [motion[1][k]]
@@ -227,11 +211,7 @@ def _nearest(x: float, y: float, pose: np.ndarray, lines: np.ndarray) -> tuple[i
     return nearest, least
 
 
-def refine_poses(
-    poses: Float[np.ndarray, "k 3"],
-    ends: Ends,
-    motion: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
-) -> Float[np.ndarray, "k 3"]:
+def refine_poses(poses: Track, ends: Ends, motion: tuple[Track, Track]) -> Track:
     """Poses adjusted to lines of all scans that saw the same place; the first stays.
 
     Args:
@@ -247,7 +227,7 @@ def refine_poses(
     return poses
 
 
-def points_of_walls(poses: Float[np.ndarray, "k 3"], ends: Ends, step_m: float) -> Float[np.ndarray, "n 2"]:
+def points_of_walls(poses: Track, ends: Ends, step_m: float) -> Float[np.ndarray, "n 2"]:
     """Points (x, y) [m] of `map`, at most so far apart [m], on the lines through ends of beams of scans at poses."""
     placed = ends.at(poses)
     points = [np.zeros((0, 2))]

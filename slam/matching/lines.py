@@ -22,6 +22,10 @@ from scipy.sparse.linalg import splu
 from robosim.support.compiled import compiled
 from slam.poses import wrap
 
+#: Poses of scans, displacements between them or their standard deviations: x, y [m], yaw [rad].
+Track = Float[np.ndarray, "k 3"]
+
+
 #: Ends of beams on a line, at least; the length of a line, and the largest gap between neighbours on it [m].
 _LEAST, _SHORT_M, _LONG_M, _GAP_M = 4, 0.3, 4.0, 1.0
 #: Smallest cosine of the angle between a beam and the normal of the line it ends at.
@@ -58,7 +62,7 @@ class Ends(NamedTuple):
         window = slice(*np.searchsorted(self.scan, [first, last]))
         return Ends(self.scan[window] - first, self.point[window])
 
-    def at(self, poses: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "n 6"]:
+    def at(self, poses: Track) -> Float[np.ndarray, "n 6"]:
         """In `map`, of scans at poses: end (x, y) [m], unit vector back to the robot, and place of the robot."""
         pose = poses[self.scan]
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
@@ -103,12 +107,7 @@ class OnLines(NamedTuple):
         return np.column_stack([centre, normal, low, high])
 
 
-def find_lines(
-    ends: Ends,
-    poses: Float[np.ndarray, "k 3"],
-    groups: list[Int[np.ndarray, "..."]],
-    tolerance_m: float,
-) -> OnLines:
+def find_lines(ends: Ends, poses: Track, groups: list[Int[np.ndarray, "..."]], tolerance_m: float) -> OnLines:
     """Lines through ends of the same group, each of several scans.
 
     Args:
@@ -214,13 +213,7 @@ def _claim(
     return count
 
 
-def adjust_poses(
-    poses: Float[np.ndarray, "k 3"],
-    ends: Ends,
-    on: OnLines,
-    motion: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
-    wild_m: float,
-) -> Float[np.ndarray, "k 3"]:
+def adjust_poses(poses: Track, ends: Ends, on: OnLines, motion: tuple[Track, Track], wild_m: float) -> Track:
     """Poses at which ends lie on lines and displacements are as measured; the first pose stays.
 
     Args:
@@ -261,9 +254,7 @@ def adjust_poses(
 
 
 def _motion_terms(
-    poses: Float[np.ndarray, "k 3"],
-    motion: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]],
-    unknown: int,
+    poses: Track, motion: tuple[Track, Track], unknown: int
 ) -> tuple[scipy.sparse.csr_matrix, Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Derivatives, errors and weights of the displacements between poses."""
     measured, deviation = motion[0][1:], motion[1][1:]

@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float
 from robosim.support.checks import Range, checked
 from robosim.support.compiled import compiled
 from slam.matching.surfaces import SurfaceGrid, nearest_plane
-from slam.poses import to_map
+from slam.poses import Covariance, Pose, to_map
 from slam.sensing.projection import Scan
 
 #: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
@@ -82,7 +82,7 @@ class ScanPoints:
     thin: bool = False
     """Whether the beams are so few that normals just point to the robot (`slam.matching.thin_scans`)."""
 
-    def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
+    def at(self, pose: Pose) -> "ScanPoints":
         """Return the points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
         heading = np.array([0.0, 0.0, pose[2]])
         loose = None if self.loose is None else to_map(pose, self.loose)
@@ -214,8 +214,8 @@ def points_of_beams(
 def match_scan(
     surfaces: SurfaceGrid,
     scan: ScanPoints,
-    predicted: Float[np.ndarray, "3"],
-    covariance: Float[np.ndarray, "3 3"],
+    predicted: Pose,
+    covariance: Covariance,
     config: MatchConfig = MatchConfig(),
 ) -> Match:
     """Pose at which a scan fits the map best, given what odometry predicts.
@@ -237,8 +237,8 @@ def match_scan(
 def match_from(
     surfaces: SurfaceGrid,
     scan: ScanPoints,
-    predicted: Float[np.ndarray, "3"],
-    covariance: Float[np.ndarray, "3 3"],
+    predicted: Pose,
+    covariance: Covariance,
     config: MatchConfig,
     starts: Float[np.ndarray, "k 3"],
 ) -> list[Match]:

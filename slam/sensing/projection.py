@@ -21,6 +21,12 @@ from jaxtyping import Bool, Float, Float32
 
 from robosim.support.checks import Range, checked
 
+#: A number for each column of a picture.
+Columns = Float32[np.ndarray, " w"]
+#: Depth of each pixel [m], or its height [m].
+Depths = Float32[np.ndarray, "h w"]
+
+
 #: Points of a surface for each column of a scan: neighbours are of one if they lie no farther apart than this [m].
 BETWEEN, ONE_SURFACE_M = 4, 0.2
 #: Floor before something that is left out of a scan is seen up to this distance from it [m].
@@ -50,7 +56,7 @@ class CameraModel:
                 "the other."
             )
 
-    def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " h"]]:
+    def slopes(self, shape: tuple[int, int]) -> tuple[Columns, Float32[np.ndarray, " h"]]:
         """Leftward offset of each column and fall of each row, per metre of depth."""
         h, w = shape
         focal = w / 2 / math.tan(math.radians(self.hfov_deg) / 2)
@@ -116,7 +122,7 @@ class Scan:
         )
 
 
-def clean_depth(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float32[np.ndarray, "h w"]:
+def clean_depth(depth: Depths, camera: CameraModel) -> Depths:
     """Depth with every missing measurement (0, not finite, outside of the limits) set to inf."""
     known = (depth >= camera.min_depth_m) & (depth <= camera.max_depth_m)
     return np.where(known, depth, np.float32(np.inf))
@@ -139,11 +145,7 @@ def _band_limits(
     )
 
 
-def scan_from_depth(
-    depth: Float32[np.ndarray, "h w"],
-    camera: CameraModel,
-    band: Band = Band(),
-) -> Scan:
+def scan_from_depth(depth: Depths, camera: CameraModel, band: Band = Band()) -> Scan:
     """The nearest surface in each column of a depth image, as a scan with one entry for each column."""
     left, down = camera.slopes(depth.shape)
     known = clean_depth(depth, camera)
@@ -166,11 +168,8 @@ def scan_from_depth(
 
 
 def _surface(
-    standing: Float32[np.ndarray, "h w"],
-    nearest: Float32[np.ndarray, " w"],
-    down: Float32[np.ndarray, " h"],
-    camera: CameraModel,
-) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " w"]]:
+    standing: Depths, nearest: Columns, down: Float32[np.ndarray, " h"], camera: CameraModel
+) -> tuple[Columns, Columns]:
     """Mean depth [m] and greatest height [m] of the rows that see the nearest surface of each column."""
     # The nearest of many noisy rows is some standard deviations short: the window opens farther than it closes.
     spread = 0.02 + 0.02 * nearest
@@ -181,19 +180,13 @@ def _surface(
     return mean, top
 
 
-def _eye_level(
-    standing: Float32[np.ndarray, "h w"], down: Float32[np.ndarray, " h"]
-) -> Float32[np.ndarray, " w"]:
+def _eye_level(standing: Depths, down: Float32[np.ndarray, " h"]) -> Columns:
     """Depth [m] of what stands at the height of the camera; inf where nothing does."""
     middle = np.argsort(np.abs(down))[:2]
     return standing[middle].max(axis=0)
 
 
-def dense_points(
-    left: Float32[np.ndarray, " w"],
-    depth_m: Float32[np.ndarray, " w"],
-    range_m: float,
-) -> Float[np.ndarray, "n 2"]:
+def dense_points(left: Columns, depth_m: Columns, range_m: float) -> Float[np.ndarray, "n 2"]:
     """Points of a scan with others in between on each surface, so that far walls have no holes.
 
     The inverse depth of a plane is linear in the column, so the points in between lie exactly on it.

@@ -111,7 +111,7 @@ def _check_power(pattern: PatternElement, path: Path) -> None:
     excess_db = 10 * np.log10(mean_over_sphere(lambda node: pattern.amplitude(node) ** 2, _ORDER))
     if excess_db < -_LOSS_DB:
         logger.warning(
-            "%s: it radiates %.1f dB less than it is given. Are its gains relative?", path, -excess_db
+            f"{path}: it radiates {-excess_db:.1f} dB less than it is given. Are its gains relative?"
         )
     if excess_db > _EXCESS_DB:
         most_dbi = pattern.gain_dbi.max()
@@ -202,9 +202,7 @@ def _msi(
             check_within(angle, f"the angle of {key}", -360, 360)
             check_within(attenuation, f"the attenuation of {key}", *_ATTENUATION_DB)
             if attenuation.max() <= 0 > attenuation.min():
-                logger.warning(
-                    "%s: no attenuation of %s is positive: they count as relative gains.", path, key
-                )
+                logger.warning(f"{path}: no attenuation of {key} is positive: they count as relative gains.")
                 attenuation = -attenuation
             angle, first, which = np.unique(_within_a_turn(angle), return_index=True, return_inverse=True)
             twice = np.abs(attenuation - attenuation[first][which]) > _SAME_DB

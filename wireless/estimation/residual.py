@@ -14,6 +14,13 @@ from jaxtyping import Complex, Float32
 
 from robosim.support.compiled import compiled
 
+#: A measurement as `laid_out` makes it.
+Tensor = Float32[np.ndarray, "window 2 pattern"]
+#: One delay of it.
+Pattern = Float32[np.ndarray, "2 pattern"]
+#: The signature of a delay.
+Pulse = Complex[np.ndarray, " window"]
+
 
 class Layout(NamedTuple):
     """How many numbers of each kind a tensor has."""
@@ -27,9 +34,7 @@ class Layout(NamedTuple):
 
 
 @compiled
-def laid_out(
-    tensor: Complex[np.ndarray, "rx window tx"], layout: Layout
-) -> Float32[np.ndarray, "window 2 pattern"]:
+def laid_out(tensor: Complex[np.ndarray, "rx window tx"], layout: Layout) -> Tensor:
     """A measurement in the order above; its own dimensions are array by array, there port by port."""
     n_rx, n_tx, rx_arrays, tx_arrays = layout
     x = np.empty((tensor.shape[1], 2, tensor.shape[0] * tensor.shape[2]), np.float32)
@@ -51,7 +56,7 @@ def pattern_of(
     tx: Complex[np.ndarray, " tx"],
     size: Complex[np.ndarray, " pairs"],
     layout: Layout,
-    pattern: Float32[np.ndarray, "2 pattern"],
+    pattern: Pattern,
 ) -> None:
     """Signatures of both ends times the size in each pair of arrays go to `pattern`."""
     n_rx, n_tx, rx_arrays, tx_arrays = layout
@@ -68,11 +73,7 @@ def pattern_of(
 
 @compiled
 def along_late(
-    x: Float32[np.ndarray, "window 2 pattern"],
-    pattern: Float32[np.ndarray, "2 pattern"],
-    late: Complex[np.ndarray, " window"],
-    inside: bool,
-    pairs: int,
+    x: Tensor, pattern: Pattern, late: Pulse, inside: bool, pairs: int
 ) -> Complex[np.ndarray, "window pairs"]:
     """The tensor contracted with a pattern: one column for each pair of arrays."""
     square = _square(pattern)
@@ -105,13 +106,7 @@ def along_late(
 
 
 @compiled
-def without_late(
-    x: Float32[np.ndarray, "window 2 pattern"],
-    late: Complex[np.ndarray, " window"],
-    pattern: Float32[np.ndarray, "2 pattern"],
-    pulse: Complex[np.ndarray, " window"],
-    inside: bool,
-) -> Float32[np.ndarray, "2 pattern"]:
+def without_late(x: Tensor, late: Pulse, pattern: Pattern, pulse: Pulse, inside: bool) -> Pattern:
     """The tensor contracted with a pulse of unit norm."""
     z = np.zeros((2, x.shape[2]), np.float32)
     total, common = 0.0, 0j
@@ -133,11 +128,7 @@ def without_late(
 
 
 @compiled
-def take_off(
-    x: Float32[np.ndarray, "window 2 pattern"],
-    late: Complex[np.ndarray, " window"],
-    pattern: Float32[np.ndarray, "2 pattern"],
-) -> None:
+def take_off(x: Tensor, late: Pulse, pattern: Pattern) -> None:
     """Take a path off the tensor."""
     for w in range(len(x)):
         real, imaginary = np.float32(late[w].real), np.float32(late[w].imag)
@@ -147,13 +138,7 @@ def take_off(
 
 
 @compiled
-def exchange(
-    x: Float32[np.ndarray, "window 2 pattern"],
-    late: Complex[np.ndarray, " window"],
-    pattern: Float32[np.ndarray, "2 pattern"],
-    new_late: Complex[np.ndarray, " window"],
-    new_pattern: Float32[np.ndarray, "2 pattern"],
-) -> None:
+def exchange(x: Tensor, late: Pulse, pattern: Pattern, new_late: Pulse, new_pattern: Pattern) -> None:
     """Put a path back and take off what it has become."""
     for w in range(len(x)):
         real, imaginary = np.float32(late[w].real), np.float32(late[w].imag)
@@ -168,7 +153,7 @@ def exchange(
 
 
 @compiled
-def energy_of(x: Float32[np.ndarray, "window 2 pattern"]) -> float:
+def energy_of(x: Tensor) -> float:
     """Squares of all numbers, added."""
     sums = np.zeros(x.shape[2], np.float32)
     for w in range(len(x)):
@@ -181,7 +166,7 @@ def energy_of(x: Float32[np.ndarray, "window 2 pattern"]) -> float:
 
 
 @compiled
-def _square(pattern: Float32[np.ndarray, "2 pattern"]) -> float:
+def _square(pattern: Pattern) -> float:
     total = 0.0
     for row in pattern:
         for value in row:

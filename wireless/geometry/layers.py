@@ -23,6 +23,14 @@ from wireless.geometry.facets import LEVEL, Surfaces
 from wireless.geometry.plan import Plan, make_plan, regions
 from wireless.geometry.stack import Stack
 
+#: Some of the triangles.
+Mask = Bool[np.ndarray, " t"]
+#: A number for each triangle.
+Numbers = Int[np.ndarray, " t"]
+#: Whether each is so below and above.
+BothSides = Bool[np.ndarray, "t 2"]
+
+
 #: Lines nearer to a wall than so many snaps are taken to be on it.
 _ON_WALL = 10
 #: Pieces of openings of less area are none [m2].
@@ -194,8 +202,8 @@ def _facing(
     rims: Int[np.ndarray, " e"],
     level_m: Float[np.ndarray, " k"],
     triangle: np.ndarray,
-    tri_layer: Int[np.ndarray, " t"],
-    room: Bool[np.ndarray, " t"],
+    tri_layer: Numbers,
+    room: Mask,
 ) -> Bool[np.ndarray, " e"]:
     """Whether the open side of each rim is in a room: that of a ceiling's edge at a wall is within the slab."""
     half, wedge = surfaces.edge_gap_rad[rims, None] / 2, surfaces.edge_wedge[rims]
@@ -264,12 +272,7 @@ def _side_by_side(plans: list[Plan]) -> Plan:
     return Plan(origin=plans[0].origin, **joined)
 
 
-def _covered(
-    plan: Plan,
-    tri_layer: Int[np.ndarray, " t"],
-    inner: Bool[np.ndarray, " t"],
-    flat: tuple[shapely.Geometry, ...],
-) -> Bool[np.ndarray, "t 2"]:
+def _covered(plan: Plan, tri_layer: Numbers, inner: Mask, flat: tuple[shapely.Geometry, ...]) -> BothSides:
     """Whether level faces cover each inner triangle from below, and from above."""
     middle = plan.vertex[plan.tri_vertex].mean(axis=1)
     covered = np.zeros((len(middle), 2), bool)
@@ -297,10 +300,7 @@ class _Pieces(NamedTuple):
 
 
 def _pieces(
-    corner: Float[np.ndarray, "t 3 2"],
-    tri_layer: Int[np.ndarray, " t"],
-    open_above: Bool[np.ndarray, " t"],
-    open_below: Bool[np.ndarray, " t"],
+    corner: Float[np.ndarray, "t 3 2"], tri_layer: Numbers, open_above: Mask, open_below: Mask
 ) -> _Pieces:
     """Pieces of openings between some triangles of each layer and some of the next one."""
     below, above = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
@@ -320,12 +320,7 @@ def _pieces(
     return _Pieces(*(column[pieces.area > _NOTHING_M2] for column in pieces))
 
 
-def _floored(
-    region: Int[np.ndarray, " t"],
-    storey: Bool[np.ndarray, " t"],
-    covered: Bool[np.ndarray, "t 2"],
-    area: Float[np.ndarray, " t"],
-) -> Bool[np.ndarray, " t"]:
+def _floored(region: Numbers, storey: Mask, covered: BothSides, area: Float[np.ndarray, " t"]) -> Mask:
     """Triangles of those regions of storeys that have a floor, or a ceiling, over half of them or more."""
     whole = np.bincount(region, area)
     has_floor = np.zeros(len(whole), bool)
@@ -334,9 +329,7 @@ def _floored(
     return has_floor[region]
 
 
-def _rooms(
-    region: Int[np.ndarray, " t"], seed: Bool[np.ndarray, " t"], pieces: _Pieces
-) -> Bool[np.ndarray, " t"]:
+def _rooms(region: Numbers, seed: Mask, pieces: _Pieces) -> Mask:
     """Triangles of regions that have a floor or a ceiling, and of those that openings join to them."""
     n, ends = region.max() + 1, (region[pieces.below], region[pieces.above])
     links = coo_array((np.ones(len(pieces.below), bool), ends), shape=(n, n))
@@ -345,10 +338,10 @@ def _rooms(
 
 
 def _closed(
-    room: Bool[np.ndarray, " t"],
-    inner: Bool[np.ndarray, " t"],
-    covered: Bool[np.ndarray, "t 2"],
-    tri_layer: Int[np.ndarray, " t"],
+    room: Mask,
+    inner: Mask,
+    covered: BothSides,
+    tri_layer: Numbers,
     n_levels: int,
     area: Float[np.ndarray, " t"],
     pieces: _Pieces,
@@ -384,7 +377,7 @@ def _by_triangle(n: int, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray, np.nd
 
 def _sides_on(
     plan: Plan,
-    tri_layer: Int[np.ndarray, " t"],
+    tri_layer: Numbers,
     rim: Float[np.ndarray, "e 2 3"],
     level_m: Float[np.ndarray, " k"],
     snap_m: float,
@@ -407,12 +400,7 @@ def _sides_on(
     return rim_of
 
 
-def _sealed(
-    layers: Layers,
-    room: Bool[np.ndarray, " t"],
-    inner: Bool[np.ndarray, " t"],
-    covered: Bool[np.ndarray, "t 2"],
-) -> bool:
+def _sealed(layers: Layers, room: Mask, inner: Mask, covered: BothSides) -> bool:
     """Whether no wall and no level face has rooms on both sides."""
     plan = layers.plan
     both = (plan.tri_wall >= 0) & room[:, None] & room[plan.tri_next] & (plan.tri_next >= 0)

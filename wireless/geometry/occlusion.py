@@ -53,9 +53,8 @@ def inward_of(triangle: Triangles, normal: Float[np.ndarray, "t 3"]) -> Triangle
     side = np.roll(triangle, -1, axis=1) - triangle
     inward = np.cross(normal[:, None], side)
     turn = np.where(np.einsum("ij,ij->i", inward[:, 0], side[:, 1]) < 0, -1.0, 1.0)
-    length = np.linalg.norm(
-        inward, axis=2
-    )  # none: a sliver's side at right angles to the plane, which bounds nothing
+    # None: a sliver's side at right angles to the plane, which bounds nothing.
+    length = np.linalg.norm(inward, axis=2)
     return inward * (turn[:, None] / np.where(length > 0, length, 1))[..., None]
 
 

@@ -21,6 +21,14 @@ from robosim.support.compiled import compiled
 from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
 
+#: Corners of triangles or segments [m].
+Shapes = Float[np.ndarray, "n k 3"]
+#: A number for each of them.
+Numbers = Int[np.ndarray, " n"]
+#: Their areas or lengths.
+Sizes = Float[np.ndarray, " n"]
+
+
 #: Resolution of double precision in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9
 #: Tolerance in steps of coordinates: rounding moves corners by up to 0.87, and planes of small triangles by more.
@@ -102,7 +110,7 @@ def exact_m(vertex: Float[np.ndarray, "*n 3"]) -> float:
     return float(NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
 
 
-def _fits(corner: Float[np.ndarray, "n k 3"], axis: Points, tolerance_m: float) -> Fits:
+def _fits(corner: Shapes, axis: Points, tolerance_m: float) -> Fits:
     size = np.linalg.norm(axis, axis=1)
     real = np.flatnonzero(size > 0)
     corner, axis, order = corner[real], axis[real] / size[real, None], np.argsort(-size[real], kind="stable")
@@ -130,12 +138,7 @@ def _distance(corner: Polygon, point: Point, axis: Point) -> float:
 
 
 @compiled
-def _fit(
-    corner: Float[np.ndarray, "n k 3"],
-    size: Float[np.ndarray, " n"],
-    members: Int[np.ndarray, " m"],
-    axis: Point,
-) -> tuple[Point, Point]:
+def _fit(corner: Shapes, size: Sizes, members: Int[np.ndarray, " m"], axis: Point) -> tuple[Point, Point]:
     """Point and axis of the plane or line fitted to members, close to an axis that is close already."""
     # Least squares over areas or lengths: the product of two linear functions integrates over a simplex of k corners to
     # (sum of f g + sum of f times sum of g) / (k (k + 1)). What the axis is off by is small, so it is found exactly.
@@ -182,14 +185,14 @@ def _fit(
 
 @compiled
 def _collect(
-    corner: Float[np.ndarray, "n k 3"],
+    corner: Shapes,
     boxes: Boxes,
-    state: Int[np.ndarray, " n"],
+    state: Numbers,
     me: int,
     around: tuple[Point, Point],
     fit: tuple[Point, Point],
     near_m: float,
-    members: Int[np.ndarray, " n"],
+    members: Numbers,
     count: int,
 ) -> int:
     """Append what lies in a plane or on a line, is in part within a box, and is neither grouped nor rejected."""
@@ -240,9 +243,9 @@ def _collect(
 
 @compiled
 def _settle(
-    corner: Float[np.ndarray, "n k 3"],
-    size: Float[np.ndarray, " n"],
-    members: Int[np.ndarray, " n"],
+    corner: Shapes,
+    size: Sizes,
+    members: Numbers,
     before: int,
     count: int,
     point: Point,
@@ -271,15 +274,8 @@ def _settle(
 
 @compiled
 def _grow(
-    corner: Float[np.ndarray, "n k 3"],
-    own_axis: Points,
-    size: Float[np.ndarray, " n"],
-    order: Int[np.ndarray, " n"],
-    boxes: Boxes,
-    near_m: float,
-) -> tuple[
-    Int[np.ndarray, " n"], Float[np.ndarray, "g 3"], Float[np.ndarray, "g 3"], Float[np.ndarray, " g"]
-]:
+    corner: Shapes, own_axis: Points, size: Sizes, order: Numbers, boxes: Boxes, near_m: float
+) -> tuple[Numbers, Float[np.ndarray, "g 3"], Float[np.ndarray, "g 3"], Float[np.ndarray, " g"]]:
     """Groups, and point, axis and deviation of each; see `Fits`."""
     n = len(corner)
     # Group of each; -1 for none; -2 - g for none if group g rejected it last.

@@ -10,6 +10,10 @@ from wireless.geometry.array_types import FlatPolygon
 from wireless.geometry.convex import area_of, cut_to_left, without_doubles
 from wireless.geometry.plan import NEAR_M
 
+#: Corners of a window in the plan [m].
+Window = Float[np.ndarray, "w 2"]
+
+
 #: Windows of less area are none [m2].
 _NOTHING_M2 = 1e-16
 #: Right and left end of a part of a side: x, y, x, y [m].
@@ -105,7 +109,7 @@ def put_sector(window: FlatPolygon, x: float, y: float, sector: Float[np.ndarray
 
 
 @compiled
-def seen_slopes(eye: Eye, window: Float[np.ndarray, "w 2"], px: float, py: float) -> tuple[float, float]:
+def seen_slopes(eye: Eye, window: Window, px: float, py: float) -> tuple[float, float]:
     """Least and most slope at which a corner is seen; the first is more if it is not."""
     ux, uy = px - eye.x, py - eye.y
     length = np.sqrt(ux * ux + uy * uy)
@@ -126,12 +130,7 @@ def seen_slopes(eye: Eye, window: Float[np.ndarray, "w 2"], px: float, py: float
 
 @compiled
 def cut_to_seen(
-    eye: Eye,
-    window: Float[np.ndarray, "w 2"],
-    bound_m: float,
-    polygon: FlatPolygon,
-    n: int,
-    spare: FlatPolygon,
+    eye: Eye, window: Window, bound_m: float, polygon: FlatPolygon, n: int, spare: FlatPolygon
 ) -> int:
     """Cut a piece of an opening at some height above the source, in place, to what is seen; its number of corners."""
     x, y = eye.x, eye.y
@@ -147,9 +146,7 @@ def cut_to_seen(
 
 
 @compiled
-def seen_part(
-    eye: Eye, window: Float[np.ndarray, "w 2"], bound_m: float, side: Bounds, bounds: Bounds
-) -> tuple[float, float]:
+def seen_part(eye: Eye, window: Window, bound_m: float, side: Bounds, bounds: Bounds) -> tuple[float, float]:
     """The part of a rim, from 0 at its right end to 1, that is in a sector and behind the window; nothing if reversed.
 
     Args:

@@ -37,6 +37,10 @@ from wireless.paths import Paths
 from wireless.sounding.draw import draw_windows, find_candidates
 from wireless.tracing.blocks import in_threads
 
+#: Numbers of any shape.
+Numbers = Float[np.ndarray, "*batch"]
+
+
 #: Size of a room [m], which paths of a link differ by.
 _ROOM_M = 5.0
 #: Links that share one stream of random numbers: results depend on it, but on no number of workers.
@@ -194,18 +198,14 @@ class Sounder:
         return len(self.rx_basis) * len(self.rx.platform.face_rad)
 
     def rx_response(
-        self,
-        azimuth_rad: Float[np.ndarray, "*batch"],
-        elevation_rad: float | Float[np.ndarray, "*#batch"] = 0.0,
+        self, azimuth_rad: Numbers, elevation_rad: float | Float[np.ndarray, "*#batch"] = 0.0
     ) -> Complex[np.ndarray, "*batch n_basis"]:
         """Signature of the receiver in the tensor's dimensions, array by array."""
         signature = self.rx.platform.signature(azimuth_rad, elevation_rad) @ self.rx_basis.T
         return signature.reshape(*azimuth_rad.shape, -1)
 
     def tx_response(
-        self,
-        azimuth_rad: Float[np.ndarray, "*batch"],
-        elevation_rad: float | Float[np.ndarray, "*#batch"] = 0.0,
+        self, azimuth_rad: Numbers, elevation_rad: float | Float[np.ndarray, "*#batch"] = 0.0
     ) -> Complex[np.ndarray, "*batch beams"]:
         """Field of each transmit beam."""
         return self.tx.beam_response(azimuth_rad, elevation_rad)
@@ -219,12 +219,7 @@ class Sounder:
         before_correlation = self.config.snr_per_gain_db - 10 * np.log10(self.config.n_samples)
         return float(before_correlation + 10 * np.log10(rx * tx))
 
-    def snr_db(
-        self,
-        energy: Float[np.ndarray, "*batch"],
-        aoa_rad: Float[np.ndarray, "*batch"],
-        aod_rad: Float[np.ndarray, "*batch"],
-    ) -> Float[np.ndarray, "*batch"]:
+    def snr_db(self, energy: Numbers, aoa_rad: Numbers, aod_rad: Numbers) -> Numbers:
         """SNR of level paths, as estimates give it, from their energy in the measurement; -inf for no energy.
 
         Args:
@@ -236,9 +231,7 @@ class Sounder:
         tx = np.sum(np.abs(self.tx_response(aod_rad)) ** 2, axis=-1)
         return self.snr_of_seen_db(energy, rx * tx)
 
-    def snr_of_seen_db(
-        self, energy: Float[np.ndarray, "*batch"], seen: Float[np.ndarray, "*batch"]
-    ) -> Float[np.ndarray, "*batch"]:
+    def snr_of_seen_db(self, energy: Numbers, seen: Numbers) -> Numbers:
         """SNR [dB], where the squared norm of a path's receive and transmit signatures together is known."""
         with np.errstate(divide="ignore"):
             gain_db = 10 * np.log10(energy / seen) - self.config.snr_per_gain_db
@@ -260,7 +253,7 @@ class Sounder:
             paths = replace(paths, aod_rad=nan)
         return paths if self.config.resolves_delays else replace(paths, delay_s=nan)
 
-    def pulse(self, delay: Float[np.ndarray, "*batch"]) -> Complex[np.ndarray, "*batch"]:
+    def pulse(self, delay: Numbers) -> Complex[np.ndarray, "*batch"]:
         """Correlation of the waveform with itself, delayed by some samples: 1 at zero, 0 at other integers."""
         n = self.config.n_samples
         turn = np.sin(np.pi * delay / n)

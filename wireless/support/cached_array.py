@@ -72,5 +72,5 @@ def cached_arrays(
                 old.unlink(missing_ok=True)
     except OSError as error:  # a full disk costs the next process a second
         partial.unlink(missing_ok=True)
-        logger.info("%s cannot be cached: %s", file, error)
+        logger.info(f"{file} cannot be cached: {error}")
     return made

@@ -17,6 +17,12 @@ from wireless.geometry.occlusion import Tree, covers
 from wireless.geometry.space import Panes
 from wireless.tracing.reachable import WIDER_M, EdgeChains, OpenChains
 
+#: Room for numbers of rows.
+Work = Float[np.ndarray, "3 n"]
+#: Numbers of rows.
+Numbers = Int[np.ndarray, " n"]
+
+
 #: Rows that are looked at for each receiver in turn: they stay in the processor's cache.
 _ROWS = 256
 
@@ -32,12 +38,7 @@ class Hits(NamedTuple):
 
 @compiled
 def _in_windows(
-    column: Float[np.ndarray, "14 c"],
-    first: int,
-    last: int,
-    p: Point,
-    work: Float[np.ndarray, "3 n"],
-    numbers: Int[np.ndarray, " n"],
+    column: Float[np.ndarray, "14 c"], first: int, last: int, p: Point, work: Work, numbers: Numbers
 ) -> int:
     """Chains from first to last whose window is between image and receiver, or almost; their number."""
     n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
@@ -70,12 +71,7 @@ def _in_windows(
 
 @compiled
 def _past_edges(
-    column: Float[np.ndarray, "9 q"],
-    first: int,
-    last: int,
-    p: Point,
-    work: Float[np.ndarray, "3 n"],
-    numbers: Int[np.ndarray, " n"],
+    column: Float[np.ndarray, "9 q"], first: int, last: int, p: Point, work: Work, numbers: Numbers
 ) -> int:
     """Edges from first to last that are met where the ray leaves for a point at its angle of arrival; their number."""
     n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
@@ -103,14 +99,7 @@ def _past_edges(
 
 @compiled
 def _in_view(
-    panes: Panes,
-    tree: Tree,
-    edges: EdgeChains,
-    rx: Point,
-    first: int,
-    work: Float[np.ndarray, "3 n"],
-    numbers: Int[np.ndarray, " n"],
-    n: int,
+    panes: Panes, tree: Tree, edges: EdgeChains, rx: Point, first: int, work: Work, numbers: Numbers, n: int
 ) -> int:
     """Keep the edges, of n, whose rays meet the patch next to the receiver, if any, and are not covered; their number.
 

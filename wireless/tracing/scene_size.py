@@ -36,7 +36,7 @@ def report_size(n_triangles: int) -> None:
     """Report memory and time of the preparation of a large scene, in the first of several processes."""
     if n_triangles >= _REPORTED and parent_process() is None:
         text = size_text(n_triangles)
-        logger.warning("Preparing %d triangles for tracing takes up to %s per process.", n_triangles, text)
+        logger.warning(f"Preparing {n_triangles} triangles for tracing takes up to {text} per process.")
 
 
 def size_text(n_triangles: int) -> str:

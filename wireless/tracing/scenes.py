@@ -77,7 +77,7 @@ class PlanScene:
         self._around: dict[bytes, Around] = {}
         self._passed: dict[int, tuple[Layers, Setting]] = {}
         self._sights: dict[tuple[bytes, int], Visibility] = {}
-        logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
+        logger.info(f"Floor plan of {len(extruded.walls)} walls and {len(plan.corner_vertex)} corners")
 
     def tables(
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
@@ -206,7 +206,7 @@ class SpaceScene:
         if self.setting.max_through == 1:
             sides = Sides(local)
             self._sides = sides if sides.closed[face_wall[:, 1].real > 0].all() else None
-        logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
+        logger.info(f"{len(mirrors)} facets and {len(surfaces.edge)} edges in space")
         self._by_rays = search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS)
         self._candidates = cache(
             lambda through: Candidates(self.space, self.setting._replace(max_through=through), rays)

@@ -62,7 +62,7 @@ class StackScene:
         self._setting = self._setting._replace(max_through=0)
         self._snap_m = snap_m
         self._places = [self._locator(layer) for layer in range(len(stack.walls))]
-        logger.info("%d storeys of %d walls", len(stack.walls) // 2 + 1, len(self.layers.plan.wall_along))
+        logger.info(f"{len(stack.walls) // 2 + 1} storeys of {len(self.layers.plan.wall_along)} walls")
 
     def _locator(self, layer: int) -> tuple[Locator, Int[np.ndarray, " t"]] | None:
         """Locator of the triangles of a layer, and the numbers of these triangles."""

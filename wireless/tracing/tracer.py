@@ -332,7 +332,7 @@ class Tracer:
                     raise SceneError(
                         f"The storeys cannot be traced as such because {error}. Trace them with scene='space'."
                     ) from None
-                logger.info("Storeys are traced in space, which takes longer, because %s", error)
+                logger.info(f"Storeys are traced in space, which takes longer, because {error}")
         elif c.scene == "auto":
             logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
         return in_space(), in_space
@@ -512,10 +512,8 @@ def _report_passage(frequency_hz: float) -> None:
     if parent_process() is not None:
         return
     logger.warning(
-        "At %g GHz paths pass up to %d walls. Set max_transmissions to change that (robosim trace --max-transmissions, "
-        "robosim episode --radio.tracer.max-transmissions).",
-        frequency_hz / 1e9,
-        WALLS_PASSED,
+        f"At {frequency_hz / 1e9:g} GHz paths pass up to {WALLS_PASSED} walls. Set max_transmissions to change that "
+        "(robosim trace --max-transmissions, robosim episode --radio.tracer.max-transmissions)."
     )
 
 
@@ -523,8 +521,6 @@ def _report_passage(frequency_hz: float) -> None:
 def _report_half_space(material: str) -> None:
     """Say, once, that walls of a material have no thickness."""
     logger.warning(
-        "Walls of %s have no thickness: they are half-spaces, which reflect and let nothing through. Set "
-        "wall_thickness_m (--wall-thickness 0.1), or take a wall of layers: %s.",
-        material,
-        ", ".join(WALLS),
+        f"Walls of {material} have no thickness: they are half-spaces, which reflect and let nothing through. Set "
+        f"wall_thickness_m (--wall-thickness 0.1), or take a wall of layers: {', '.join(WALLS)}."
     )

@@ -54,11 +54,8 @@ def without_strokes(
     )
     dropped = dark & ~remains
     logger.warning(
-        "%s: %.2f of %.2f m2 of dark strokes are thinner than %g m and are not read as walls.",
-        path,
-        dropped.sum() * resolution_m**2,
-        dark.sum() * resolution_m**2,
-        thinnest_wall_m,
+        f"{path}: {dropped.sum() * resolution_m**2:.2f} of {dark.sum() * resolution_m**2:.2f} m2 of dark strokes are "
+        f"thinner than {thinnest_wall_m:g} m and are not read as walls."
     )
     return np.where(remains, states, FREE).astype(np.uint8)
 
@@ -88,12 +85,9 @@ def _warn_of_strokes(dark: Bool[np.ndarray, "h w"], resolution_m: float, path: P
     thin = area - int(_opened(dark, least).sum()) if least > 1 else 0
     if thin > _STROKES * area:
         logger.warning(
-            "%s: %.2f m2 of dark strokes, thinner than %g m, are read as walls. If they are text, door arcs or "
-            "furniture, drop them by --thinnest-wall %g.",
-            path,
-            thin * resolution_m**2,
-            least * resolution_m,
-            least * resolution_m,
+            f"{path}: {thin * resolution_m**2:.2f} m2 of dark strokes, thinner than {least * resolution_m:g} m, are "
+            "read as walls. If they are text, door arcs or furniture, drop them by --thinnest-wall "
+            f"{least * resolution_m:g}."
         )
 
 
@@ -122,10 +116,8 @@ def without_frame(
     if not find_outside(FloorPlan(occupancy=paper, resolution_m=resolution_m)).any():
         return states  # one room, with its own walls around it
     logger.warning(
-        "%s: a frame of %d pixels, to which nothing is attached, is read as the edge of the paper. If it is a wall, "
-        "crop the picture to it and join it to another wall.",
-        path,
-        np.count_nonzero(frame),
+        f"{path}: a frame of {np.count_nonzero(frame)} pixels, to which nothing is attached, is read as the edge of "
+        "the paper. If it is a wall, crop the picture to it and join it to another wall."
     )
     return paper
 

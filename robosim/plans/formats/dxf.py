@@ -62,7 +62,7 @@ def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
         shapes = list(_shapes(_entities(document.modelspace(), "", [0], missing), hidden, unit_m))
         if missing:
             logger.warning(
-                "%s: blocks that it does not contain are left out: %s.", path, "; ".join(sorted(missing))
+                f"{path}: blocks that it does not contain are left out: {'; '.join(sorted(missing))}."
             )
         return plan_from_shapes(shapes, path, options)
 

@@ -130,9 +130,8 @@ def furnishing_from_file(
             triangles = triangles - [*(low + high)[:2] / 2, low[2]]
         faces = np.arange(3 * len(triangles)).reshape(-1, 3)
         body = trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False, validate=False)
-        Furnishing(
-            mesh=body, at=(0.0, 0.0)
-        )  # checks the mesh: errors of the place are not errors of its file
+        # Checks the mesh: errors of the place are not errors of its file.
+        Furnishing(mesh=body, at=(0.0, 0.0))
     said = {"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin}
     return Furnishing(mesh=body, said=said, **{"name": mesh.stem, **placement})
 

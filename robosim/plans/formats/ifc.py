@@ -48,7 +48,7 @@ def read_ifc(path: Path, options: ReadingOptions) -> FloorPlan:
         triangles, note = _triangles_of(content)
         plan = plan_from_triangles(triangles, options, name=path.stem)
     if note:
-        logger.warning("%s: %s", path, note)
+        logger.warning(f"{path}: {note}")
     return plan
 
 

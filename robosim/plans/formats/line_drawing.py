@@ -155,9 +155,7 @@ def _on_wall_layers(drawn: Sequence[Shape], patterns: tuple[str, ...], path: Pat
     names = sorted({shape.names[0] for shape in chosen})
     if not patterns and len(names) > 1:
         logger.warning(
-            "%s: walls are read from the layers %s. Choose by --wall-layer.",
-            path,
-            ", ".join(map(shown, names)),
+            f"{path}: walls are read from the layers {', '.join(map(shown, names))}. Choose by --wall-layer."
         )
     return chosen
 

@@ -46,6 +46,10 @@ from robosim.plans.formats.raster import Windings, blocks, cells_touched, cut, s
 from robosim.support.reading import reading
 from wireless.geometry.closed_surfaces import Sides
 
+#: Some cells of a plan.
+Cells = Bool[np.ndarray, "ny nx"]
+
+
 logger = logging.getLogger(__name__)
 
 RESOLUTION_M = 0.05
@@ -124,28 +128,15 @@ def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
         )
         for axis in _OTHER
     }
-    if largest[other] <= 2 * largest[usual]:
-        if largest[other] > largest[usual]:
-            logger.warning(
-                "%s: the %s axis is taken to point up, as usual in such files, but the largest floor has %.0f m2 then, "
-                "and %.0f m2 if the %s axis does. If this is wrong, pass up=%r (--up %s).",
-                path,
-                usual,
-                largest[usual],
-                largest[other],
-                *(other,) * 3,
-            )
-        return usual
-    logger.warning(
-        "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s axis. If "
-        "this is wrong, pass up=%r (--up %s).",
-        path,
-        other,
-        largest[other],
-        largest[usual],
-        *(usual,) * 3,
-    )
-    return other
+    has_larger = largest[other] > largest[usual]
+    axis, against = (other, usual) if largest[other] > 2 * largest[usual] else (usual, other)
+    if has_larger:
+        logger.warning(
+            f"{path}: the {axis} axis is taken to point up{', as usual in such files' if axis == usual else ''}. The "
+            f"largest floor has {largest[axis]:.0f} m2 then, and {largest[against]:.0f} m2 if the {against} axis does. "
+            f"If this is wrong, pass up={against!r} (--up {against})."
+        )
+    return axis
 
 
 def plan_from_triangles(
@@ -240,7 +231,7 @@ def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshF
     heights = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
     if floor_height_m is None:
         if len(floors) > 1:
-            logger.warning("floors found at %s; the lowest is taken. Choose by the floor height.", heights)
+            logger.warning(f"floors found at {heights}; the lowest is taken. Choose by the floor height.")
         return floors[0]
     nearest = min(floors, key=lambda floor: abs(floor.height_m - floor_height_m))
     if not abs(nearest.height_m - floor_height_m) <= _NEAR_M:
@@ -250,7 +241,7 @@ def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshF
 
 def _slice(
     triangles: Triangles, height: float, low: float, high: float, resolution_m: float
-) -> tuple[Bool[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"], tuple[float, float]]:
+) -> tuple[Cells, Cells, tuple[float, float]]:
     """Free cells, occupied cells, and the lower left corner of the grid, which just holds the floor."""
     bottom, top = height - _DIP_M, height + low
 
@@ -279,9 +270,7 @@ def _slice(
     return _without_bodies(free, triangles, places), occupied, (float(origin[0]), float(origin[1]))
 
 
-def _with_holes_closed(
-    free: Bool[np.ndarray, "ny nx"], occupied: Bool[np.ndarray, "ny nx"], resolution_m: float
-) -> Bool[np.ndarray, "ny nx"]:
+def _with_holes_closed(free: Cells, occupied: Cells, resolution_m: float) -> Cells:
     """Free cells with adjacent small holes, in which nothing stands; a column's inside is next to no free cell."""
     hole, n = ndimage.label(~free & ~occupied)
     small = np.bincount(hole.ravel(), minlength=n + 1) * resolution_m**2 <= _HOLE_M2
@@ -294,7 +283,7 @@ def _with_holes_closed(
     return free | closed[hole]
 
 
-def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx"]:
+def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) -> Cells:
     """Cells at whose centre a height is inside a solid; x and y of the triangles in cells.
 
     A line sideways from there leaves more solids, through surfaces that face away, than it enters, and so does a line
@@ -309,9 +298,7 @@ def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) 
     return (sideways.numbers() > 0) & _covers(above, shape)
 
 
-def _covers(
-    polygons: Iterable[Float[np.ndarray, "n m 3"]], shape: tuple[int, int]
-) -> Bool[np.ndarray, "ny nx"]:
+def _covers(polygons: Iterable[Float[np.ndarray, "n m 3"]], shape: tuple[int, int]) -> Cells:
     """Cells whose centre lies below (or above) more polygons that face up than polygons that face down."""
     windings = Windings(shape)
     for polygon in polygons:
@@ -320,9 +307,7 @@ def _covers(
     return windings.numbers() > 0
 
 
-def _without_pockets(
-    free: Bool[np.ndarray, "ny nx"], solid: Bool[np.ndarray, "ny nx"], resolution_m: float
-) -> Bool[np.ndarray, "ny nx"]:
+def _without_pockets(free: Cells, solid: Cells, resolution_m: float) -> Cells:
     """Free cells without parts mostly inside solids, unless hardly any would be left, as in a shell of sheets."""
     component, n = ndimage.label(free)
     size = np.bincount(component[free], minlength=n + 1)
@@ -332,10 +317,8 @@ def _without_pockets(
 
 
 def _without_bodies(
-    free: Bool[np.ndarray, "ny nx"],
-    triangles: Triangles,
-    places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]],
-) -> Bool[np.ndarray, "ny nx"]:
+    free: Cells, triangles: Triangles, places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]]
+) -> Cells:
     """Free cells without parts inside a body, such as a cupboard; `places` converts rows and columns to [m]."""
     component, n = ndimage.label(free)
     if n < 2:

@@ -67,9 +67,8 @@ def read_obj(content: bytes) -> Polygons:
     corner = np.array([word for face in faces for word in face], "S20").astype(np.int64)
     if (corner == 0).any():
         raise ValueError("a face names vertex 0, expected vertices from 1 on, or from -1 backwards")
-    before = np.repeat(
-        np.cumsum(is_vertex)[~is_vertex], count
-    )  # a negative number counts back from its own line
+    # A negative number counts back from its own line.
+    before = np.repeat(np.cumsum(is_vertex)[~is_vertex], count)
     return _checked(vertices, np.where(corner < 0, before + corner, corner - 1), count)
 
 

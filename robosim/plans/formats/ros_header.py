@@ -186,9 +186,8 @@ def _origin(keys: _Keys) -> tuple[float, float, float]:
         raise keys.fail("origin", f"x and y within {FARTHEST_M:g} m and a yaw within {MOST_YAW:g} rad")
     if abs(yaw) > 2 * math.pi:
         logger.warning(
-            "%s: the yaw in origin is %g, more than a full turn. It is in radians; was it meant in degrees?",
-            keys.path,
-            yaw,
+            f"{keys.path}: the yaw in origin is {yaw:g}, more than a full turn. It is in radians; was it meant in "
+            "degrees?"
         )
     return x, y, yaw
 

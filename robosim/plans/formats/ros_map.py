@@ -172,23 +172,20 @@ def occupancy_of(
     settle = "To read it by map_server's rule, pass --map-reading letter (map_reading='letter')."
     if raw:
         logger.warning(
-            "%s: mode is raw, but the greys of %s are those of mode trinary, by which it is read: black is occupied. "
-            "Set 'mode: trinary'. %s",
-            path,
-            header.image.name,
-            settle,
+            f"{path}: mode is raw, but the greys of {header.image.name} are those of mode trinary, by which it is "
+            f"read: black is occupied. Set 'mode: trinary'. {settle}"
         )
     elif (n_changed := np.count_nonzero(states != letter)) > 0:
         shades = has_shades_of_alpha(image)
-        logger.warning(
-            "%s: the alpha channel of %s changes the state of %d cells by map_server's rule, which averages it with "
-            "the colours in mode trinary. %s Remove it, or set 'mode: scale', by which transparent is unknown.",
-            path,
-            header.image.name,
-            n_changed,
+        here = (
             "It is averaged here too."
             if shades
-            else f"It is ignored here, and transparent is unknown. {settle}",
+            else f"It is ignored here, and transparent is unknown. {settle}"
+        )
+        logger.warning(
+            f"{path}: the alpha channel of {header.image.name} changes the state of {n_changed} cells by map_server's "
+            f"rule, which averages it with the colours in mode trinary. {here} Remove it, or set 'mode: scale', by "
+            "which transparent is unknown."
         )
         states = letter if shades else states
     unknown_level = unknown_grey(image, header.negate and not raw)
@@ -196,14 +193,9 @@ def occupancy_of(
         unknown = unknown_level.cells & (states == FREE)
         if unknown.any():
             logger.warning(
-                "%s: %d cells around grey %d are read as unknown, since that grey is common, though free_thresh %g "
-                "makes them free. Set 'free_thresh: %.3f' to settle it. %s",
-                path,
-                np.count_nonzero(unknown),
-                unknown_level.grey,
-                header.thresholds.free,
-                unknown_level.free_thresh,
-                settle,
+                f"{path}: {np.count_nonzero(unknown)} cells around grey {unknown_level.grey} are read as unknown, "
+                f"since that grey is common, though free_thresh {header.thresholds.free:g} makes them free. Set "
+                f"'free_thresh: {unknown_level.free_thresh:.3f}' to settle it. {settle}"
             )
             states[unknown] = UNKNOWN
     return states
