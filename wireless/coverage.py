@@ -211,18 +211,20 @@ class CoverageMap:
         """
         from matplotlib.colors import BoundaryNorm
 
-        axes, style = axes_in_metres(axes), dict[str, Any]()
+        axes = axes_in_metres(axes)
+        style: dict[str, Any] = {}
+        bar: dict[str, Any] = {}
         label, scale = _SHOWN.get(quantity, (quantity, 1.0))
         if quantity == "best_server":
             numbers = np.arange(len(self.gain)) + 1  # as in names of files
             values = np.where(self.best_server >= 0, self.best_server + 1.0, np.nan)
-            style["norm"], bar = BoundaryNorm([0.5, *numbers + 0.5], 256), {"ticks": numbers}
+            style["norm"], bar["ticks"] = BoundaryNorm([0.5, *numbers + 0.5], 256), numbers
         else:
             if tx is None:
                 values = self.best(quantity)
             else:
                 values = np.where(self.state[tx] == CellState.REACHED, getattr(self, quantity)[tx], np.nan)
-            values, bar = scale * values, {"extend": "both"}
+            values, bar["extend"] = scale * values, "both"
             known = values[np.isfinite(values)]
             # A few cells that hardly anything reaches would take most of the colours.
             style["vmin"], style["vmax"] = np.percentile(known, [1, 99.5]) if len(known) else (0, 1)
