@@ -58,6 +58,8 @@ _STUCK_M, _STUCK_STEPS = 0.5, 40
 _NEW_M2, _NEW_STEPS = 1.0, 100
 #: Decisions without reception, and floor that was seen [m2], from which on the network does not decide.
 _OUTAGE_STEPS, _LARGE_M2 = 20, 100.0
+#: Nor does it where the robot has seen less new floor [m2] in so many of these decisions, until it receives again.
+_LITTLE_M2, _LITTLE_STEPS = 4.0, 40
 #: How far beyond the map `fused` expects the target [m].
 _BEYOND_M = 30.0
 #: Distance of the goal in the log [m].
@@ -95,7 +97,7 @@ class Learned:
         self._action: Action | None = None
         self._reason: Reason | None = None
         self._has_fallen_back = False
-        self._outage_steps = 0
+        self._outage_steps, self._is_lost = 0, False
 
     @property
     def belief(self) -> TargetBelief | None:
@@ -124,8 +126,13 @@ class Learned:
         if sensed.action is not Action.WAIT:  # after a wait it decides again
             self._before = self._memory
         scores, _, self._memory = self._network(inputs, self._before)
-        self._outage_steps = 0 if len(measured.aoa_rad) else self._outage_steps + 1
-        if self._outage_steps >= _OUTAGE_STEPS and seen_m2 > _LARGE_M2:
+        if len(measured.aoa_rad):
+            self._outage_steps, self._is_lost = 0, False
+        else:
+            self._outage_steps += 1
+            sees_little = self._sees_less(seen_m2, _LITTLE_M2, _LITTLE_STEPS)
+            self._is_lost |= self._outage_steps >= _OUTAGE_STEPS and (seen_m2 > _LARGE_M2 or sees_little)
+        if self._is_lost:
             self._action = None
             goal = self._fused.goal(sensed, estimated)
             self._reason = self._fused.reason
@@ -172,9 +179,13 @@ class Learned:
 
     def _is_stuck(self, estimate: MapEstimate, seen_m2: float) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""
-        sees_nothing_new = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
+        sees_nothing_new = self._sees_less(seen_m2, _NEW_M2, _NEW_STEPS)
         self._seen_m2.append(seen_m2)
         return self._stuck.is_stuck(estimate.pose[:2]) or sees_nothing_new
+
+    def _sees_less(self, seen_m2: float, new_m2: float, steps: int) -> bool:
+        """Whether it has seen less new floor [m2] in so many decisions."""
+        return len(self._seen_m2) >= steps and seen_m2 - self._seen_m2[-steps] < new_m2
 
     def action(self) -> Action | None:
         """The chosen action; None after the fallback."""

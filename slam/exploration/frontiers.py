@@ -20,6 +20,8 @@ from slam.poses import wrap
 
 #: Rays cast to count what can be seen.
 RAYS = 60
+#: A line leads on across a frontier if it stays in unseen cells for so long [m].
+_AHEAD_M = 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,15 +123,34 @@ def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny 
 def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) -> float:
     """Unseen area in sight from a frontier, if what is unknown were open [m^2]."""
     step, cell = 2, box.frame.resolution_m
-    y, x = (int(v) for v in box.frame.index(frontier.near_xy))
-    angle = np.arange(RAYS)[:, None] * (2 * math.pi / RAYS)
     reach = np.arange(step, range_m / cell, step)
-    iy = np.rint(y + np.sin(angle) * reach).astype(np.intp)
-    ix = np.rint(x + np.cos(angle) * reach).astype(np.intp)
-    inside = np.asarray(box.frame.inside(iy, ix))
-    iy, ix = np.where(inside, iy, 0), np.where(inside, ix, 0)
+    iy, ix, inside = _rays(box, frontier.near_xy, reach)
     in_sight = np.logical_and.accumulate(~inside | (box.probability[iy, ix] <= 0.5), axis=1)
     new = in_sight & ~(inside & box.explored[iy, ix])
     # Each sample stands for a piece of its ring.
     area = float((new * reach).sum()) * (2 * math.pi / RAYS) * step * cell * cell
     return min(area, frontier.length_m * depth_m)
+
+
+def _rays(
+    box: Box, place: Float[np.ndarray, "2"], reach: Float[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, "rays n"], Int[np.ndarray, "rays n"], Bool[np.ndarray, "rays n"]]:
+    """Rows and columns of cells along rays from a place [m], so many cells away, and whether these are in the box."""
+    angle = np.arange(RAYS)[:, None] * (2 * math.pi / RAYS)
+    y, x = (int(v) for v in box.frame.index(place))
+    iy = np.rint(y + np.sin(angle) * reach).astype(np.intp)
+    ix = np.rint(x + np.cos(angle) * reach).astype(np.intp)
+    inside = np.asarray(box.frame.inside(iy, ix))
+    return np.where(inside, iy, 0), np.where(inside, ix, 0), inside
+
+
+def line_across(box: Box, frontier: Frontier, range_m: float) -> float:
+    """Length of the longest straight line over seen floor that leads on across a frontier [m], up to a range."""
+    step = 2
+    reach = np.arange(step, range_m / box.frame.resolution_m, step)
+    iy, ix, inside = _rays(box, frontier.goal_xy, reach)
+    is_free = inside & (box.probability[iy, ix] < 0.5)
+    seen_m = np.logical_and.accumulate(is_free & box.explored[iy, ix], axis=1).sum(axis=1)
+    ahead = np.s_[:, : max(1, round(_AHEAD_M / (step * box.frame.resolution_m)))]
+    is_unseen = (~inside | (~box.explored[iy, ix] & (box.probability[iy, ix] <= 0.5)))[ahead].all(axis=1)
+    return float(seen_m[np.roll(is_unseen, RAYS // 2)].max(initial=0)) * step * box.frame.resolution_m
