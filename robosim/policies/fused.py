@@ -25,7 +25,7 @@ from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
 from slam.exploration.claims import unclaimed
 from slam.exploration.explorer import Explorer
-from slam.exploration.frontiers import find_frontiers, line_across
+from slam.exploration.frontiers import find_frontiers, lines_across
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.poses import to_map
@@ -205,7 +205,7 @@ class Fused:
             for frontier in find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
             if not (np.hypot(*(given_up - frontier.goal_xy).T) < 0.25).any()
         ]
-        lines_m = np.array([line_across(box, frontier, FADES_M[1]) for frontier in frontiers])
+        lines_m = lines_across(box, frontiers, FADES_M[1])
         survey = belief.survey(estimate)
         regions = find_regions(frontiers, lines_m, survey, belief.probability(), estimate.pose)
         if estimate.claims:

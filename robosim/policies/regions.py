@@ -58,7 +58,7 @@ def find_regions(
 
     Args:
         frontiers: Where regions are entered.
-        lines_m: Length of the line across each frontier (`slam.exploration.frontiers.line_across`) [m].
+        lines_m: Length of the line across each frontier (`slam.exploration.frontiers.lines_across`) [m].
         survey: The map.
         probability: The belief.
         pose: Pose of the robot x [m], y [m], yaw [rad], whose decisions to the frontiers are counted.

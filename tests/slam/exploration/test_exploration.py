@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from slam.control.controller import Controller
 from slam.exploration.explorer import ExplorerConfig, FrontierExplorer
-from slam.exploration.frontiers import Frontier, line_across, unseen_area
+from slam.exploration.frontiers import Frontier, lines_across, unseen_area
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.cost_map import cut_box
 from slam.planning.planner import Planner
@@ -195,7 +195,8 @@ def test_the_end_of_a_corridor_has_a_longer_line_across_than_a_door_beside_it():
 
     def line_m(x, y):
         spot = np.array([x, y])
-        return line_across(box, Frontier(goal_xy=spot, near_xy=spot, cost_m=1.0, length_m=1.0), 40.0)
+        there = Frontier(goal_xy=spot, near_xy=spot, cost_m=1.0, length_m=1.0)
+        return lines_across(box, [there], 40.0).item()
 
     assert line_m(8.95, 1.0) == pytest.approx(9.0, abs=0.3)
     assert 2.0 <= line_m(5.0, 2.05) < 4.5
