@@ -182,7 +182,7 @@ def test_what_is_seen_from_the_edge_of_an_open_half_plane_is_half_a_disc():
     assert area(probability, length_m=2.0) == pytest.approx(3.0)
 
 
-def test_the_end_of_a_corridor_has_a_longer_line_across_than_a_door_beside_it():
+def test_the_end_of_a_corridor_has_a_longer_line_across_than_a_door_in_its_side():
     """A corridor of 10 m by 2 m, seen up to 9 m, with a door of 1 m in its middle: 9 m, and not the length of a side.
 
     Through the door, the longest line that stays in the unseen room for 0.8 m leaves the corridor at the other side,
