@@ -40,6 +40,8 @@ _EMPTY = 0.1
 _LEAST_PRIOR = 0.01
 #: What silence excludes at most: maps and poses err.
 _CERTAIN = 0.95
+#: Silence on a whole walk excludes more than that at the place which excludes most: a power of its factor.
+_WALK = 1.4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +178,7 @@ class TargetBelief:
             routes = survey.routes(place)
             straight_m = distance[routes.rows, routes.columns]
             silent = self._silent[routes.rows, routes.columns]
-            np.minimum(silent, np.log1p(-_CERTAIN * routes.received(straight_m)), out=silent)
+            np.minimum(silent, _WALK * np.log1p(-_CERTAIN * routes.received(straight_m)), out=silent)
         self._weigh(measurement, survey, around)
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)

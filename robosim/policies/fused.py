@@ -20,12 +20,12 @@ from robosim.policies.arrival import FollowArrival, FollowConfig, StuckDetector
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.reason import GoalKind, Reason
-from robosim.policies.regions import Region, find_regions, values_first
+from robosim.policies.regions import FADES_M, Region, find_regions, values_first
 from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
 from slam.exploration.claims import unclaimed
 from slam.exploration.explorer import Explorer
-from slam.exploration.frontiers import find_frontiers
+from slam.exploration.frontiers import find_frontiers, lines_across
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.poses import to_map
@@ -205,7 +205,9 @@ class Fused:
             for frontier in find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
             if not (np.hypot(*(given_up - frontier.goal_xy).T) < 0.25).any()
         ]
-        regions = find_regions(frontiers, belief.survey(estimate), belief.probability(), estimate.pose)
+        lines_m = lines_across(box, frontiers, FADES_M[1])
+        survey = belief.survey(estimate)
+        regions = find_regions(frontiers, lines_m, survey, belief.probability(), estimate.pose)
         if estimate.claims:
             mine = unclaimed(frontiers, estimate.claims, times)
             regions = [region for region in regions if region.frontier in mine]

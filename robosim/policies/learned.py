@@ -5,8 +5,8 @@ It is trained in generated homes, first by imitation of a guide that knows the r
 training, so that the robot turns to and fro less; the likeliest action alone could keep it between two doors forever.
 The draws are the same in each search, so that a seed determines the episode. Actions that end at an obstacle of the map
 are not drawn. `fused`, with the map and the belief of the whole search, decides in place of the network while nothing
-is received on a floor larger than the homes of the training, and permanently once the robot stays in one place, or
-sees nothing new. Without a camera `fused` decides from the start.
+is received on a floor larger than the homes of the training, or anywhere it sees little new, and permanently once the
+robot stays in one place, or sees nothing new. Without a camera `fused` decides from the start.
 
 The reason of an action is the group of inputs without which it would be least probable, among all groups, by the
 network's probabilities with that group set to zero (occlusion; Zeiler and Fergus, Visualizing and understanding
@@ -56,8 +56,10 @@ _POWER = 3.0
 _STUCK_M, _STUCK_STEPS = 0.5, 40
 #: The robot is also stuck if it has seen less new floor [m2] in so many decisions.
 _NEW_M2, _NEW_STEPS = 1.0, 100
-#: Decisions without reception, and floor that was seen [m2], from which on the network does not decide.
+#: Decisions without reception from which on the network does not decide until it receives again, if more floor [m2]
+#: than this was seen in all, or less in so many decisions.
 _OUTAGE_STEPS, _LARGE_M2 = 20, 100.0
+_LITTLE_M2, _LITTLE_STEPS = 4.0, 40
 #: How far beyond the map `fused` expects the target [m].
 _BEYOND_M = 30.0
 #: Distance of the goal in the log [m].
@@ -91,11 +93,11 @@ class Learned:
         self._before = self._memory = empty_memory()
         self._rng = np.random.default_rng(_SEED)
         self._stuck = StuckDetector(_STUCK_STEPS, _STUCK_M)
-        self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
+        self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS + 1)
         self._action: Action | None = None
         self._reason: Reason | None = None
         self._has_fallen_back = False
-        self._outage_steps = 0
+        self._outage_steps, self._is_lost = 0, False
 
     @property
     def belief(self) -> TargetBelief | None:
@@ -124,8 +126,13 @@ class Learned:
         if sensed.action is not Action.WAIT:  # after a wait it decides again
             self._before = self._memory
         scores, _, self._memory = self._network(inputs, self._before)
-        self._outage_steps = 0 if len(measured.aoa_rad) else self._outage_steps + 1
-        if self._outage_steps >= _OUTAGE_STEPS and seen_m2 > _LARGE_M2:
+        if len(measured.aoa_rad):
+            self._outage_steps, self._is_lost = 0, False
+        else:
+            self._outage_steps += 1
+            sees_enough = seen_m2 <= _LARGE_M2 and not self._sees_less(_LITTLE_M2, _LITTLE_STEPS)
+            self._is_lost |= self._outage_steps >= _OUTAGE_STEPS and not sees_enough
+        if self._is_lost:
             self._action = None
             goal = self._fused.goal(sensed, estimated)
             self._reason = self._fused.reason
@@ -172,9 +179,12 @@ class Learned:
 
     def _is_stuck(self, estimate: MapEstimate, seen_m2: float) -> bool:
         """Whether the robot stays in one place, or sees nothing new."""
-        sees_nothing_new = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
         self._seen_m2.append(seen_m2)
-        return self._stuck.is_stuck(estimate.pose[:2]) or sees_nothing_new
+        return self._stuck.is_stuck(estimate.pose[:2]) or self._sees_less(_NEW_M2, _NEW_STEPS)
+
+    def _sees_less(self, new_m2: float, steps: int) -> bool:
+        """Whether it has seen less new floor [m2] in so many decisions."""
+        return len(self._seen_m2) > steps and self._seen_m2[-1] - self._seen_m2[-1 - steps] < new_m2
 
     def action(self) -> Action | None:
         """The chosen action; None after the fallback."""

@@ -3,7 +3,9 @@
 An unseen cell belongs to the frontier from which it is nearest through unseen cells, around obstacles that are known or
 anticipated with confidence. A region therefore depends on the map alone, not on where the robot stands. Its belief is
 that of the floor to be expected: less far behind the frontier, where walls are to come, and hardly any behind a gap
-narrower than a door. Space that is not behind any frontier, such as the outside of walls that were seen, belongs to no
+narrower than a door. How soon walls come is judged by the longest line of floor that was seen up to the frontier and
+leads on across it: the end of a corridor leads as far again, a door into a room as far as the room and the corridor
+before it are wide. Space that is not behind any frontier, such as the outside of walls that were seen, belongs to no
 region.
 
 The first region is the one with which the best order of all begins (`slam.exploration.tour`): a belief found after t
@@ -28,8 +30,8 @@ from slam.planning.travel_time import TravelTime
 
 #: Unseen cells that are entered farther from any frontier belong to none [m].
 _PASSING_M = 1.5
-#: Distance behind a frontier at which space counts less by a factor of e [m].
-_FADE_M = 15.0
+#: Least and largest distance behind a frontier at which space counts less by a factor of e [m].
+FADES_M = (4.0, 40.0)
 #: Behind a narrower frontier, mostly a gap in a wall, there is hardly any floor [m] (decision record 41).
 _WIDE_M = 1.0
 
@@ -47,32 +49,40 @@ class Region(NamedTuple):
 
 def find_regions(
     frontiers: Sequence[Frontier],
+    lines_m: Float[np.ndarray, " k"],
     survey: MapSurvey,
     probability: Float32[np.ndarray, "ny nx"],
     pose: Float[np.ndarray, "3"],
 ) -> list[Region]:
     """Regions of the frontiers, in their order, with the belief of the survey's cells in them.
 
-    Decisions are those of a robot at a pose x [m], y [m], yaw [rad].
+    Args:
+        frontiers: Where regions are entered.
+        lines_m: Length of the line across each frontier (`slam.exploration.frontiers.lines_across`) [m].
+        survey: The map.
+        probability: The belief.
+        pose: Pose of the robot x [m], y [m], yaw [rad], whose decisions to the frontiers are counted.
     """
     if not frontiers:
         return []
     routes = survey.routes_past_frontiers(pose[:2])
     is_unseen = routes.entry >= 0
     entry = routes.entry[is_unseen]
-    past_m = routes.unexplored_m()[is_unseen]
-    belief = probability[routes.rows, routes.columns][is_unseen] * np.exp(-past_m / _FADE_M)
-    # All belief behind each cell in which a route enters, and the frontier there.
-    behind = np.bincount(entry, belief, minlength=routes.entry.size)
-    entries = np.flatnonzero(behind)
+    # The cells in which routes enter, and the frontier there.
+    entries = np.flatnonzero(np.bincount(entry, minlength=routes.entry.size))
     rows, columns = np.divmod(entries, routes.entry.shape[1])
     cells = np.column_stack([columns + routes.columns.start, rows + routes.rows.start])
     places = survey.frame.to_points(cells + 0.5)
     goals = np.array([frontier.goal_xy for frontier in frontiers])
     distance_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
-    passes = distance_m.min(axis=1, initial=math.inf) < _PASSING_M
-    nearest = distance_m[passes].argmin(axis=1)
-    beliefs = np.bincount(nearest, behind[entries[passes]], minlength=len(frontiers))
+    nearest = np.where(distance_m.min(axis=1, initial=math.inf) < _PASSING_M, distance_m.argmin(axis=1), -1)
+    of_entry = np.full(routes.entry.size, -1)
+    of_entry[entries] = nearest
+    region = of_entry[entry]
+    fade_m = np.append(np.clip(lines_m, *FADES_M), math.inf)[region]
+    belief = probability[routes.rows, routes.columns][is_unseen]
+    belief = belief * np.exp(-routes.unexplored_m()[is_unseen] / fade_m)
+    beliefs = np.bincount(region + 1, belief, minlength=len(frontiers) + 1)[1:]
     beliefs = beliefs * np.minimum(1.0, [frontier.length_m / _WIDE_M for frontier in frontiers]) ** 3
     return [
         Region(frontier, float(share), frontier.cost_m / FORWARD_M + frontier.turns_from(pose))

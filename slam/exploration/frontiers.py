@@ -7,12 +7,14 @@ Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim.support.compiled import compiled
 from slam.actions import TURN_RAD
 from slam.planning.cost_map import Box
 from slam.planning.travel_time import TravelTime
@@ -20,6 +22,10 @@ from slam.poses import wrap
 
 #: Rays cast to count what can be seen.
 RAYS = 60
+#: Cells from sample to sample of a ray.
+_STEP = 2
+#: A line leads on across a frontier if it stays in unseen cells for so long [m].
+_AHEAD_M = 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +126,7 @@ def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny 
 
 def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) -> float:
     """Unseen area in sight from a frontier, if what is unknown were open [m^2]."""
-    step, cell = 2, box.frame.resolution_m
+    step, cell = _STEP, box.frame.resolution_m
     y, x = (int(v) for v in box.frame.index(frontier.near_xy))
     angle = np.arange(RAYS)[:, None] * (2 * math.pi / RAYS)
     reach = np.arange(step, range_m / cell, step)
@@ -133,3 +139,36 @@ def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) ->
     # Each sample stands for a piece of its ring.
     area = float((new * reach).sum()) * (2 * math.pi / RAYS) * step * cell * cell
     return min(area, frontier.length_m * depth_m)
+
+
+def lines_across(box: Box, frontiers: Sequence[Frontier], range_m: float) -> Float[np.ndarray, " k"]:
+    """Length of the longest straight line over seen floor that leads on across each frontier [m], up to a range."""
+    cell_m = box.frame.resolution_m
+    rows, columns = box.frame.index(np.array([frontier.goal_xy for frontier in frontiers]).reshape(-1, 2))
+    is_free, is_unseen = box.explored & (box.probability < 0.5), ~box.explored & (box.probability <= 0.5)
+    reach, ahead = (math.ceil(length_m / cell_m) for length_m in (range_m, _AHEAD_M))
+    return np.asarray(_longest(is_free, is_unseen, rows, columns, reach, ahead) * cell_m)
+
+
+@compiled
+def _longest(
+    free: np.ndarray, unseen: np.ndarray, rows: np.ndarray, columns: np.ndarray, reach: int, ahead: int
+) -> np.ndarray:
+    """Cells of the longest ray from each place through free cells, whose continuation backwards is unseen so far."""
+    ny, nx = free.shape
+    cells = np.zeros(len(rows))
+    for k in range(len(rows)):
+        for ray in range(RAYS):
+            dy, dx = math.sin(2 * math.pi * ray / RAYS), math.cos(2 * math.pi * ray / RAYS)
+            leads_on = True
+            for i in range(_STEP, ahead + 1, _STEP):
+                iy, ix = round(rows[k] - i * dy), round(columns[k] - i * dx)
+                if 0 <= iy < ny and 0 <= ix < nx and not unseen[iy, ix]:
+                    leads_on = False
+                    break
+            for i in range(_STEP, reach if leads_on else 0, _STEP):
+                iy, ix = round(rows[k] + i * dy), round(columns[k] + i * dx)
+                if not (0 <= iy < ny and 0 <= ix < nx) or not free[iy, ix]:
+                    break
+                cells[k] = max(cells[k], i)
+    return cells

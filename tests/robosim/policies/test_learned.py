@@ -1,6 +1,7 @@
 """The learned search where its network gets stuck."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,16 +19,17 @@ from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
 from tests.plans import two_rooms
+from wireless.paths import LinkState
 
 
-def _biased(*actions: Action) -> Callable[[PolicyContext], Learned]:
+def _biased(*actions: Action, made: type[Learned] = Learned) -> Callable[[PolicyContext], Learned]:
     """A network that always draws some actions with equal probability."""
     weights = initial_weights(np.random.default_rng(0))
     weights["action.weight"][:] = 0
     weights["action.bias"][list(actions)] = 30
 
     def policy(context: PolicyContext) -> Learned:
-        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), context.robot)
+        return made(SearchNetwork(weights), Fused(context.explorer, context.fused), context.robot)
 
     return policy
 
@@ -100,3 +102,38 @@ def test_it_gives_the_inputs_that_speak_for_an_action():
     because = [one.reason.because for one in steps if one.reason.because.startswith("left,")]
     assert len(because) > 5
     assert all(text.endswith("without radio paths)") for text in because)
+
+
+class _Silent(Learned):
+    """Receives nothing in its first 70 decisions."""
+
+    decisions = 0
+
+    def goal(self, sensed, estimated):
+        self.decisions += 1
+        measured, nothing = estimated.measurement, np.zeros(0)
+        if self.decisions <= 70:
+            measured = replace(
+                measured, aoa_rad=nothing, aod_rad=nothing, snr_db=nothing, gain_db=nothing, delay_s=nothing,
+                probability=np.eye(4)[LinkState.OUTAGE],
+            )  # fmt: skip
+        return super().goal(sensed, replace(estimated, measurement=measured))
+
+
+def test_fused_decides_in_outage_where_little_is_new_until_something_is_received():
+    """A network that circles on a floor of 17 m2, far below 100 m2, where nothing is received 70 decisions long.
+
+    `fused` decides from the first decision that has seen less than 4 m2 more than 40 before, and then the network.
+    """
+    seen_m2, is_network = [], []
+
+    def look(_, step) -> None:
+        frame = step.estimated.map.frame
+        seen_m2.append(step.estimated.map.explored.sum() * frame.resolution_m**2)
+        is_network.append(step.decided.reason.kind is GoalKind.ACTION)
+
+    _search(_biased(Action.LEFT, Action.FORWARD, made=_Silent), 72, look)
+    first = is_network.index(False)
+    grown = np.array(seen_m2[40:]) - seen_m2[:-40]
+    assert first == 40 + int(np.argmax(grown < 4.0)) < 70
+    assert all(is_network[:first]) and not any(is_network[first:70]) and all(is_network[70:])

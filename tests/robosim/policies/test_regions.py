@@ -46,8 +46,11 @@ def frontier(x: float, y: float, length_m: float = 1.5) -> Frontier:
     return Frontier(goal_xy=place, near_xy=place, cost_m=math.hypot(x, y), length_m=length_m)
 
 
-def beliefs(frontiers: list[Frontier], p: np.ndarray, map_: MapEstimate, pose=HERE) -> np.ndarray:
-    return np.array([region.belief for region in find_regions(frontiers, MapSurvey(map_, ONTO), p, pose)])
+def beliefs(
+    frontiers: list[Frontier], p: np.ndarray, map_: MapEstimate, pose=HERE, line_m: float = 15.0
+) -> np.ndarray:
+    lines_m = np.full(len(frontiers), line_m)
+    return np.array([one.belief for one in find_regions(frontiers, lines_m, MapSurvey(map_, ONTO), p, pose)])
 
 
 def test_belief_belongs_to_the_frontier_next_to_it():
@@ -56,10 +59,13 @@ def test_belief_belongs_to_the_frontier_next_to_it():
     assert ahead > 0 and left == 0
 
 
-def test_belief_counts_less_far_behind_a_frontier():
-    """By a factor of e for each 15 m."""
-    near, far = (beliefs([frontier(2.0, 0.0)], at(x, 0.1), seen_room(2.0))[0] for x in (3.1, 6.1))
-    assert near / far == pytest.approx(math.exp(3 / 15), rel=0.02)
+@pytest.mark.parametrize(("line_m", "fade_m"), [(1.0, 4.0), (9.0, 9.0), (15.0, 15.0), (80.0, 40.0)])
+def test_belief_counts_less_far_behind_a_frontier(line_m, fade_m):
+    """By a factor of e for each length of the line across it, of 4 m at least and 40 m at most."""
+    near, far = (
+        beliefs([frontier(2.0, 0.0)], at(x, 0.1), seen_room(2.0), line_m=line_m)[0] for x in (3.1, 6.1)
+    )
+    assert near / far == pytest.approx(math.exp(3 / fade_m), rel=0.05)
 
 
 def test_regions_do_not_depend_on_the_robot():
@@ -69,7 +75,7 @@ def test_regions_do_not_depend_on_the_robot():
     assert beliefs(frontiers, belief, map_, np.array([1.9, 0.1, 0.0])) == pytest.approx(
         beliefs(frontiers, belief, map_), rel=0.02
     )
-    ahead, behind = find_regions(frontiers, MapSurvey(map_, ONTO), belief, HERE)
+    ahead, behind = find_regions(frontiers, np.full(2, 15.0), MapSurvey(map_, ONTO), belief, HERE)
     assert (ahead.decisions, behind.decisions) == pytest.approx((8, 8 + 18))
 
 
@@ -88,7 +94,7 @@ def test_a_gap_narrower_than_a_door_counts_little():
 
 
 def test_without_frontiers_there_are_no_regions():
-    assert find_regions([], MapSurvey(seen_room(0.4), ONTO), at(3.0, 0.0), HERE) == []
+    assert find_regions([], np.zeros(0), MapSurvey(seen_room(0.4), ONTO), at(3.0, 0.0), HERE) == []
 
 
 def test_the_best_order_begins_with_the_region_on_the_route_to_others():

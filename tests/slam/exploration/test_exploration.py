@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from slam.control.controller import Controller
 from slam.exploration.explorer import ExplorerConfig, FrontierExplorer
-from slam.exploration.frontiers import Frontier, unseen_area
+from slam.exploration.frontiers import Frontier, lines_across, unseen_area
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.cost_map import cut_box
 from slam.planning.planner import Planner
@@ -180,6 +180,27 @@ def test_what_is_seen_from_the_edge_of_an_open_half_plane_is_half_a_disc():
     walled[98:100, 100:] = 0.95
     assert area(walled) == pytest.approx(half_disc / 2, rel=0.15)
     assert area(probability, length_m=2.0) == pytest.approx(3.0)
+
+
+def test_the_end_of_a_corridor_has_a_longer_line_across_than_a_door_in_its_side():
+    """A corridor of 10 m by 2 m, seen up to 9 m, with a door of 1 m in its middle: 9 m, and not the length of a side.
+
+    Through the door, the longest line that stays in the unseen room for 0.8 m leaves the corridor at the other side,
+    at 2 m over the sine of its angle. A frontier that no line crosses has none.
+    """
+    world = GridWorld(hall((10, 6), [(0, 2, 4.5, 2.1), (5.5, 2, 10, 2.1)]), (1.0, 1.0, 0.0)).know_all()
+    for hidden in ((9, 0, 10, 2), (0, 2.1, 10, 6)):
+        world.explored[cells_of(hidden)], world.probability[cells_of(hidden)] = False, 0.5
+    box = cut_box(world.estimate(), np.zeros(2), np.array([10.0, 6.0]))
+
+    def line_m(x, y):
+        spot = np.array([x, y])
+        there = Frontier(goal_xy=spot, near_xy=spot, cost_m=1.0, length_m=1.0)
+        return lines_across(box, [there], 40.0).item()
+
+    assert line_m(8.95, 1.0) == pytest.approx(9.0, abs=0.3)
+    assert 2.0 <= line_m(5.0, 2.05) < 4.5
+    assert line_m(2.0, 1.0) == 0.0
 
 
 @pytest.mark.parametrize("rating", ["gain", "tour"])
