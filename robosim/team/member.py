@@ -42,7 +42,7 @@ _OF_FRAMES = ("robots", "submaps")
 #: A robot whose last status is older than so many decisions is bound for nothing.
 _SILENT = 40
 #: Decision at which submaps are first sent to those whose frames are unknown, and the factor to the next such one.
-_FIRST_SUBMAPS, _LATER = 50, 1.5
+_FIRST_SUBMAPS, _LATER = 50, 1.25
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ _PLACE_M = 2.0
 #: Least places with links that agree, and how many times more they must be than those of any other relative pose.
 _PLACES, _LEAD = 4, 2.0
 #: Least places while robots search, whose maps are small as yet.
-_PLACES_OF_SMALL = 3
+_PLACES_OF_SMALL = 2
 #: Submaps of others, the nearest, that a submap is compared with on the joined map.
 _AROUND = 3
 #: Least part of surfaces seen from both maps that must not contradict.
