@@ -49,6 +49,7 @@ _IN_SIGHT = 5
 def main(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,
+    bands: tuple[str, ...] = tuple(_BARS),
     pairs: int = 13,
     steps: int = 150,
     steps_of_maps: int = 400,
@@ -59,6 +60,7 @@ def main(
 
     Args:
         plans: Floor plans, by name or file.
+        bands: Bands of `wireless.bands`; maps: pairs without radio, which match their maps.
         pairs: Pairs of robots on each plan and band.
         steps: Decisions of a pair.
         steps_of_maps: Decisions of a pair that matches maps.
@@ -68,12 +70,13 @@ def main(
     units = {
         f"{plan} {band} {pair}": (plan, band, options.seed + pair, steps_of_maps if band == "maps" else steps)
         for plan in plans
-        for band in _BARS
+        for band in bands
         for pair in range(pairs)
     }
     runs = run_units(run_pair, units, options.folder("team_frame"), workers=options.workers)
     results = Results()
-    for band, (most_m, most_deg) in _BARS.items():
+    for band in bands:
+        most_m, most_deg = _BARS[band]
         mine = [run for name, run in runs.items() if units[name][1] == band]
         seen = [run for run in mine if run["in_sight"] >= _IN_SIGHT]
         known = [run for run in mine if run["errors"]]
