@@ -40,6 +40,7 @@ def main(
     *,
     sizes: tuple[int, ...] = (2, 4),
     tasks: tuple[int, ...] = (0, 1),
+    hard_tasks: int | None = None,
     exchange: ExchangeName = "radio",
     max_steps: int = 4000,
     options: OmitArgPrefixes[Options] = DEFAULT,
@@ -51,6 +52,7 @@ def main(
         homes: Suite of homes, as `robosim evaluate --suite-out` makes it.
         sizes: Numbers of robots.
         tasks: Numbers of the tasks of each campus floor; by default the first two.
+        hard_tasks: Number of hard tasks of homes, in the order of the suite; all by default.
         exchange: What the robots exchange.
         max_steps: Decisions before a search is given up.
         options: Of every benchmark.
@@ -82,7 +84,7 @@ def main(
     oracle = searched(suite, list(suite.tasks), 1, "oracle")
     steps = {(t.plan, t.number): run["steps"] for t, run in zip(suite.tasks, oracle.values(), strict=True)}
     classes = difficulty(steps)
-    hard = [task for task in suite.tasks if classes[task.plan, task.number] == "hard"]
+    hard = [task for task in suite.tasks if classes[task.plan, task.number] == "hard"][:hard_tasks]
     _compare(results, "homes", hard, sizes, lambda size: searched(suite, hard, size))
     return options.finish("team_search", results)
 
