@@ -108,7 +108,7 @@ class Agent:
             estimates = self._estimates(sensed, map_)
         if self.member is not None:
             with self._watch.stage("team"):
-                self.member.begin(map_)
+                self.member.begin(map_, self.mapper.tracked_map())
                 map_ = self.shared_map(map_)
                 estimates = replace(
                     estimates, map=map_, received=self.member.received(), robots=self.member.robots

@@ -3,7 +3,8 @@
 A robot reports poses and places relative to its start. Where it receives another in estimated line of sight it also
 reports direction and distance. Two robots that saw each other at the same decision had an encounter, and encounters
 give relative poses (`slam.graph.encounters`). Those of all pairs are held by one graph, so that a robot that was never
-in sight is known through others.
+in sight is known through others. Robots that did not meet match their maps instead: submaps of each are looked for on
+the other's map, and count once they agree at several places (`slam.graph.joining`).
 """
 
 from collections.abc import Mapping
@@ -15,8 +16,10 @@ from jaxtyping import Float
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Measurement, bearings_of
 from slam.graph.encounters import APART_M, Encounter, RelativePose, relative_pose
+from slam.graph.joining import match_maps
 from slam.graph.least_squares import Constraint
 from slam.graph.pose_graph import PoseGraph
+from slam.graph.tracked_map import TrackedMap
 from slam.poses import between, compose
 from wireless.tracing.tracer import OPAQUE_HZ
 
@@ -73,6 +76,8 @@ class Frames:
         self._encounters: dict[tuple[str, str], dict[int, Encounter]] = {}
         self._pairs: dict[tuple[str, str], RelativePose] = {}
         self._changed: set[tuple[str, str]] = set()
+        self._matched: dict[tuple[str, str], RelativePose] = {}
+        self._is_new = False
         self.known: dict[str, RelativePose] = {}
         """Pose of each robot's frame in that of the owner, as far as it is known."""
 
@@ -84,6 +89,12 @@ class Frames:
                 pair = (author, other) if author < other else (other, author)
                 ends = (here, there) if pair[0] == author else (there, here)
                 self._meet(pair, decision, *ends)
+
+    def match(self, other: str, own_map: TrackedMap, its_map: TrackedMap) -> None:
+        """Look for the places of another robot's map on the owner's, unless its frame is known."""
+        if other not in self.known and (known := match_maps(own_map, its_map)) is not None:
+            self._matched[self._owner, other] = known
+            self._is_new = True
 
     def _meet(self, pair: tuple[str, str], decision: int, first: Seen, second: Seen) -> None:
         past = self._encounters.setdefault(pair, {})
@@ -106,8 +117,8 @@ class Frames:
         self._changed.add(pair)
 
     def update(self) -> bool:
-        """Estimate what new encounters say; whether that changed anything."""
-        is_new = False
+        """Estimate what new encounters and matches say; whether that changed anything."""
+        is_new, self._is_new = self._is_new, False
         for pair in sorted(self._changed):
             # In the order of decisions: notes arrive in any.
             past = self._encounters[pair]
@@ -121,8 +132,11 @@ class Frames:
         return is_new
 
     def _joined(self) -> dict[str, RelativePose]:
-        """Frames of all robots that pairs connect with the owner."""
-        node_of, graph, left = {self._owner: 0}, PoseGraph(np.zeros(3)), dict(self._pairs)
+        """Frames of all robots that pairs connect with the owner, by encounters where there are some."""
+        node_of, graph = {self._owner: 0}, PoseGraph(np.zeros(3))
+        left = {
+            pair: known for pair, known in self._matched.items() if pair[::-1] not in self._pairs
+        } | self._pairs
         while (pair := next((p for p in left if p[0] in node_of or p[1] in node_of), None)) is not None:
             pose, covariance = left.pop(pair)
             closes = pair[0] in node_of and pair[1] in node_of

@@ -24,6 +24,7 @@ from robosim.team.frames import Frames, seen_robots
 from robosim.team.notes import Note, Notebook, Topic
 from robosim.team.shared_map import SharedMap, TileChanges
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
+from slam.graph.tracked_map import TrackedMap
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
 from slam.poses import between, compose, to_map, wrap
@@ -36,8 +37,12 @@ _SAME_M = 0.6
 _FRESH = 2
 #: Maps of others are put to their places again if their frames move by more [m, rad].
 _SHIFT_M, _TURN_RAD = 0.02, math.radians(0.1)
+#: Subjects of notes that only say where frames lie.
+_OF_FRAMES = ("robots", "submaps")
 #: A robot whose last status is older than so many decisions is bound for nothing.
 _SILENT = 40
+#: Decision at which submaps are first sent to those whose frames are unknown, and the factor to the next such one.
+_FIRST_SUBMAPS, _LATER = 50, 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +111,7 @@ class Member:
         self._placed: dict[str, np.ndarray] = {}
         self._added: set[Topic] = set()
         """Measurements that were read, while starts are unknown."""
+        self._send_submaps_at = _FIRST_SUBMAPS
 
     def begin_apart(self, start: Float[np.ndarray, "3"], radio: RadioLinkConfig) -> None:
         """Report relative to the start, a pose in `map`, without knowing the starts of the others."""
@@ -120,13 +126,16 @@ class Member:
         self.notes.receive(note)
         self._inbox.append(note)
 
-    def begin(self, own_map: MapEstimate) -> None:
-        """Begin a decision: read what the others have reported, and report the robot's own map."""
+    def begin(self, own_map: MapEstimate, tracked: TrackedMap | None = None) -> None:
+        """Begin a decision: read what the others have reported, and report the robot's own map.
+
+        Maps of robots whose starts are unknown are matched by submaps, if the mapper has some (`tracked`).
+        """
         self._decision += 1
         if self._measured is not None:
             self._interpret(self._measured, own_map.pose)
             self._measured = None
-        for note in self._inbox if self.frames is None else self._in_frame(self.frames):
+        for note in self._inbox if self.frames is None else self._in_frame(self.frames, tracked):
             content, author = note.read(), note.topic.author
             if author in self._placed:
                 content = content.transformed(self._placed[author])
@@ -141,6 +150,9 @@ class Member:
             self._map.refresh()
             for number, tile in self._changes.of(own_map):
                 self._write("tile", tile, number)
+            if self.frames is not None and tracked is not None and self._decision > self._send_submaps_at:
+                self._send_submaps_at = math.ceil(_LATER * self._decision)
+                self._write("submaps", tracked)
 
     def merged(self, own_map: MapEstimate) -> MapEstimate:
         """The robot's own map, continued by what the others have reported."""
@@ -172,12 +184,14 @@ class Member:
             self.notes.write("robots", seen, (self._decision,))
             self.frames.add(self.name, self._decision, seen)
 
-    def _in_frame(self, frames: Frames) -> list[Note]:
+    def _in_frame(self, frames: Frames, tracked: TrackedMap | None) -> list[Note]:
         """Notes to read: received ones of robots whose frames are known, and all of those whose frames have moved."""
         for note in self._inbox:
             if note.topic.subject == "robots":
                 frames.add(note.topic.author, note.topic.number[0], note.read())
-        notes = [note for note in self._inbox if note.topic.subject != "robots"]
+            elif note.topic.subject == "submaps" and tracked is not None:
+                frames.match(note.topic.author, tracked, note.read())
+        notes = [note for note in self._inbox if note.topic.subject not in _OF_FRAMES]
         for author in sorted({*self._placed, *frames.known}) if frames.update() else ():
             known, before = frames.known.get(author), self._placed.pop(author, None)
             if known is not None:
@@ -190,7 +204,9 @@ class Member:
             self.others.pop(author, None)
             # The belief has measurements that were read before.
             again = [
-                n for n in self.notes.of(author) if n.topic.subject != "robots" and n.topic not in self._added
+                n
+                for n in self.notes.of(author)
+                if n.topic.subject not in _OF_FRAMES and n.topic not in self._added
             ]
             notes = [note for note in notes if note.topic.author != author] + again
         notes = [note for note in notes if note.topic.author in self._placed]

@@ -44,7 +44,7 @@ class Note:
 #: Bytes of author, subject, number, edition and length.
 _HEADER = 16
 #: Subjects of notes, in the order in which they are sent.
-SUBJECTS = ("status", "robots", "measurement", "tile")
+SUBJECTS = ("status", "robots", "measurement", "tile", "submaps")
 
 
 class Notebook:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from slam.graph.pose_graph import chained
 from slam.graph.submaps import Fit, Submap, fit
-from slam.graph.tracker import Tracker
+from slam.graph.tracked_map import TrackedMap
 from slam.graph.tracker_config import TrackerConfig
 from slam.matching.levels import ARM_M, SurfaceLevels, difference, most_paired, nearest_poses
 from slam.matching.scan_matching import match_from
@@ -46,11 +46,11 @@ class Link:
     """Covariance of the pose, in the frame of the first."""
 
 
-def find_links(trackers: Sequence[Tracker], first: int, second: int) -> list[Link]:
+def find_links(trackers: Sequence[TrackedMap], first: int, second: int) -> list[Link]:
     """Search for submaps of one robot on the map of another.
 
     Args:
-        trackers: What the robots hold.
+        trackers: Maps of the robots.
         first: Number of one robot.
         second: Number of the other.
 
@@ -109,7 +109,7 @@ def _search(
     return [match.pose for match in fine]
 
 
-def _fit(tracker: Tracker, node: int, submap: Submap, pose: Float[np.ndarray, "3"]) -> Fit | None:
+def _fit(tracker: TrackedMap, node: int, submap: Submap, pose: Float[np.ndarray, "3"]) -> Fit | None:
     """Fit a submap to one of a map, near a pose on the map; None if it is a contradiction, or leaves the place open."""
     config, predicted = tracker.config, between(tracker.graph.poses[node], pose)
     alignment = fit(submap, tracker.submaps[node], predicted, _PLACED, config.match, config.submap_error)
@@ -141,7 +141,7 @@ def reverse_link(link: Link) -> Link:
     )
 
 
-def _whole_map(tracker: Tracker) -> SurfaceLevels:
+def _whole_map(tracker: TrackedMap) -> SurfaceLevels:
     """Surfaces of all submaps."""
     levels = SurfaceLevels(tracker.config.cell_m)
     for pose, submap in zip(tracker.graph.poses, tracker.submaps, strict=True):
@@ -150,7 +150,7 @@ def _whole_map(tracker: Tracker) -> SurfaceLevels:
     return levels
 
 
-def _places(tracker: Tracker) -> Float[np.ndarray, "k 2"]:
+def _places(tracker: TrackedMap) -> Float[np.ndarray, "k 2"]:
     """Places (x, y) [m] near the trajectory."""
     cells = np.unique(np.round(tracker.poses()[:, :2] / _STEP_M).astype(int), axis=0)
     n = math.ceil(_REACH_M / _STEP_M)

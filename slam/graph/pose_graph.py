@@ -15,6 +15,7 @@ References: Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent Tr
 Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotics and Automation Letters 5 (2020).
 """
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -69,6 +70,14 @@ class PoseGraph:
         self.constraints.append(constraint)
         self.weights.append(1.0)
         self._uncertain.clear()
+
+    def transformed(self, by: Float[np.ndarray, "3"]) -> "PoseGraph":
+        """The graph in the frame in which its frame lies at a pose."""
+        other = deepcopy(self)
+        other.poses = [compose(by, pose) for pose in self.poses]
+        other.places = [to_map(by, place) for place in self.places]
+        other._uncertain = {}
+        return other
 
     def include(self, other: "PoseGraph", at: Float[np.ndarray, "3"]) -> int:
         """Add all poses, places and measurements of another graph, whose frame lies at a pose.

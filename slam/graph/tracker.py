@@ -34,9 +34,9 @@ from slam.graph.submaps import (
     covariance_of,
     least_covariance,
     looked_through,
-    poses_of_scans,
     seen_by,
 )
+from slam.graph.tracked_map import TrackedMap
 from slam.graph.tracker_config import TrackerConfig
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, ScanPoints
@@ -69,7 +69,7 @@ _MOST_AROUND = 40
 _DEFAULTS = TrackerConfig()
 
 
-class Tracker:
+class Tracker(TrackedMap):
     """Tracks a robot, and corrects its trajectory when loops close."""
 
     def __init__(self, config: TrackerConfig = _DEFAULTS) -> None:
@@ -247,10 +247,6 @@ class Tracker:
             self._settle(_UNSOLVED_M)
         if self.config.loops:
             self._loops.fit_again(self._solve, self._unsolved_m, watched)
-
-    def poses(self) -> Float[np.ndarray, "n 3"]:
-        """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
-        return poses_of_scans(self.graph.poses, self.submaps)
 
     def _begin(self) -> bool:
         """Close the submap, and begin the next at the robot; whether past poses changed."""

@@ -28,6 +28,7 @@ from robosim.support.compiled import delayed_signals
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
+from slam.graph.tracked_map import TrackedMap
 from slam.graph.tracker import Tracker
 from slam.graph.tracker_config import TrackerConfig
 from slam.grid import GridFrame, MapEstimate, read_only
@@ -116,6 +117,10 @@ class Mapper(Protocol):
     def transmitters(self) -> dict[str, Transmitter]:
         """Positions of sources that were in line of sight, by name; by default none is estimated."""
         return {}
+
+    def tracked_map(self) -> TrackedMap | None:
+        """Return submaps and their graph, by which maps of robots are matched; by default there are none."""
+        return None
 
 
 @runtime_checkable
@@ -292,6 +297,10 @@ class ClassicalMapper:
     def transmitters(self) -> dict[str, Transmitter]:
         """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
+
+    def tracked_map(self) -> TrackedMap:
+        """Return the tracker: submaps, which grow, and their graph."""
+        return self.tracker
 
     def _match(self, scan: Scan, points: ScanPoints, view: View, predicted: Pose, prior: Covariance) -> Match:
         """Fit a scan near the predicted pose."""

@@ -24,6 +24,7 @@ from jaxtyping import Float, Float16, Float32
 from robosim.support.checks import Range, checked
 from slam.actions import Command
 from slam.graph.landmarks import Transmitter
+from slam.graph.tracked_map import TrackedMap
 from slam.grid import (
     LARGE_CELLS,
     ComputedGrid,
@@ -132,6 +133,10 @@ class NeuralMapper:
     def transmitters(self) -> dict[str, Transmitter]:
         """See `ClassicalMapper.transmitters`."""
         return self.classical.transmitters()
+
+    def tracked_map(self) -> TrackedMap:
+        """See `ClassicalMapper.tracked_map`."""
+        return self.classical.tracked_map()
 
     def estimate(self) -> MapEstimate:
         """The maps and pose as they are now."""

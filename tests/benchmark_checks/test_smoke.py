@@ -2,12 +2,16 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mitsuba
+from robosim.episode_config import EpisodeConfig
+from robosim.evaluation.episodes import scene
+from robosim.evaluation.suite import Suite, draw_tasks, write_suite
 from robosim.plans.files import write_ros
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from tests.benchmarks import (
@@ -27,6 +31,7 @@ from tests.benchmarks import (
     render,
     robots,
     team_coverage,
+    team_search,
     tracer_peer,
     tracing,
 )
@@ -330,3 +335,19 @@ def test_team_coverage(pair, options):
     decisions = column(results, "pair", "decisions")
     assert 0 < decisions["2 robots, perfect"] <= decisions["1 robot"]
     assert 0 <= column(results, "pair", "overlap")["2 robots, perfect"] <= 100
+
+
+def test_team_search(pair, options, tmp_path):
+    """Two robots arrive in two rooms; the ratio is that of the searches, and homes have hard tasks only."""
+    suites = []
+    for name, count in (("campus", 1), ("homes", 3)):
+        hull_m = EpisodeConfig().simulator.robot.hull_m
+        places = scene(Path(pair), "auto", EpisodeConfig().building, hull_m)[1]
+        suite = Suite(plans={"pair": Path(pair)}, tasks=tuple(draw_tasks("pair", places, count, 0)))
+        suites.append(tmp_path / f"{name}.yaml")
+        write_suite(suite, suites[-1])
+    results = team_search.main(*suites, sizes=(2,), tasks=(0,), max_steps=300, options=options)
+    for table in ("campus", "homes"):
+        assert column(results, table, "arrived") == {"1 robot": 100, "2 robots": 100}
+        ratio = results.find(table, "2 robots", "steps over one")
+        assert ratio["cases"] == 1 and 0 < ratio["value"] < 3

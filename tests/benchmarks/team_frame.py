@@ -2,7 +2,7 @@
 
 Both explore with a map of their own, from starts some metres apart with random headings. A pair counts as in sight if
 the direct path, at Wi-Fi also through walls, was the strongest at five occasions. A merge is wrong if its error is more
-than three times the bar.
+than three times the bar. Pairs whose radio receives nothing, but which exchange all that they know, match their maps.
 
 Also the error of the place of a target after one measurement of one robot, and of two at once, all in line of sight,
 from directions that differ by 15 degrees or more, on a map that is known. It is the mean distance over the belief of
@@ -34,8 +34,10 @@ from tests.benchmarks.results import Results
 from wireless.paths import LinkState
 
 #: Largest errors by band [m, degrees]; Wi-Fi measures round-trip times with this deviation [m].
-_BARS = {"28ghz": (0.10, 1.0), "wifi-5": (0.5, 3.0)}
+_BARS = {"28ghz": (0.10, 1.0), "wifi-5": (0.5, 3.0), "maps": (0.10, 1.0)}
 _RANGE_SIGMA_M = 0.5
+#: Power of pairs whose radio receives nothing [dBm].
+_SILENT_DBM = -100.0
 #: Travel between both starts [m].
 _NEAREST_M, _FARTHEST_M = 2.0, 8.0
 #: Farthest robots from a target [m], and least angle at which two directions cross.
@@ -47,8 +49,10 @@ _IN_SIGHT = 5
 def main(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,
+    bands: tuple[str, ...] = tuple(_BARS),
     pairs: int = 13,
     steps: int = 150,
+    steps_of_maps: int = 400,
     places: int = 20,
     options: OmitArgPrefixes[Options] = DEFAULT,
 ) -> Results:
@@ -56,20 +60,23 @@ def main(
 
     Args:
         plans: Floor plans, by name or file.
+        bands: Bands of `wireless.bands`; maps: pairs without radio, which match their maps.
         pairs: Pairs of robots on each plan and band.
         steps: Decisions of a pair.
+        steps_of_maps: Decisions of a pair that matches maps.
         places: Targets on each plan.
         options: Of every benchmark.
     """
     units = {
-        f"{plan} {band} {pair}": (plan, band, options.seed + pair, steps)
+        f"{plan} {band} {pair}": (plan, band, options.seed + pair, steps_of_maps if band == "maps" else steps)
         for plan in plans
-        for band in _BARS
+        for band in bands
         for pair in range(pairs)
     }
     runs = run_units(run_pair, units, options.folder("team_frame"), workers=options.workers)
     results = Results()
-    for band, (most_m, most_deg) in _BARS.items():
+    for band in bands:
+        most_m, most_deg = _BARS[band]
         mine = [run for name, run in runs.items() if units[name][1] == band]
         seen = [run for run in mine if run["in_sight"] >= _IN_SIGHT]
         known = [run for run in mine if run["errors"]]
@@ -154,10 +161,13 @@ def run_pair(plan: str, band: str, seed: int, steps: int) -> dict[str, Any]:
         mapper="classical",
         seed=seed,
         max_steps=steps,
-        team=TeamConfig(robots="2", starts="unknown"),
-    ).in_band(band)
+        team=TeamConfig(robots="2", starts="unknown", exchange="perfect" if band == "maps" else "radio"),
+    ).in_band("28ghz" if band == "maps" else band)
     radio = config.simulator.radio
-    radio = radio if band == "28ghz" else replace(radio, range_sigma_m=_RANGE_SIGMA_M)
+    if band == "wifi-5":
+        radio = replace(radio, range_sigma_m=_RANGE_SIGMA_M)
+    elif band == "maps":
+        radio = replace(radio, sounding=replace(radio.sounding, tx_power_dbm=_SILENT_DBM))
     simulator = replace(config.simulator, physics="kinematic", camera="plan", radio=radio)
     config = replace(config, simulator=simulator)
     places = reach(building, *simulator.robot.hull_m)

@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from robosim.agent import make_agent
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.entrants import make_entrants
+from robosim.entrants import Entrant, make_entrants
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
@@ -19,6 +20,8 @@ from robosim.team.frames import Frames, Seen
 from robosim.team.shared_map import SharedMap, Tile
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_log import TeamLog
+from robosim.world import World
+from slam.graph.tracked_map import TrackedMap
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import between, compose, to_map
 
@@ -131,3 +134,62 @@ def test_maps_stay_apart_without_exchange() -> None:
     team = _run("unknown", "none")
     assert team.result()["frames_known"] == 0.0
     assert all(not estimate.claims for estimate in team.maps.values())
+
+
+@pytest.mark.parametrize("plan", ["flat", "office"])
+def test_robots_that_never_meet_match_their_maps(plan: str) -> None:
+    """From different rooms, with a radio that receives nothing; all notes arrive."""
+    config = EpisodeConfig(
+        goal="explore",
+        explorer="nearest",
+        mapper="classical",
+        max_steps=320,
+        simulator=SimulatorConfig(physics="kinematic", camera="plan"),
+        team=TeamConfig(robots="2", starts="unknown", exchange="perfect"),
+    )
+    radio = config.simulator.radio
+    radio = replace(radio, sounding=replace(radio.sounding, tx_power_dbm=-100.0))
+    config = replace(config, simulator=replace(config.simulator, radio=radio))
+    building = make_building(read_plan(plan))
+    places = reach(building, *config.simulator.robot.hull_m)
+    task = make_task(places, np.random.default_rng(3))
+    travel_m = places.travel_m(task.start[:2])
+    starts = places.plan.centres((travel_m > 4.0) & (travel_m < 6.0) & places.roomy)
+    line = np.linspace(task.start[:2], starts[0], 50)
+    assert not building.plan.free[tuple(np.floor(building.plan.to_cells(line)).astype(int).T[::-1])].all()
+    other = replace(task, start=np.array([*starts[0], 2.0]))
+    team = run_team(building, {"a": Entrant(task, config, places), "b": Entrant(other, config, places)})
+    errors = team.frame_errors()
+    assert len(errors) == 2
+    assert np.hypot(*errors[:, :2].T).max() < 0.1
+    assert np.degrees(np.abs(errors[:, 2])).max() < 1.0
+    known = [np.count_nonzero(estimate.explored) for estimate in team.maps.values()]
+    assert min(known) > 0.8 * max(known)
+
+
+def test_maps_of_different_buildings_stay_apart() -> None:
+    """Rooms of equal size alone do not place one map on the other."""
+    frames = Frames("a")
+    maps = [_tracked(plan) for plan in ("flat", "cottage")]
+    frames.match("b", *maps)
+    assert not frames.update()
+
+
+def _tracked(plan: str) -> TrackedMap:
+    """The map of a robot that has explored for a while."""
+    config = EpisodeConfig(goal="explore", explorer="nearest", mapper="classical")
+    config = replace(config, simulator=SimulatorConfig(physics="kinematic", camera="plan"))
+    building = make_building(read_plan(plan))
+    places = reach(building, *config.simulator.robot.hull_m)
+    task = make_task(places, np.random.default_rng(0))
+    world, agent = World(building, {"a": config.simulator}), make_agent(config, task)
+    agent.reset(task.start)
+    sensed = world.reset({"a": task}, np.random.default_rng(0))
+    for _ in range(150):
+        decision = agent.act(sensed["a"])
+        assert decision is not None
+        sensed = world.step({"a": decision.command})
+    world.close()
+    tracked = agent.mapper.tracked_map()
+    assert tracked is not None
+    return tracked

@@ -1,0 +1,172 @@
+"""Teams that search: steps until the first robot arrives, over those of one robot on the same task.
+
+Of campus floors two tasks each are searched, of homes the hard ones, by the steps of the oracle among all tasks of the
+suite. Robots start next to each other, move without dynamics, and follow `fused`. Ratios are geometric means over
+tasks; intervals draw floors and homes again. A search that is given up counts with all its steps.
+
+Memory is the largest of the process over all tasks. Decisions of a team are those of all its robots.
+"""
+
+import resource
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.entrants import make_entrants
+from robosim.episode import run_team
+from robosim.episode_config import EpisodeConfig
+from robosim.evaluation.episodes import scene, task_of
+from robosim.evaluation.search_scores import bootstrap, by_plan, difficulty
+from robosim.evaluation.suite import Suite, SuiteTask, read_suite
+from robosim.simulator import SimulatorConfig
+from robosim.team.team_config import ExchangeName, TeamConfig
+from tests.benchmarks.harness import DEFAULT, Options, run_units
+from tests.benchmarks.results import Results
+
+#: Bars of steps over those of one robot, by the number of robots, on campus floors and in homes.
+BARS = {"campus": {2: 0.70, 4: 0.50}, "homes": {2: 0.85, 4: 0.75}}
+#: Bar of memory for each robot more [MB], and of decisions per CPU second over those of one robot.
+MEMORY_MB, SPEED = 150, 0.9
+
+
+def main(
+    campus: Positional[Path],
+    homes: Positional[Path],
+    *,
+    sizes: tuple[int, ...] = (2, 4),
+    tasks: tuple[int, ...] = (0, 1),
+    hard_tasks: int | None = None,
+    exchange: ExchangeName = "radio",
+    max_steps: int = 4000,
+    options: OmitArgPrefixes[Options] = DEFAULT,
+) -> Results:
+    """Steps until the first robot of a team arrives over those of one robot, contacts, memory and speed.
+
+    Args:
+        campus: Suite of campus floors, as `large_buildings` makes it.
+        homes: Suite of homes, as `robosim evaluate --suite-out` makes it.
+        sizes: Numbers of robots.
+        tasks: Numbers of the tasks of each campus floor; by default the first two.
+        hard_tasks: Number of hard tasks of homes, in the order of the suite; all by default.
+        exchange: What the robots exchange.
+        max_steps: Decisions before a search is given up.
+        options: Of every benchmark.
+    """
+    results = Results()
+    out = options.folder("team_search")
+
+    def searched(suite: Suite, chosen: list[SuiteTask], size: int, goal: str = "fused") -> dict[str, Any]:
+        units = {
+            f"{task.plan} {task.number} {goal} {size}": (
+                str(suite.plans[task.plan]),
+                suite.reader,
+                suite.seed,
+                task,
+                goal,
+                size,
+                exchange,
+                max_steps,
+            )
+            for task in chosen
+        }
+        # Processes of its own for each size, since memory is that of the process.
+        return run_units(search, units, out, workers=options.workers)
+
+    suite = read_suite(campus)
+    chosen = [task for task in suite.tasks if task.number in tasks]
+    _compare(results, "campus", chosen, sizes, lambda size: searched(suite, chosen, size))
+    suite = read_suite(homes)
+    oracle = searched(suite, list(suite.tasks), 1, "oracle")
+    steps = {(t.plan, t.number): run["steps"] for t, run in zip(suite.tasks, oracle.values(), strict=True)}
+    classes = difficulty(steps)
+    hard = [task for task in suite.tasks if classes[task.plan, task.number] == "hard"][:hard_tasks]
+    _compare(results, "homes", hard, sizes, lambda size: searched(suite, hard, size))
+    return options.finish("team_search", results)
+
+
+def search(
+    plan: str,
+    reader: str,
+    seed: int,
+    task: SuiteTask,
+    goal: str,
+    size: int,
+    exchange: ExchangeName,
+    max_steps: int,
+) -> dict[str, Any]:
+    """Steps, arrival, contacts, metres, CPU seconds, peak memory and trajectories of a team."""
+    config = EpisodeConfig(
+        goal=goal,
+        max_steps=max_steps,
+        seed=task.seed(seed, 0),
+        simulator=SimulatorConfig(physics="kinematic"),
+        team=TeamConfig(robots=str(size), exchange=exchange),
+    )
+    hull_m = config.simulator.robot.hull_m
+    building, places = scene(Path(plan), reader, config.building, hull_m)
+    entrants = make_entrants(building, places, task_of(places, task), config)
+    begin = time.process_time()
+    team = run_team(building, entrants)
+    seconds = time.process_time() - begin
+    logs, result = team.robots.values(), team.result()
+    return {
+        "steps": team.first.steps,
+        "arrived": result["arrived"],
+        "contacts": result.get("contacts_between_robots", 0),
+        "collisions": result["collisions"],
+        "km": sum(log.path_length_m for log in logs) / 1000,
+        "decisions": sum(log.steps for log in logs),
+        "cpu_s": seconds,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000,
+        "poses": {name: np.array(log.poses, np.float32) for name, log in team.robots.items()},
+    }
+
+
+def _compare(
+    results: Results,
+    table: str,
+    tasks: list[SuiteTask],
+    sizes: tuple[int, ...],
+    searched: Callable[[int], Mapping[str, Any]],
+) -> None:
+    """Add rows of one robot and of teams."""
+    alone = list(searched(1).values())
+    for size in (1, *sizes):
+        runs = alone if size == 1 else list(searched(size).values())
+        row = f"{size} robots" if size > 1 else "1 robot"
+        if size > 1:
+            ratios = _column(runs, "steps") / _column(alone, "steps")
+            values = by_plan(np.log(ratios)[:, None], [task.plan for task in tasks])
+            mean, *ends = np.exp(bootstrap(values, None))
+            bar = BARS[table].get(size)
+            spread = (float(ends[0]), float(ends[1]))
+            results.add(
+                table, row, "steps over one", float(mean), digits=2, spread=spread, cases=len(tasks), bar=bar
+            )
+        km = _column(runs, "km").sum()
+        results.add(table, row, "arrived", 100 * _column(runs, "arrived").mean(), "%", digits=0, bar=100)
+        results.add(table, row, "driven", km, "km", digits=2)
+        results.add(
+            table, row, "contacts with walls per km", _column(runs, "collisions").sum() / km, digits=1
+        )
+        if size > 1:
+            contacts = _column(runs, "contacts").sum()
+            results.add(table, row, "contacts between robots", contacts, digits=0)
+            more_mb = (_column(runs, "peak_mb").max() - _column(alone, "peak_mb").max()) / (size - 1)
+            results.add(table, row, "memory of a robot more", more_mb, "MB", digits=0, bar=MEMORY_MB)
+            speed = _speed(runs) / _speed(alone)
+            results.add(table, row, "decisions per CPU second over one", speed, digits=2, bar=SPEED)
+
+
+def _column(runs: list[Any], name: str) -> Float[np.ndarray, " n"]:
+    return np.array([run[name] for run in runs], float)
+
+
+def _speed(runs: list[Any]) -> float:
+    """Decisions of all robots per CPU second."""
+    return float(_column(runs, "decisions").sum() / _column(runs, "cpu_s").sum())
