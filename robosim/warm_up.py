@@ -80,8 +80,10 @@ def _call_default_episode(half: int) -> None:
     # Here, so that both processes import the simulator at the same time.
     from robosim.building.building import make_building
     from robosim.episode_config import EpisodeConfig
+    from slam.exploration.frontiers import lines_across
     from slam.exploration.tour import costs_between, values_of_orders
     from slam.grid import GridFrame
+    from slam.planning.cost_map import Box
     from slam.planning.travel_time import travel_time
 
     if half == 1:
@@ -92,8 +94,14 @@ def _call_default_episode(half: int) -> None:
         _trace(building)
     for goal in ("explore", "fused"):
         _search(EpisodeConfig(goal=goal))
-    # Regions are ordered after more steps than these searches have.
+    # Regions are found and ordered after more steps than these searches have.
     floor = GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.1, shape=(20, 20))
+    nothing, empty = np.zeros(floor.shape, bool), np.zeros(floor.shape, np.float32)
+    box = Box(
+        frame=floor, probability=empty, explored=~nothing, anticipated=empty, obstacle=nothing, blocked=nothing,
+        offset_m=None, pose=np.zeros(3),
+    )  # fmt: skip
+    lines_across(box, np.ones((1, 2)), 1.0)
     field = travel_time(floor, np.ones(floor.shape), np.ones(floor.shape, bool), (1, 1))
     costs_between(field, np.array([[1.5, 0.5], [0.5, 1.5]]))
     values_of_orders(np.ones(2), np.ones(2), np.ones((2, 2)))

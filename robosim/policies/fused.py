@@ -205,7 +205,8 @@ class Fused:
             for frontier in find_frontiers(box, times, min_cells=3, piece_m=1.6, given_up=given_up)
             if not (np.hypot(*(given_up - frontier.goal_xy).T) < 0.25).any()
         ]
-        lines_m = lines_across(box, frontiers, FADES_M[1])
+        goals_xy = np.array([frontier.goal_xy for frontier in frontiers]).reshape(-1, 2)
+        lines_m = lines_across(box, goals_xy, FADES_M[1])
         survey = belief.survey(estimate)
         regions = find_regions(frontiers, lines_m, survey, belief.probability(), estimate.pose)
         if estimate.claims:

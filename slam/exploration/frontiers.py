@@ -7,7 +7,6 @@ Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -141,10 +140,10 @@ def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) ->
     return min(area, frontier.length_m * depth_m)
 
 
-def lines_across(box: Box, frontiers: Sequence[Frontier], range_m: float) -> Float[np.ndarray, " k"]:
+def lines_across(box: Box, frontiers_xy: Float[np.ndarray, "k 2"], range_m: float) -> Float[np.ndarray, " k"]:
     """Length of the longest straight line over seen floor that leads on across each frontier [m], up to a range."""
     cell_m = box.frame.resolution_m
-    rows, columns = box.frame.index(np.array([frontier.goal_xy for frontier in frontiers]).reshape(-1, 2))
+    rows, columns = box.frame.index(frontiers_xy)
     is_free, is_unseen = box.explored & (box.probability < 0.5), ~box.explored & (box.probability <= 0.5)
     reach, ahead = (math.ceil(length_m / cell_m) for length_m in (range_m, _AHEAD_M))
     return np.asarray(_longest(is_free, is_unseen, rows, columns, reach, ahead) * cell_m)

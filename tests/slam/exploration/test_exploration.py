@@ -196,7 +196,7 @@ def test_the_end_of_a_corridor_has_a_longer_line_across_than_a_door_in_its_side(
     def line_m(x, y):
         spot = np.array([x, y])
         there = Frontier(goal_xy=spot, near_xy=spot, cost_m=1.0, length_m=1.0)
-        return lines_across(box, [there], 40.0).item()
+        return lines_across(box, there.goal_xy[None], 40.0).item()
 
     assert line_m(8.95, 1.0) == pytest.approx(9.0, abs=0.3)
     assert 2.0 <= line_m(5.0, 2.05) < 4.5
