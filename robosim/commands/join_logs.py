@@ -17,6 +17,9 @@ from robosim.support.files import write_json
 from robosim.support.progress import stages_tracked
 from robosim.support.tum import write_tum
 
+#: Equal wings of a building, joined wrongly, agree in at most this part of their surfaces.
+_EQUAL_WINGS = 0.95
+
 
 def join_logs(logs: Sequence[RobotLog], how: LogConfig, out: Path | None) -> None:
     """Map logs in one frame, and write the map and a trajectory for each; maps that lie apart in folders of their own.
@@ -38,11 +41,15 @@ def join_logs(logs: Sequence[RobotLog], how: LogConfig, out: Path | None) -> Non
             for row in rows:
                 _add(table, "." if place == folder else place.name, row)
             _write(place, sessions, how)
-            result = {"folder": str(place.relative_to(folder)), "logs": rows}
+            agreement = sessions[0].agreement
+            result = {"folder": str(place.relative_to(folder)), "logs": rows, "agreement": agreement}
             write_json(place / "result.json", result)
             results.append(result)
     emit_result({"maps": results}, folder)
     console.print(table)
+    for sessions in maps:
+        if len(sessions) > 1:
+            console.print(_how_sure(sessions), soft_wrap=True)
     for sessions in maps[1:]:
         names = ", ".join(session.log.name for session in sessions)
         console.print(
@@ -54,6 +61,15 @@ def join_logs(logs: Sequence[RobotLog], how: LogConfig, out: Path | None) -> Non
         f"Wrote map.yaml, map.png, result.json and a trajectory for each log in {folder}", soft_wrap=True
     )
     console.print(f"Next: robosim plan {quote(str(folder / 'map.yaml'))}", soft_wrap=True)
+
+
+def _how_sure(sessions: Sequence[Session]) -> str:
+    """Line on a joined map."""
+    names, agreement = ", ".join(session.log.name for session in sessions), sessions[0].agreement
+    line = f"{names}: surfaces that several of them saw agree in {100 * agreement:.0f} %."
+    if agreement > _EQUAL_WINGS:
+        return line
+    return f"{line} Equal wings or storeys of a building can agree as well: check map.png."
 
 
 def _write(folder: Path, sessions: Sequence[Session], how: LogConfig) -> None:

@@ -29,6 +29,8 @@ class Session:
     """Covariance of the first pose relative to that of the map's first session, at most [m^2, m rad, rad^2]."""
     loops_across: int
     """Number of loops closed with other sessions."""
+    agreement: float
+    """Least part of the surfaces seen by several sessions of the map that do not contradict; 1 for one session."""
 
 
 def map_team(
@@ -72,6 +74,7 @@ def map_team(
                     poses=mapped[robot].robot_poses(joined.poses(robot), origin),
                     start_covariance=_start_covariance(joined, robot, origin, mapped[robot]),
                     loops_across=joined.n_across(robot),
+                    agreement=joined.agreement,
                 )
                 for robot in joined.robots
             ]

@@ -60,6 +60,8 @@ class JoinedMap:
     """Submaps of all robots; numbers of scans are the robot's own."""
     first: list[int]
     """Number of the first submap of each robot."""
+    agreement: float = 1.0
+    """Least part, over all joins, of surfaces seen from both maps that do not contradict."""
 
     def poses(self, robot: int) -> Float[np.ndarray, "n 3"]:
         """Poses of all scans of a robot: x [m], y [m], yaw [rad]."""
@@ -124,7 +126,8 @@ def join_maps(
         joined = _joined(base, other, agreeing[best])
         config = max((tracker.config for tracker in trackers), key=lambda each: each.submap_error)
         LoopCloser(config, joined.graph, joined.submaps).fit_again(joined.graph.solve, watched=watched)
-        if agreement(joined, base.robots) < least_agreement:
+        joined.agreement = min(agreement(joined, base.robots), base.agreement, other.agreement)
+        if joined.agreement < least_agreement:
             rejected.add((tuple(base.robots), tuple(other.robots)))
             continue
         maps[best[0]] = joined

@@ -53,6 +53,10 @@ def test_slam_team_joins_a_carmen_log_and_a_bag(logs, tmp_path, capsys):
     main(["slam", *map(str, (logs / "west.log", east, logs / "other.log")), "--team", "--out", str(out)])
     text = " ".join(capsys.readouterr().out.split())
     assert "other: not placed relative to west" in text
+    agreement = json.loads((out / "result.json").read_text())["agreement"]
+    assert 0.8 <= agreement <= 1.0
+    assert f"west, east: surfaces that several of them saw agree in {100 * agreement:.0f} %." in text
+    assert ("check map.png" in text) == (agreement <= 0.95)
     for name, route in (("west", WEST), ("east", EAST)):
         expected = np.array([between(WEST[0], pose) for pose in route])
         off = read_tum(out / f"{name}.tum")[1] - expected
