@@ -57,7 +57,7 @@ def to_robot(pose: Pose, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndar
     return (np.asarray(points, float) - pose[:2]) @ np.array([[c, -s], [s, c]])
 
 
-def rotation(yaw_rad: float) -> Covariance:
+def rotation(yaw_rad: float) -> Float[np.ndarray, "3 3"]:
     """Turns displacements of a robot's frame, and by R C R^T their covariances, into the axes of `map`; yaw stays."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

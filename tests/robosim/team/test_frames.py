@@ -90,15 +90,19 @@ def test_turned_tile_lies_where_its_frame_does() -> None:
     assert not shared.merge(estimate).explored.any()
 
 
-def _run(starts: str, exchange: str = "radio") -> TeamLog:
-    config = EpisodeConfig(
+def _config(starts: str, exchange: str, max_steps: int) -> EpisodeConfig:
+    return EpisodeConfig(
         goal="explore",
         explorer="nearest",
         mapper="classical",
-        max_steps=60,
+        max_steps=max_steps,
         simulator=SimulatorConfig(physics="kinematic", camera="plan"),
         team=TeamConfig(robots="2", starts=starts, exchange=exchange),
     )
+
+
+def _run(starts: str, exchange: str = "radio") -> TeamLog:
+    config = _config(starts, exchange, max_steps=60)
     building = make_building(read_plan("flat"))
     places = reach(building, *config.simulator.robot.hull_m)
     entrants = make_entrants(building, places, make_task(places, np.random.default_rng(0)), config)
@@ -139,14 +143,7 @@ def test_maps_stay_apart_without_exchange() -> None:
 @pytest.mark.parametrize("plan", ["flat", "office"])
 def test_robots_that_never_meet_match_their_maps(plan: str) -> None:
     """From different rooms, with a radio that receives nothing; all notes arrive."""
-    config = EpisodeConfig(
-        goal="explore",
-        explorer="nearest",
-        mapper="classical",
-        max_steps=320,
-        simulator=SimulatorConfig(physics="kinematic", camera="plan"),
-        team=TeamConfig(robots="2", starts="unknown", exchange="perfect"),
-    )
+    config = _config("unknown", "perfect", max_steps=320)
     radio = config.simulator.radio
     radio = replace(radio, sounding=replace(radio.sounding, tx_power_dbm=-100.0))
     config = replace(config, simulator=replace(config.simulator, radio=radio))
