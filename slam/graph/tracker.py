@@ -38,6 +38,7 @@ from slam.graph.submaps import (
 )
 from slam.graph.tracked_map import TrackedMap
 from slam.graph.tracker_config import TrackerConfig
+from slam.graph.wall_compass import WallCompass
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, ScanPoints
 from slam.matching.thin_scans import RecentPoints
@@ -52,6 +53,8 @@ _SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 _VAGUE_RAD = math.radians(0.1)
 #: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
+#: The graph is solved where walls deviate from the building's axis by more [rad].
+_TURNED_RAD = math.radians(0.1)
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
 #: Fits may deviate by this many times the covariance of the prediction.
@@ -83,6 +86,7 @@ class Tracker(TrackedMap):
         self.graph = PoseGraph(self.pose)
         self.submaps = [Submap(self.config.cell_m)]
         self.landmarks = Landmarks()
+        self._compass = WallCompass() if self.config.walls else None
         self._n_bearings = 0
         self._here = np.zeros(3)
         self._spread = self._blind = np.zeros((3, 3))
@@ -272,7 +276,10 @@ class Tracker(TrackedMap):
             last = len(self.submaps) - 2
             self._loops.add(last)
         before, self._n_bearings = self._n_bearings, self.landmarks.taken
-        has_changed = self._n_bearings > before and self._solve()
+        off_rad = 0.0
+        if self._compass is not None:
+            off_rad = self._compass.see(self.graph, last, self.submaps[last].surfaces.fine)
+        has_changed = (self._n_bearings > before or off_rad > _TURNED_RAD) and self._solve()
         if not has_changed:
             self._look_around()
         return has_changed
