@@ -51,10 +51,9 @@ _HELD, _COVERED, _SHOWN = 3, 0.9, 5
 _SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 #: Submaps are closed early if sources are received and the heading is more uncertain than this [rad].
 _VAGUE_RAD = math.radians(0.1)
-#: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
+#: The graph is solved once closed loops and walls deviate from its poses by more in all, and by more when none wait
+#: [m, a radian as a metre].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
-#: The graph is solved where walls deviate from the building's axis by more [rad].
-_TURNED_RAD = math.radians(0.1)
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
 #: Fits may deviate by this many times the covariance of the prediction.
@@ -140,11 +139,10 @@ class Tracker(TrackedMap):
         self.submaps[-1].numbers.append(self._n_scans)
         self._n_scans += 1
         self._around.enter(self.pose, scan)
-        has_changed = False
         if self._loops.queue:
             self._unsolved_m += self._loops.try_next()
-            # Fits that confirm the poses wait for each other.
-            has_changed = self._settle(_UNSOLVED_M if self._loops.queue else _CONFIRMED_M)
+        # Fits that confirm the poses wait for each other.
+        has_changed = self._settle(_UNSOLVED_M if self._loops.queue else _CONFIRMED_M)
         # Submaps around that are not known to fit are tried soon.
         max_scans = self.config.submap_scans
         if self._apart and self._distance_m > _SOON_M:
@@ -276,10 +274,9 @@ class Tracker(TrackedMap):
             last = len(self.submaps) - 2
             self._loops.add(last)
         before, self._n_bearings = self._n_bearings, self.landmarks.taken
-        off_rad = 0.0
         if self._compass is not None:
-            off_rad = self._compass.see(self.graph, last, self.submaps[last].surfaces.fine)
-        has_changed = (self._n_bearings > before or off_rad > _TURNED_RAD) and self._solve()
+            self._unsolved_m += self._compass.see(self.graph, last, self.submaps[last].surfaces.fine)
+        has_changed = self._n_bearings > before and self._solve()
         if not has_changed:
             self._look_around()
         return has_changed

@@ -1,7 +1,7 @@
 """Directions of walls as a compass: most walls of a building are parallel or perpendicular to each other.
 
 The yaw of matched poses drifts by some tenths of a degree over 30 m, since no view reaches as far. Straight walls of a
-submap, modulo a right angle, tell its yaw relative to those of all others. The axis of the building is a place very far
+submap, modulo a right angle, give its yaw relative to those of all others. The axis of the building is a place very far
 away, and its direction from a submap a sighting of the graph: one that contradicts the others loses its weight, and
 submaps whose walls deviate from the axis by more than their yaw is uncertain get none.
 
@@ -53,7 +53,9 @@ class WallCompass:
         off_rad = 0.0
         if self._place is None:
             axis = yaw + direction_rad
-            self._place = graph.add_place(np.array([x + _FAR_M * math.cos(axis), y + _FAR_M * math.sin(axis)]))
+            self._place = graph.add_place(
+                np.array([x + _FAR_M * math.cos(axis), y + _FAR_M * math.sin(axis)])
+            )
         else:
             away = graph.places[self._place] - [x, y]
             expected = math.atan2(away[1], away[0]) - yaw
@@ -103,7 +105,9 @@ def wall_direction(surfaces: ScanPoints) -> tuple[float, float] | None:
     return coarse + turn, sigma
 
 
-def _lines(along: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]) -> list[tuple[float, float, float]]:
+def _lines(
+    along: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]
+) -> list[tuple[float, float, float]]:
     """Slope [rad], its variance, and length [m] of straight walls: points along an axis and across it [m]."""
     if len(along) < 3:
         return []

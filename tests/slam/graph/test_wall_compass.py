@@ -16,9 +16,9 @@ def room(turn_deg: float, noise_m: float = 0.005, seed: int = 0) -> ScanPoints:
     """Walls of a room of 6 x 4 m, a point every 5 cm, turned about its middle."""
     rng = np.random.default_rng(seed)
     x, y = np.arange(-3, 3, 0.05), np.arange(-2, 2, 0.05)
-    sides = [
-        (np.column_stack([x, np.full(len(x), side * 2.0)]), [0, -side]) for side in (-1, 1)
-    ] + [(np.column_stack([np.full(len(y), side * 3.0), y]), [-side, 0]) for side in (-1, 1)]
+    sides = [(np.column_stack([x, np.full(len(x), side * 2.0)]), [0, -side]) for side in (-1, 1)] + [
+        (np.column_stack([np.full(len(y), side * 3.0), y]), [-side, 0]) for side in (-1, 1)
+    ]
     turn = rotation(math.radians(turn_deg))[:2, :2]
     points = np.concatenate([points for points, _ in sides])
     normals = np.concatenate([np.tile(normal, (len(points), 1)) for points, normal in sides]).astype(float)
@@ -55,7 +55,9 @@ def test_a_round_room_has_no_direction():
     """No wall of a circle is straight."""
     angle = np.arange(0, 2 * math.pi, 0.02)
     points = 2.5 * np.column_stack([np.cos(angle), np.sin(angle)])
-    assert wall_direction(ScanPoints(points=points, normals=-points / 2.5, weights=np.ones(len(angle)))) is None
+    assert (
+        wall_direction(ScanPoints(points=points, normals=-points / 2.5, weights=np.ones(len(angle)))) is None
+    )
 
 
 def test_nothing_seen_has_no_direction():
@@ -74,7 +76,7 @@ def walked(walls_deg: dict[int, float], with_walls: bool = True) -> float:
     for number in range(20):
         step = np.array([4.0, 0.0, math.radians(30.0 if number == 9 else 0.0)])
         true.append(compose(true[-1], step))
-        measured = step + [0.0, 0.0, drift]
+        measured = np.add(step, [0.0, 0.0, drift])
         node = graph.add(compose(graph.poses[-1], measured))
         covariance = np.diag([0.01, 0.01, drift]) ** 2
         graph.hold(Constraint(first=node - 1, second=node, pose=measured, covariance=covariance))
@@ -82,7 +84,10 @@ def walked(walls_deg: dict[int, float], with_walls: bool = True) -> float:
             surfaces = room(walls_deg[number], seed=number).at(between(true[number], np.zeros(3)))
             if compass.see(graph, number, surfaces) > 0:
                 graph.solve()
-    errors = [(pose[2] - yaw + math.pi) % (2 * math.pi) - math.pi for pose, (*_, yaw) in zip(graph.poses, true, strict=True)]
+    errors = [
+        (pose[2] - yaw + math.pi) % (2 * math.pi) - math.pi
+        for pose, (*_, yaw) in zip(graph.poses, true, strict=True)
+    ]
     return math.degrees(max(map(abs, errors)))
 
 
