@@ -28,7 +28,7 @@ _ALIKE_RAD = math.radians(20.0)
 #: Least standard deviation of a point from its wall [m], and largest root mean square of a wall that is straight [m].
 _LEAST_M, _ROUGH_M = 0.005, 0.015
 #: Standard deviation of walls from the axis, and of all walls of a submap together [rad].
-_OF_WALL_RAD, _OF_SUBMAP_RAD = math.radians(0.3), math.radians(0.1)
+_OF_WALL_RAD, _OF_SUBMAP_RAD = math.radians(0.4), math.radians(0.15)
 #: Least length of all walls that make a direction [m].
 _LENGTH_M = 2.5
 #: Yaws deviate from the axis by no more than so many standard deviations, and by no more than this [rad].
