@@ -1,6 +1,6 @@
 """What silence says in large buildings: predicted and true reception of places, and the regions that it leaves.
 
-A robot explores each building and asks, every few decisions, which of some random places of the floor it would receive
+A robot explores each building. Every few decisions it predicts which of some random places of the floor it would receive
 (`RouteDirections.received`, on its own map of that moment). A measurement of a transmitter there answers. Places in
 sight over seen floor are counted apart. Intervals are of 95 %, by bootstrap over buildings.
 
@@ -66,7 +66,7 @@ def main(
     units = {plan.name: (plan, decisions, options.seed) for plan in plans_of(plans)}
     found = run_units(explore, units, options.folder("silence"), workers=options.workers)
     results = Results()
-    rows = [row["asked"] for row in found.values()]
+    rows = [row["judged"] for row in found.values()]
     summarise(rows, results)
     results.figures["silence"] = draw(rows)
     for name, row in found.items():
@@ -83,17 +83,17 @@ def explore(plan: FloorPlan, decisions: int, seed: int) -> dict[str, Any]:
     rng = np.random.default_rng([seed, 1])
     task = make_task(places, np.random.default_rng([seed, 0]))
     link = RadioLink(building, simulator.radio)
-    asked: list[tuple[float, float, float]] = []
+    judged: list[tuple[float, float, float]] = []
 
     def ask(log: EpisodeLog, step: Step) -> None:
         if step.number % EVERY == 0 and step.number:
             true, estimate = step.true.pose, step.estimated.map
             targets = [make_task(places, rng).target for _ in range(PLACES)]
-            asked.extend(answers(estimate, true, np.array(targets), link, rng))
+            judged.extend(answers(estimate, true, np.array(targets), link, rng))
 
     config = EpisodeConfig(goal="explore", seed=seed, max_steps=decisions, simulator=simulator)
     _, estimate = run_episode(building, places, task, config, ask)
-    return {"asked": np.array(asked).reshape(-1, 3), "last": (building, estimate)}
+    return {"judged": np.array(judged).reshape(-1, 3), "last": (building, estimate)}
 
 
 def answers(
