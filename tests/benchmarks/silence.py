@@ -1,7 +1,7 @@
 """What silence says in large buildings: predicted and true reception of places, and the regions that it leaves.
 
-A robot explores each building. Every few decisions it predicts which of some random places of the floor it would receive
-(`RouteDirections.received`, on its own map of that moment). A measurement of a transmitter there answers. Places in
+A robot explores each building. Every few decisions it predicts of which random places of the floor it would receive
+a transmitter (`RouteDirections.received`, on its map of that moment), and a measurement of one there answers. Places in
 sight over seen floor are counted apart. Intervals are of 95 %, by bootstrap over buildings.
 
 The prediction was fitted to generated buildings (decision record 41); none of the shared floors took part.
