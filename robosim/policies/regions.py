@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 from robosim.policies.route_directions import MapSurvey
 from slam.actions import FORWARD_M
@@ -47,6 +47,19 @@ class Region(NamedTuple):
     """Decisions of the robot to the frontier."""
 
 
+class RegionCells(NamedTuple):
+    """Which region each cell of a part of a grid belongs to."""
+
+    rows: slice
+    """Rows of the part."""
+    columns: slice
+    """Columns of the part."""
+    region: Int[np.ndarray, "ny nx"]
+    """Number of the frontier of each cell's region; -1 for cells of none."""
+    behind_m: Float32[np.ndarray, "ny nx"]
+    """How far behind its frontier each cell is, by the route of a robot [m]."""
+
+
 def find_regions(
     frontiers: Sequence[Frontier],
     lines_m: Float[np.ndarray, " k"],
@@ -65,29 +78,36 @@ def find_regions(
     """
     if not frontiers:
         return []
-    routes = survey.routes_past_frontiers(pose[:2])
-    is_unseen = routes.entry >= 0
-    entry = routes.entry[is_unseen]
-    # The cells in which routes enter, and the frontier there.
-    entries = np.flatnonzero(np.bincount(entry, minlength=routes.entry.size))
-    rows, columns = np.divmod(entries, routes.entry.shape[1])
-    cells = np.column_stack([columns + routes.columns.start, rows + routes.rows.start])
-    places = survey.frame.to_points(cells + 0.5)
-    goals = np.array([frontier.goal_xy for frontier in frontiers])
-    distance_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
-    nearest = np.where(distance_m.min(axis=1, initial=math.inf) < _PASSING_M, distance_m.argmin(axis=1), -1)
-    of_entry = np.full(routes.entry.size, -1)
-    of_entry[entries] = nearest
-    region = of_entry[entry]
-    fade_m = np.append(np.clip(lines_m, *FADES_M), math.inf)[region]
-    belief = probability[routes.rows, routes.columns][is_unseen]
-    belief = belief * np.exp(-routes.unexplored_m()[is_unseen] / fade_m)
-    beliefs = np.bincount(region + 1, belief, minlength=len(frontiers) + 1)[1:]
+    cells = cells_of_regions(frontiers, survey, pose[:2])
+    is_inside = cells.region >= 0
+    region = cells.region[is_inside]
+    belief = probability[cells.rows, cells.columns][is_inside]
+    belief = belief * np.exp(-cells.behind_m[is_inside] / np.clip(lines_m, *FADES_M)[region])
+    beliefs = np.bincount(region, belief, minlength=len(frontiers))
     beliefs = beliefs * np.minimum(1.0, [frontier.length_m / _WIDE_M for frontier in frontiers]) ** 3
     return [
         Region(frontier, float(share), frontier.cost_m / FORWARD_M + frontier.turns_from(pose))
         for frontier, share in zip(frontiers, beliefs, strict=True)
     ]
+
+
+def cells_of_regions(
+    frontiers: Sequence[Frontier], survey: MapSurvey, here: Float[np.ndarray, "2"]
+) -> RegionCells:
+    """Assign unseen cells of the survey's grid to frontiers, at least one, for a robot at a place [m]."""
+    routes = survey.routes_past_frontiers(here)
+    # The cells in which routes enter, and the frontier there.
+    entries = np.flatnonzero(np.bincount(routes.entry[routes.entry >= 0], minlength=1))
+    rows, columns = np.divmod(entries, routes.entry.shape[1])
+    places = survey.frame.to_points(
+        np.column_stack([columns + routes.columns.start, rows + routes.rows.start]) + 0.5
+    )
+    goals = np.array([frontier.goal_xy for frontier in frontiers])
+    distance_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
+    is_near = distance_m.min(axis=1, initial=math.inf) < _PASSING_M
+    of_entry = np.full(routes.entry.size + 1, -1)
+    of_entry[entries[is_near]] = distance_m[is_near].argmin(axis=1)
+    return RegionCells(routes.rows, routes.columns, of_entry[routes.entry], routes.unexplored_m())
 
 
 def values_first(
