@@ -38,6 +38,7 @@ from slam.graph.submaps import (
 )
 from slam.graph.tracked_map import TrackedMap
 from slam.graph.tracker_config import TrackerConfig
+from slam.graph.wall_compass import WallCompass
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, ScanPoints
 from slam.matching.thin_scans import RecentPoints
@@ -50,7 +51,8 @@ _HELD, _COVERED, _SHOWN = 3, 0.9, 5
 _SOON, _SOON_M, _NEIGHBOUR_M = 12, 1.0, 8.0
 #: Submaps are closed early if sources are received and the heading is more uncertain than this [rad].
 _VAGUE_RAD = math.radians(0.1)
-#: The graph is solved once closed loops deviate from its poses by more in all, and by more when none wait [m].
+#: The graph is solved once closed loops and walls deviate from its poses by more in all, and by more when none wait
+#: [m, a radian as a metre].
 _UNSOLVED_M, _CONFIRMED_M = 0.02, 0.005
 #: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
@@ -83,6 +85,7 @@ class Tracker(TrackedMap):
         self.graph = PoseGraph(self.pose)
         self.submaps = [Submap(self.config.cell_m)]
         self.landmarks = Landmarks()
+        self._compass = WallCompass() if self.config.walls else None
         self._n_bearings = 0
         self._here = np.zeros(3)
         self._spread = self._blind = np.zeros((3, 3))
@@ -136,11 +139,10 @@ class Tracker(TrackedMap):
         self.submaps[-1].numbers.append(self._n_scans)
         self._n_scans += 1
         self._around.enter(self.pose, scan)
-        has_changed = False
         if self._loops.queue:
             self._unsolved_m += self._loops.try_next()
-            # Fits that confirm the poses wait for each other.
-            has_changed = self._settle(_UNSOLVED_M if self._loops.queue else _CONFIRMED_M)
+        # Fits that confirm the poses wait for each other.
+        has_changed = self._settle(_UNSOLVED_M if self._loops.queue else _CONFIRMED_M)
         # Submaps around that are not known to fit are tried soon.
         max_scans = self.config.submap_scans
         if self._apart and self._distance_m > _SOON_M:
@@ -272,6 +274,8 @@ class Tracker(TrackedMap):
             last = len(self.submaps) - 2
             self._loops.add(last)
         before, self._n_bearings = self._n_bearings, self.landmarks.taken
+        if self._compass is not None:
+            self._unsolved_m += self._compass.see(self.graph, last, self.submaps[last].surfaces.fine)
         has_changed = self._n_bearings > before and self._solve()
         if not has_changed:
             self._look_around()

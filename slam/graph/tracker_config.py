@@ -24,6 +24,8 @@ class TrackerConfig:
     """Whether loops are closed; without, poses do not change later."""
     radio: bool = True
     """Whether sources of a radio are landmarks."""
+    walls: bool = True
+    """Whether walls that are nearly parallel or perpendicular to others hold the yaw."""
     match: MatchConfig = field(default_factory=MatchConfig)
     """Settings of scan matching."""
     submap_error: Annotated[float, Range(0, 100)] = OF_SUBMAP
