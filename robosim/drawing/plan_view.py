@@ -260,7 +260,14 @@ class BriefPicture:
 def draw_camera(
     rgb: UInt8[np.ndarray, "h w 3"], depth_m: Float[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "side side 3"]:
-    """The camera's picture, with its depth in the lower left corner: the nearer, the lighter; black for none."""
+    """The camera's picture, with its depth in the lower left corner: the nearer, the lighter; black for none.
+
+    Grey where no picture was recorded, as in the episodes of an evaluation.
+    """
+    if not rgb.size:
+        view = np.full((HEIGHT, HEIGHT, 3), 200, np.uint8)
+        write(view, "no picture recorded", (8, HEIGHT // 2))
+        return view
     view = cv2.resize(rgb, (HEIGHT, HEIGHT), interpolation=cv2.INTER_LINEAR)
     near = np.where(depth_m > 0, np.clip(255 - 40 * depth_m, 0, 255), 0).astype(np.uint8)
     inset = HEIGHT // 4

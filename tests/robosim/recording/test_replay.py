@@ -6,10 +6,11 @@ import pytest
 from PIL import Image
 
 from robosim.drawing.picture import LEGEND
+from robosim.drawing.plan_view import HEIGHT
 from robosim.episode_config import EpisodeConfig
 from robosim.movers.movers import MoversConfig
 from robosim.recording import replay as replaying
-from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
+from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head, read_episode
 from robosim.recording.replay import replay
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
@@ -40,6 +41,23 @@ def test_a_replay_of_a_team_is_its_video(tmp_path):
     assert reader.get(cv2.CAP_PROP_FRAME_COUNT) == 4
     with Image.open(sheet) as picture:
         assert picture.size[0] <= 2400
+
+
+def test_an_episode_of_an_evaluation_has_no_camera_pictures(recorded, tmp_path):
+    """The camera's half is grey with a line of text; map and trajectory are drawn as usual."""
+    whole = read_episode(recorded)
+    writer = EpisodeWriter(whole.rings, pictures=False)
+    steps = list(whole.steps())
+    for step in steps:
+        writer.add(step)
+    content = writer.content(
+        whole.head, steps[-1].true.pose, 0.5, unknown_map(np.zeros(3)), np.arange(len(steps) + 1.0)
+    )
+    (tmp_path / EPISODE).write_bytes(content)
+    _, sheet = replay(tmp_path / EPISODE, tmp_path, frames=1)
+    with Image.open(sheet) as picture:
+        camera = np.asarray(picture.convert("RGB"))[:HEIGHT, :HEIGHT]
+    assert (camera == 200).mean() > 0.95 and (camera < 100).any()
 
 
 def test_nothing_is_simulated_by_a_replay(recorded, tmp_path, monkeypatch):
