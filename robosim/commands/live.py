@@ -28,8 +28,8 @@ def replay(
     Example: robosim replay out/a
 
     Args:
-        episode: Folder of `robosim episode`, or file of an episode of `robosim evaluate`, which has no camera pictures and
-            only the last map.
+        episode: Folder of `robosim episode`, or file of an episode of `robosim evaluate`, which has no camera pictures
+            and only the last map.
         frames: Frames of the sheet.
         out: Folder for replay.mp4 and sheet.png; by default that of the episode.
     """
