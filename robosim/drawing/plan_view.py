@@ -265,9 +265,9 @@ def draw_camera(
     Grey where no picture was recorded, as in the episodes of an evaluation.
     """
     if not rgb.size:
-        view = np.full((HEIGHT, HEIGHT, 3), 200, np.uint8)
-        write(view, "no picture recorded", (8, HEIGHT // 2))
-        return view
+        grey = np.full((HEIGHT, HEIGHT, 3), 200, np.uint8)
+        write(grey, "no picture recorded", (8, HEIGHT // 2))
+        return grey
     view = cv2.resize(rgb, (HEIGHT, HEIGHT), interpolation=cv2.INTER_LINEAR)
     near = np.where(depth_m > 0, np.clip(255 - 40 * depth_m, 0, 255), 0).astype(np.uint8)
     inset = HEIGHT // 4
