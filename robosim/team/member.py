@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robosim.policies.reason import GoalKind
+from robosim.policies.reason import TO_TARGET, GoalKind
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Measurement
 from robosim.step import Decision
@@ -160,7 +160,7 @@ class Member:
         """The robot's own map, continued by what the others have reported."""
         merged = self._map.merge(own_map)
         there = [status for status in self.others.values() if self._decision - status.decision <= _SILENT]
-        claims = [Claim(xy=s.goal, cost_m=s.left_m) for s in there if s.goal is not None]
+        claims = [Claim(s.goal, s.left_m, s.kind in TO_TARGET) for s in there if s.goal is not None]
         # Where a robot is that has not reported lately, only sensors show.
         robots = [
             _thing(k, status, self._decision)
