@@ -130,7 +130,7 @@ def test_frontier_without_space_behind_it_has_no_belief():
 
 
 def test_regions_are_left_to_a_robot_that_is_bound_for_them_unless_it_has_nearer_ones():
-    """Open floor of 20 m with regions at -4, 6 and 8 m; the robot stands at 0, and the other one 1 m before its goal."""
+    """Open floor of 20 m with regions at -4, 6 and 8 m; the robot stands at 0, and the other 1 m before its goal."""
     shape, cell = (21, 101), 0.2
     frame = GridFrame(origin_xy=(-10.1, -2.1), resolution_m=cell, shape=shape)
     field = travel_time(frame, np.ones(shape), np.ones(shape, bool), (10, 50))
