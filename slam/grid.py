@@ -258,7 +258,7 @@ class Claim(NamedTuple):
     cost_m: float
     """Length of its path there [m]."""
     to_target: bool = False
-    """Whether it expects the target there, or farther that way."""
+    """Whether it expects the target there, or farther in that direction."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,7 +9,8 @@ before it are wide. Space that is not behind any frontier, such as the outside o
 region.
 
 The first region is the one with which the best order of all begins (`slam.exploration.tour`): a belief found after t
-decisions is worth exp(-t / horizon) of it, which for a long horizon is the least time until the target is found.
+decisions is worth exp(-t / horizon) of it, which for a long horizon is the least time until the target is found. In a
+team regions are auctioned first, and a robot searches those that it wins.
 
 Reference: Blum et al., Approximation algorithms for orienteering and discounted-reward TSP, SIAM J. Computing
 37(2), 2007.

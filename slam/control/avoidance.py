@@ -59,7 +59,7 @@ class Avoidance:
 
     def __init__(self, robot: Robot = Robot(), config: AvoidanceConfig = AvoidanceConfig()) -> None:
         self._hull_m = robot.hull.turning_m
-        self._swings = {
+        self._swings: dict[Command, np.ndarray] = {
             action: np.array(motion[:2])
             for action, motion in zip(MOVES, robot.motions, strict=True)
             if motion is not None and not action.ahead_m
@@ -103,7 +103,7 @@ class Avoidance:
         self.waited = self.waited + 1 if meets else 0
         return Action.WAIT if meets else action
 
-    def _swings_into(self, estimate: MapEstimate, action: Action) -> bool:
+    def _swings_into(self, estimate: MapEstimate, action: Command) -> bool:
         """Whether a turn would bring the hull too near to another robot, and nearer than it is."""
         step = to_map(np.array([0.0, 0.0, estimate.pose[2]]), self._swings.get(action, np.zeros(2)))
         robots = (thing for thing in estimate.moving if thing.radius_m is not None)

@@ -40,7 +40,7 @@ def unclaimed(
 def costs_from(
     claim: Claim, from_robot: TravelTime, places: Float[np.ndarray, "k 2"]
 ) -> Float[np.ndarray, " k"]:
-    """Costs at which another robot reaches places by way of where it is bound, over floor that the robot can reach."""
+    """Costs at which another robot reaches places after its goal, over floor that the robot can reach."""
     passable = np.isfinite(from_robot.cost_m)
     cost = np.where(passable, from_robot.cost_per_m, 1.0).astype(np.float32)
     costs = CostMap(frame=from_robot.frame, cost=cost, passable=passable)
@@ -60,7 +60,7 @@ def auctioned(
     orders: list[list[int]] = [[] for _ in first]
     left = list(range(len(gain)))
     # What each robot's order would become with each visit, and gain by it.
-    offers = [[_with(k, [], gain, own, between) for k in left] for own in first]
+    offers = [[_with(k, [], gain, discount, between) for k in left] for discount in first]
     while left:
         robot, k = max(product(range(len(first)), left), key=lambda bid: offers[bid[0]][bid[1]][0])
         orders[robot] = offers[robot][k][1]

@@ -70,5 +70,5 @@ def test_auctioned_visit_goes_to_a_robot_without_any_though_it_is_farther_away()
     assert _auctioned([1.0, 0.5], [-4.0, 4.0], [0.0, 9.0]) == [True, False]
 
 
-def test_auctioned_visit_on_the_way_is_made_by_who_passes_it() -> None:
+def test_auctioned_visit_is_made_by_the_robot_that_passes_it() -> None:
     assert _auctioned([1.0, 1.0, 1.0], [4.0, 5.0, -30.0], [0.0, -20.0]) == [True, True, False]
