@@ -133,7 +133,7 @@ class Agent:
                 self._chosen = self._controller.act(map_.pose, plan)
             command = self._avoidance.checked(map_, self._chosen)
             if away is not None and command is Action.WAIT:
-                command = turn_along(map_.pose, plan.path)
+                command = self._avoidance.checked(map_, turn_along(map_.pose, plan.path))
         return self._decided(
             Decision(
                 goal=goal,

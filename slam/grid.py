@@ -257,6 +257,8 @@ class Claim(NamedTuple):
     """Its goal in `map` [m]."""
     cost_m: float
     """Length of its path there [m]."""
+    to_target: bool = False
+    """Whether it expects the target there, or farther in that direction."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,9 +3,11 @@
 1. A target that the camera sees is approached at once.
 2. In line of sight the robot follows the arrival, whose direction is known to a degree; the belief knows the distance
    to a third only. Below 10 GHz the belief decides instead, since paths pass walls. At the start the robot also follows
-   strong arrivals of first order: with few known walls the belief cannot decide where such a wave interacted.
-3. If the belief is concentrated, the robot goes to its peak. The belief includes the position, with covariance, that
-   the mapper's graph computes from all directions in line of sight.
+   strong arrivals of first order: with few known walls the belief cannot decide where such a wave interacted. Of a
+   team one robot does.
+3. If the belief is concentrated, the robot goes to its peak, unless another of its team seeks the target and is
+   nearer. The belief includes the position, with covariance, that the mapper's graph computes from all directions in
+   line of sight.
 4. Otherwise it goes to the frontier of the region that the best order of all regions begins with (`regions`).
 """
 
@@ -20,10 +22,9 @@ from robosim.policies.arrival import FollowArrival, FollowConfig, StuckDetector
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.reason import GoalKind, Reason
-from robosim.policies.regions import FADES_M, Region, find_regions, values_first
+from robosim.policies.regions import FADES_M, Region, find_regions, regions_won, values_first
 from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
-from slam.exploration.claims import unclaimed
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers, lines_across
 from slam.grid import MapEstimate
@@ -32,9 +33,6 @@ from slam.poses import to_map
 from slam.robot import Robot
 from wireless.paths import LinkState
 from wireless.tracing.tracer import OPAQUE_HZ
-
-#: Two goals nearer than this are the same place [m].
-_SAME_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +135,7 @@ class Fused:
         self._decisions += 1
         if self._decisions <= self.config.at_first and belief.peak()[1] < self.config.sure:
             onward = self._at_first.goal(estimated.require_measurement(), estimate.pose)
-            if onward is not None:
+            if onward is not None and not any(claim.to_target for claim in estimate.claims):
                 self._set_reason(
                     GoalKind.ARRIVAL, "a strong path of first order, and the belief is not sure yet"
                 )
@@ -168,9 +166,7 @@ class Fused:
         place, mass = belief.peak()
         self._mass = mass
         away_m = math.hypot(*(place - estimate.pose[:2]))
-        if mass >= self.config.sure and not any(
-            math.hypot(*(claim.xy - place)) < _SAME_M and claim.cost_m < away_m for claim in estimate.claims
-        ):
+        if mass >= self.config.sure and not _is_left(place, estimate):
             if away_m > 0.2:
                 self._set_reason(GoalKind.BELIEVED, f"{mass:.0%} of the belief lies within 0.5 m of it")
                 return place
@@ -209,10 +205,15 @@ class Fused:
         lines_m = lines_across(box, goals_xy, FADES_M[1])
         survey = belief.survey(estimate)
         regions = find_regions(frontiers, lines_m, survey, belief.probability(), estimate.pose)
-        if estimate.claims:
-            mine = unclaimed(frontiers, estimate.claims, times)
-            regions = [region for region in regions if region.frontier in mine]
         regions.sort(key=lambda region: -region.belief / (region.decisions + c.far))
+        if estimate.claims and regions:
+            regions = regions_won(
+                regions[: 2 * c.candidates],
+                times,
+                estimate.claims,
+                head_start=c.head_start,
+                horizon=c.horizon,
+            )
         del regions[c.candidates :]
         if not regions:
             return None
@@ -221,3 +222,12 @@ class Fused:
             is_goal = [math.hypot(*(region.frontier.goal_xy - self._goal)) < 0.5 for region in regions]
             values[is_goal] *= c.keep
         return regions[int(np.argmax(values))]
+
+
+def _is_left(place: Float[np.ndarray, "2"], estimate: MapEstimate) -> bool:
+    """Whether a place where the target may be is left to another robot, which seeks the target and is nearer."""
+    away_m = math.hypot(*(place - estimate.pose[:2]))
+    return any(
+        claim.to_target and claim.cost_m + math.hypot(*(claim.xy - place)) < away_m
+        for claim in estimate.claims
+    )

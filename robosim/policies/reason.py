@@ -36,6 +36,10 @@ class GoalKind(StrEnum):
     """The policy gives no reason."""
 
 
+#: Kinds of goals at which, or beyond which, the target is expected.
+TO_TARGET = (GoalKind.KNOWN, GoalKind.SEEN, GoalKind.ARRIVAL, GoalKind.BELIEVED)
+
+
 class Reason(NamedTuple):
     """Reason of the present goal at its last review."""
 

@@ -9,7 +9,8 @@ before it are wide. Space that is not behind any frontier, such as the outside o
 region.
 
 The first region is the one with which the best order of all begins (`slam.exploration.tour`): a belief found after t
-decisions is worth exp(-t / horizon) of it, which for a long horizon is the least time until the target is found.
+decisions is worth exp(-t / horizon) of it, which for a long horizon is the least time until the target is found. In a
+team regions are auctioned first, and a robot searches those that it wins.
 
 Reference: Blum et al., Approximation algorithms for orienteering and discounted-reward TSP, SIAM J. Computing
 37(2), 2007.
@@ -24,8 +25,10 @@ from jaxtyping import Float, Float32, Int
 
 from robosim.policies.route_directions import MapSurvey
 from slam.actions import FORWARD_M
+from slam.exploration.claims import auctioned, costs_from
 from slam.exploration.frontiers import Frontier
 from slam.exploration.tour import costs_between, values_of_orders
+from slam.grid import Claim
 from slam.planning.travel_time import TravelTime
 
 #: Unseen cells that are entered farther from any frontier belong to none [m].
@@ -127,3 +130,29 @@ def values_first(
     belief = np.array([region.belief for region in regions])
     discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
     return values_of_orders(belief, discount_first, discount)
+
+
+def regions_won(
+    regions: Sequence[Region],
+    travel_time: TravelTime,
+    claims: Sequence[Claim],
+    *,
+    head_start: float,
+    horizon: float,
+) -> list[Region]:
+    """Regions that the robot wins in an auction with the others (`slam.exploration.claims`); all if it wins none.
+
+    Args:
+        regions: With belief.
+        travel_time: Travel time from the robot.
+        claims: Where other robots are bound.
+        head_start: Decisions added to each route.
+        horizon: Decisions after which a belief is worth less by a factor of e.
+    """
+    places = np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)
+    others = [costs_from(claim, travel_time, places) / FORWARD_M for claim in claims]
+    first = np.vstack([[region.decisions for region in regions], *others])
+    between = costs_between(travel_time, places) / FORWARD_M
+    discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
+    is_won = auctioned(np.array([region.belief for region in regions]), discount_first, discount)
+    return [region for region, won in zip(regions, is_won, strict=True) if won] or list(regions)

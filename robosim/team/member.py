@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robosim.policies.reason import GoalKind
+from robosim.policies.reason import TO_TARGET, GoalKind
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import Measurement
 from robosim.step import Decision
@@ -33,6 +33,8 @@ from slam.poses import between, compose, to_map, wrap
 _APART_M = 1.0
 #: A track nearer than this to where a robot says it is, is that robot [m].
 _SAME_M = 0.6
+#: A robot that turns stays within this distance of its place [m]; floor so far from its hull is left to it [m].
+_TURNS_M, _LEFT_M = 0.15, 0.3
 #: Decisions for which a status says where a robot is.
 _FRESH = 2
 #: Maps of others are put to their places again if their frames move by more [m, rad].
@@ -58,7 +60,7 @@ class Status:
     radius_m: float
     """Radius in which it turns [m]."""
     stood: int
-    """Decisions for which it has stayed in its place."""
+    """Decisions for which it has stayed in its place, turning or not."""
     goal: Float[np.ndarray, "2"] | None = None
     """Where it is bound, in `map` [m]; None if it has nothing to do."""
     path: Float[np.ndarray, "n 2"] | None = None
@@ -97,7 +99,7 @@ class Member:
         """Last status of each other robot that was received."""
         self._map, self._changes = SharedMap(), TileChanges()
         self._decision, self._stood = 0, 0
-        self._at = np.full(3, np.nan)
+        self._at = np.full(2, np.inf)
         self._reported: np.ndarray | None = None
         self._measurements = 0
         self._received: list[Measurement] = []
@@ -158,7 +160,7 @@ class Member:
         """The robot's own map, continued by what the others have reported."""
         merged = self._map.merge(own_map)
         there = [status for status in self.others.values() if self._decision - status.decision <= _SILENT]
-        claims = [Claim(xy=s.goal, cost_m=s.left_m) for s in there if s.goal is not None]
+        claims = [Claim(s.goal, s.left_m, s.kind in TO_TARGET) for s in there if s.goal is not None]
         # Where a robot is that has not reported lately, only sensors show.
         robots = [
             _thing(k, status, self._decision)
@@ -171,7 +173,12 @@ class Member:
             for track in own_map.moving
             if all(math.hypot(*(track.xy - robot.xy)) > _SAME_M for robot in robots)
         ]
-        return replace(merged, claims=tuple(claims), moving=(*tracks, *robots))
+        explored = merged.explored.copy() if robots else merged.explored
+        for status in robots:
+            # What is to be seen at its place, it sees as it leaves.
+            rows, columns, covered = merged.frame.disc(status.xy, (status.radius_m or 0.0) + _LEFT_M)
+            explored[rows, columns][covered] = True
+        return replace(merged, explored=explored, claims=tuple(claims), moving=(*tracks, *robots))
 
     def _interpret(self, measured: Mapping[str, Measurement], pose: Float[np.ndarray, "3"]) -> None:
         """Turn measurements of other robots into `map`, and report those in sight."""
@@ -239,10 +246,11 @@ class Member:
 
     def report(self, own_map: MapEstimate, decided: Decision | None) -> None:
         """Write down what the robot has measured and decided."""
-        self._stood = self._stood + 1 if np.allclose(own_map.pose, self._at, atol=0.02) else 0
-        self._at = np.array(own_map.pose)
+        pose = np.array(own_map.pose)
+        stays = math.hypot(*(pose[:2] - self._at)) < _TURNS_M
+        self._stood, self._at = (self._stood + 1, self._at) if stays else (0, pose[:2])
         ahead = np.array([0.0 if decided is None else decided.command.ahead_m, 0.0])
-        status = Status(self._decision, self._at, to_map(own_map.pose, ahead), self._radius_m, self._stood)
+        status = Status(self._decision, pose, to_map(pose, ahead), self._radius_m, self._stood)
         if decided is not None:
             status = replace(status, goal=decided.goal, path=decided.path, kind=decided.reason.kind)
             measured = decided.estimates.measurement

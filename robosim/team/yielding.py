@@ -1,8 +1,9 @@
 """Yielding: of two robots that meet where there is no room to pass, one backs off.
 
 A robot that another keeps from going on waits. After some waits it goes to the nearest place next to the other's path,
-unless the other backs off, and stays there until the other has passed, or for a while. Robots wait for different
-times, by their order in the team, so that they do not all back off at once, nor forever in turns.
+if that leads past it and the other does not back off, and stays there until the other has passed, or for a while: less
+long if the other does not come nearer. Robots wait for different times, by their order in the team, so that they do
+not all back off at once, nor forever in turns.
 """
 
 import math
@@ -19,14 +20,17 @@ from slam.poses import to_robot
 
 #: Waits after which the first robot of a team backs off, and each further one has waited for longer.
 _WAITS, _WAITS_MORE = 3, 5
-#: Most decisions for which it stays away.
-_AWAY = 25
+#: Most decisions for which it stays away, and how many of them each one counts for in which nothing comes nearer.
+_AWAY, _IDLE = 25, 4
+#: Distance from its place at which a robot is there, and by which another has come nearer in a decision [m].
+_THERE_M, _NEARER_M = 0.3, 0.02
 #: Half side of the surroundings in which it looks for a place [m]; space that it leaves to the other's hull [m].
 AROUND_M, _SPACE_M = 5.0, 0.35
 #: Space that it keeps from the other as it goes there [m].
 _MARGIN_M = 0.1
-#: Robots nearer than this may block each other; a path leads past a place that it comes nearer to [m].
-NEAR_M, _PAST_M = 2.0, 0.7
+#: Robots nearer than this may block each other; a path leads past a place that it comes nearer to, by more than the
+#: last [m].
+NEAR_M, _PAST_M, _PASSES_M = 2.0, 0.7, 0.05
 #: Length of the other's path that is left free [m].
 _PATH_M = 4.0
 
@@ -38,7 +42,7 @@ class Yielding:
         """Begin; `order` counts the robots of the team from 0."""
         self._patience, self._hull = _WAITS + _WAITS_MORE * order, hull
         self._place: np.ndarray | None = None
-        self._left, self._from = 0, np.zeros(2)
+        self._left, self._from, self._gap_m = 0, np.zeros(2), math.inf
 
     def place(
         self,
@@ -59,12 +63,15 @@ class Yielding:
             receives: Whether the paths were reported; else they are guesses, and say nothing of robots out of sight.
         """
         here = estimate.pose[:2]
-        self._left -= 1
+        gap_m = min((math.hypot(*(path[0] - self._from)) for path, _ in paths), default=math.inf)
+        is_there = self._place is not None and math.hypot(*(self._place - here)) < _THERE_M
+        self._left -= _IDLE if is_there and gap_m > self._gap_m - _NEARER_M else 1
+        self._gap_m = gap_m
         passes = any(_leads_past(path, place) for path, _ in paths for place in (self._from, here))
         if self._left > 0 and receives and not passes:
             self._left = 0
         is_near = any(np.hypot(*(path[0] - here)) < NEAR_M for path, _ in paths)
-        if self._left <= 0 and waited >= self._patience and is_near and not another:
+        if self._left <= 0 and waited >= self._patience and is_near and passes and not another:
             self._place, self._left, self._from = self._find(estimate, paths), _AWAY, here.copy()
         return self._place if self._left > 0 else None
 
@@ -94,9 +101,10 @@ class Yielding:
 
 
 def _leads_past(path: Float[np.ndarray, "n 2"], place: Float[np.ndarray, "2"]) -> bool:
-    """Whether a path leads past a place."""
+    """Whether a path leads past a place, from farther away."""
     points = along(path, 0.2, 2 * AROUND_M) if len(path) > 1 else path
-    return bool((np.hypot(*(points - place).T) < _PAST_M).any())
+    gaps_m = np.hypot(*(points - place).T)
+    return bool(gaps_m.min() < min(_PAST_M, gaps_m[0] - _PASSES_M))
 
 
 def turn_along(pose: Float[np.ndarray, "3"], path: Float[np.ndarray, "n 2"]) -> Action:

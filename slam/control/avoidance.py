@@ -4,6 +4,9 @@ A step is done only if the robot keeps its distance from the predicted places of
 them; else it waits, and accepts less distance the longer it has waited. It keeps more distance from things that have
 just come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
+A base that does not turn about its centre moves as it turns on the spot. Next to another robot, which does not step
+aside, it turns to the other side if the turn would bring it too near.
+
 Left out: passing people by a change of speed.
 """
 
@@ -15,12 +18,15 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
-from slam.actions import Action, Command, Velocity
+from slam.actions import MOVES, Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
+from slam.poses import to_map
 from slam.robot import Robot
 
 #: Velocities with larger standard deviations are not known yet [m/s].
 _UNSURE_MPS = 0.6
+#: The turn to the other side.
+_OTHER_SIDE: dict[Command, Action] = {Action.LEFT: Action.RIGHT, Action.RIGHT: Action.LEFT}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +59,11 @@ class Avoidance:
 
     def __init__(self, robot: Robot = Robot(), config: AvoidanceConfig = AvoidanceConfig()) -> None:
         self._hull_m = robot.hull.turning_m
+        self._swings: dict[Command, np.ndarray] = {
+            action: np.array(motion[:2])
+            for action, motion in zip(MOVES, robot.motions, strict=True)
+            if motion is not None and not action.ahead_m
+        }
         self.config = config
         self.waited = 0
         """Waits since the robot was last free to go on."""
@@ -80,19 +91,32 @@ class Avoidance:
             yaw += action.w_radps * self.config.step_s / 2
         else:
             length_m = action.ahead_m
-        if not length_m or not estimate.moving:
+        if not estimate.moving:
+            return action
+        if action in _OTHER_SIDE and self._swings_into(estimate, action):
+            other = _OTHER_SIDE[action]
+            return Action.WAIT if self._swings_into(estimate, other) else other
+        if not length_m:
             return action
         step = length_m * np.array([math.cos(yaw), math.sin(yaw)])
         meets = any(self._meets(estimate, step, thing) for thing in estimate.moving)
         self.waited = self.waited + 1 if meets else 0
         return Action.WAIT if meets else action
 
-    def _meets(self, estimate: MapEstimate, step: Float[np.ndarray, "2"], thing: MovingThing) -> bool:
+    def _swings_into(self, estimate: MapEstimate, action: Command) -> bool:
+        """Whether a turn would bring the hull too near to another robot, and nearer than it is."""
+        step = to_map(np.array([0.0, 0.0, estimate.pose[2]]), self._swings.get(action, np.zeros(2)))
+        robots = (thing for thing in estimate.moving if thing.radius_m is not None)
+        return any(self._meets(estimate, step, robot, turns=True) for robot in robots)
+
+    def _meets(
+        self, estimate: MapEstimate, step: Float[np.ndarray, "2"], thing: MovingThing, *, turns: bool = False
+    ) -> bool:
         """Whether a step comes too near to a thing, and nearer than waiting would."""
         config = self.config
         share = np.linspace(0.25, 1.0, 4)
-        share_left = max(1 - self.waited / config.waits, 0.0)
-        squeeze_m = config.squeeze_m if thing.radius_m is None else config.robots_m
+        share_left = 0.0 if turns else max(1 - self.waited / config.waits, 0.0)
+        squeeze_m = config.squeeze_m if thing.radius_m is None or turns else config.robots_m
         distance_m = squeeze_m + share_left * (config.distance_m - squeeze_m)
         least_m = self._hull_m + (thing.radius_m or config.body_m) + distance_m
         std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)

@@ -11,11 +11,12 @@ from robosim.navigation import make_navigator
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
+from robosim.policies.reason import GoalKind
 from robosim.radio.measurement import Measurement
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import Observation, SimulatorConfig
 from slam.graph.landmarks import Transmitter
-from slam.grid import MapEstimate
+from slam.grid import Claim, MapEstimate
 from tests.robosim.policies.test_belief import FRIIS_1M_DB, estimate, measurement, to, wall
 from wireless.paths import LinkState
 
@@ -105,3 +106,33 @@ def test_a_policy_is_given_the_robot():
     simulator = SimulatorConfig(robot=RobotConfig(radius_m=0.3))
     check_weights(EpisodeConfig(goal=policy, mapper="classical", explorer="gain", simulator=simulator))
     assert robots[0].hull.radius_m == 0.3 and None not in robots[0].motions
+
+
+def _in_team(place, state: LinkState, *claims: Claim, **options):
+    sensed, estimated = at(place, state, **options)
+    return sensed, replace(estimated, map=replace(estimated.map, claims=claims))
+
+
+@pytest.mark.parametrize("to_target", [False, True])
+def test_in_a_team_one_robot_follows_arrivals_of_first_order_at_first(fused, to_target):
+    """An arrival along x; another robot is bound for a place behind, and follows an arrival or not."""
+    behind = Claim(np.array([-1.0, -1.0]), 0.6, to_target)
+    fused.goal(*_in_team((0.0, 0.0), LinkState.FIRST_ORDER, behind))
+    assert (fused.reason.kind is GoalKind.ARRIVAL) is not to_target
+
+
+@pytest.mark.parametrize(
+    ("claim", "goes"),
+    [
+        (Claim(TARGET, 3.0, True), False),
+        (Claim(TARGET - 1.0, 2.0, True), False),
+        (Claim(TARGET, 5.0, True), True),
+        (Claim(TARGET, 3.0), True),
+    ],
+)
+def test_in_a_team_the_nearest_robot_that_seeks_the_target_goes_where_it_is_believed(fused, claim, goes):
+    """The robot is 4.03 m from the target, which the graph has located."""
+    sensed, estimated = _in_team((-1.0, 1.5), LinkState.HIGHER_ORDER, claim, loss_db=30.0)
+    found = Transmitter(xy=TARGET, covariance=0.01 * np.eye(2), sightings=9)
+    fused.goal(sensed, replace(estimated, locate_transmitters=lambda: {"target": found}))
+    assert ("of the belief lies within" in fused.reason.because) is goes

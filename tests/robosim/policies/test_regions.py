@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from robosim.policies.regions import Region, find_regions, values_first
+from robosim.policies.regions import Region, find_regions, regions_won, values_first
 from robosim.policies.route_directions import MapSurvey
 from slam.exploration.frontiers import Frontier
-from slam.grid import GridFrame, MapEstimate
+from slam.grid import Claim, GridFrame, MapEstimate
 from slam.planning.travel_time import travel_time
 
 ONTO = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
@@ -127,3 +127,19 @@ def test_the_best_order_begins_with_the_region_on_the_route_to_others():
 
 def test_frontier_without_space_behind_it_has_no_belief():
     assert beliefs([frontier(9.0, 9.0)], at(5.1, 0.1), seen_room(2.0)).tolist() == [0.0]
+
+
+def test_regions_are_left_to_a_robot_that_is_bound_for_them_unless_it_has_nearer_ones():
+    """Open floor of 20 m with regions at -4, 6 and 8 m; the robot stands at 0, and the other 1 m before its goal."""
+    shape, cell = (21, 101), 0.2
+    frame = GridFrame(origin_xy=(-10.1, -2.1), resolution_m=cell, shape=shape)
+    field = travel_time(frame, np.ones(shape), np.ones(shape, bool), (10, 50))
+    regions = [Region(frontier(x, 0.0), 0.2, abs(x) / 0.25) for x in (-4.0, 6.0, 8.0)]
+
+    def won(*goals: float) -> list[Region]:
+        claims = [Claim(np.array([x, 0.0]), 1.0) for x in goals]
+        return regions_won(regions, field, claims, head_start=10.0, horizon=400.0)
+
+    assert won(6.0) == regions[:1]
+    assert won(-4.0) == regions[1:]
+    assert won(-4.0, 6.0, 8.0) == regions

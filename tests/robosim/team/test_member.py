@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.policies.estimates import Estimates
-from robosim.policies.reason import EXPLORE
+from robosim.policies.reason import ARRIVAL, EXPLORE, Reason
 from robosim.step import Decision
 from robosim.team.member import Member
 from slam.actions import Action
@@ -25,10 +25,10 @@ def _map(x: float, *, seen: bool = True) -> MapEstimate:
     )
 
 
-def _decision(estimate: MapEstimate) -> Decision:
+def _decision(estimate: MapEstimate, reason: Reason = EXPLORE) -> Decision:
     return Decision(
         goal=np.array([3.0, 1.0]),
-        reason=EXPLORE,
+        reason=reason,
         path=np.array([[1.0, 1.0], [3.0, 1.0]]),
         command=Action.FORWARD,
         estimates=Estimates(estimate),
@@ -62,6 +62,16 @@ def test_member_knows_place_plan_and_map_of_the_other(every: int) -> None:
     assert robot.velocity.tolist() == [0.25, 0.0]
 
 
+@pytest.mark.parametrize(("reason", "to_target"), [(EXPLORE, False), (ARRIVAL, True)])
+def test_member_claim_says_whether_the_other_expects_the_target(reason: Reason, to_target: bool) -> None:
+    first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
+    estimate = _decide(first, _map(1.0))
+    first.report(estimate, _decision(estimate, reason))
+    _send(first, second)
+    (claim,) = _decide(second, _map(2.0)).claims
+    assert claim.to_target is to_target
+
+
 def test_member_silent_robot_is_nowhere_but_still_bound_for_its_goal() -> None:
     first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
     estimate = _decide(first, _map(1.0))
@@ -71,6 +81,31 @@ def test_member_silent_robot_is_nowhere_but_still_bound_for_its_goal() -> None:
     assert len(merged[1].moving) == 1 and len(merged[1].claims) == 1
     assert merged[10].moving == () and len(merged[10].claims) == 1
     assert merged[-1].claims == ()
+
+
+def test_member_robot_that_turns_in_its_place_stands() -> None:
+    """Its base moves by 2 cm with each turn."""
+    first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
+    for turn in range(5):
+        estimate = _map(1.0)
+        estimate.pose[:] = 1.0 + 0.02 * (turn % 2), 1.0, 0.17 * turn
+        estimate = _decide(first, estimate)
+        first.report(estimate, _decision(estimate))
+    _send(first, second)
+    (robot,) = _decide(second, _map(2.0)).moving
+    assert robot.stood_s == 4.0
+
+
+def test_member_leaves_the_floor_at_the_feet_of_another_to_it() -> None:
+    first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
+    estimate = _decide(first, _map(1.0, seen=False))
+    first.report(estimate, _decision(estimate))
+    _send(first, second)
+    own = _map(2.0, seen=False)
+    merged = _decide(second, own)
+    centres = merged.frame.centres(merged.explored)
+    assert 0.3 < np.hypot(*(centres - (1.0, 1.0)).T).max() <= 0.4
+    assert not own.explored.any()
 
 
 def test_member_merged_map_is_the_same_again() -> None:

@@ -72,7 +72,7 @@ def test_team_same_seed_same_poses(scene) -> None:
 
 
 def test_team_sees_more_than_each_robot(scene) -> None:
-    team = _run(scene, _CONFIG)
+    team = _run(scene, replace(_CONFIG, team=replace(_CONFIG.team, every=1)))
     assert team.coverage[-1] > max(log.coverage[-1] for log in team.robots.values())
     # Both know what each has seen.
     known = [np.count_nonzero(estimate.explored) for estimate in team.maps.values()]

@@ -29,9 +29,13 @@ _PATH = np.array([[5.4, 2.0], [1.0, 2.0]])
 
 
 def _place(
-    yielding: Yielding, waited: int, path: np.ndarray = _PATH, another: bool = False
+    yielding: Yielding,
+    waited: int,
+    path: np.ndarray = _PATH,
+    another: bool = False,
+    here: tuple[float, float] = (4.9, 2.0),
 ) -> np.ndarray | None:
-    estimate = _corridor((4.9, 2.0, 0.0))
+    estimate = _corridor((*here, 0.0))
     return yielding.place(waited, estimate, [(path, 0.1)], another=another, receives=True)
 
 
@@ -63,6 +67,26 @@ def test_yielding_ends_after_a_while() -> None:
     yielding = Yielding(0, _HULL)
     places = [_place(yielding, 3 if k == 0 else 0) for k in range(40)]
     assert places[0] is not None and places[-1] is None
+
+
+def test_yielding_ends_sooner_if_the_other_does_not_come_nearer() -> None:
+    """Once the robot is in its place it stays for few decisions, and for long while the other approaches."""
+
+    def stays(step_m: float) -> int:
+        yielding = Yielding(0, _HULL)
+        place = _place(yielding, 3)
+        assert place is not None
+        here = float(place[0]), float(place[1])
+        paths = [np.array([[5.4 - step_m * k, 2.0], [1.0, 2.0]]) for k in range(1, 40)]
+        return [_place(yielding, 0, path, here=here) is None for path in paths].index(True)
+
+    assert stays(0.0) < 8
+    assert stays(0.03) > 15
+
+
+def test_yielding_does_not_begin_for_a_robot_that_goes_away() -> None:
+    """It stands near, but its path leads on along the corridor."""
+    assert _place(Yielding(0, _HULL), 9, np.array([[5.4, 2.0], [7.5, 2.0]])) is None
 
 
 def test_turn_along_turns_to_the_nearer_side() -> None:

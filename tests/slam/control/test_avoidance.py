@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from slam.actions import FORWARD_M, Action, Velocity
 from slam.control.avoidance import Avoidance, AvoidanceConfig
 from slam.grid import GridFrame, MapEstimate, MovingThing
+from slam.odometry import ActionError, OdometryConfig
 from slam.robot import Robot
 
 CONFIG = AvoidanceConfig()
@@ -75,6 +76,23 @@ def test_turns_are_free():
     near = estimate((0.4, 0.0, 0.0, 0.0))
     for action in (Action.LEFT, Action.RIGHT, Action.WAIT):
         assert Avoidance().checked(near, action) is action
+
+
+def test_a_turn_that_would_swing_the_hull_into_another_robot_is_made_to_the_other_side():
+    """A turn to the left moves the base by 2 cm to its left, and one to the right as far to its right."""
+    left, right = (ActionError(motion=(0.0, side * 0.02, side * 0.17)) for side in (1, -1))
+    avoidance = Avoidance(Robot(odometry=OdometryConfig(left=left, right=right)))
+
+    def robots(*ys: float) -> MapEstimate:
+        near = estimate(*((0.0, y, 0.0, 0.0) for y in ys))
+        return replace(near, moving=tuple(replace(thing, radius_m=0.1) for thing in near.moving))
+
+    assert avoidance.checked(robots(0.22), Action.LEFT) is Action.RIGHT
+    assert avoidance.checked(robots(0.22), Action.RIGHT) is Action.RIGHT
+    assert avoidance.checked(robots(-0.22), Action.RIGHT) is Action.LEFT
+    assert avoidance.checked(robots(0.22, -0.22), Action.LEFT) is Action.WAIT
+    assert avoidance.checked(robots(0.30), Action.LEFT) is Action.LEFT
+    assert avoidance.checked(estimate((0.0, 0.22, 0.0, 0.0)), Action.LEFT) is Action.LEFT
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.05, 2.0), st.floats(-math.pi, math.pi))
