@@ -124,12 +124,8 @@ def values_first(
         head_start: Decisions added to each route.
         horizon: Decisions after which a belief is worth less by a factor of e.
     """
-    places = np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)
     first = np.array([region.decisions for region in regions])
-    between = costs_between(travel_time, places) / FORWARD_M
-    belief = np.array([region.belief for region in regions])
-    discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
-    return values_of_orders(belief, discount_first, discount)
+    return values_of_orders(*_visits(regions, travel_time, first, head_start, horizon))
 
 
 def regions_won(
@@ -149,10 +145,25 @@ def regions_won(
         head_start: Decisions added to each route.
         horizon: Decisions after which a belief is worth less by a factor of e.
     """
-    places = np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)
-    others = [costs_from(claim, travel_time, places) / FORWARD_M for claim in claims]
+    others = [costs_from(claim, travel_time, _places(regions)) / FORWARD_M for claim in claims]
     first = np.vstack([[region.decisions for region in regions], *others])
-    between = costs_between(travel_time, places) / FORWARD_M
-    discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
-    is_won = auctioned(np.array([region.belief for region in regions]), discount_first, discount)
+    is_won = auctioned(*_visits(regions, travel_time, first, head_start, horizon))
     return [region for region, won in zip(regions, is_won, strict=True) if won] or list(regions)
+
+
+def _visits(
+    regions: Sequence[Region],
+    travel_time: TravelTime,
+    first: Float[np.ndarray, "*n k"],
+    head_start: float,
+    horizon: float,
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "*n k"], Float[np.ndarray, "k k"]]:
+    """Belief of regions, and discounts on routes to each, of so many decisions from robots, and between them."""
+    between = costs_between(travel_time, _places(regions)) / FORWARD_M
+    discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
+    return np.array([region.belief for region in regions]), discount_first, discount
+
+
+def _places(regions: Sequence[Region]) -> Float[np.ndarray, "k 2"]:
+    """Places (x, y) at which regions are entered [m]."""
+    return np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)

@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from slam.graph.least_squares import Sighting
 from slam.graph.pose_graph import PoseGraph
 from slam.matching.scan_matching import ScanPoints
+from slam.poses import wrap
 
 #: Points of a wall are no farther apart [m]; shorter walls do not count [m].
 _GAP_M, _SHORT_M = 0.15, 1.0
@@ -59,7 +60,8 @@ class WallCompass:
         else:
             away = graph.places[self._place] - [x, y]
             expected = math.atan2(away[1], away[0]) - yaw
-            off_rad = float(_modulo_right_angle(direction_rad - expected))
+            # Modulo a right angle.
+            off_rad = float(wrap(4 * (direction_rad - expected)) / 4)
             direction_rad = expected + off_rad
             spread_rad = math.sqrt(graph.uncertainty(number)[0][2, 2] + sigma_rad**2)
             if abs(off_rad) > min(_LIKELY * spread_rad, _FARTHEST_RAD):
@@ -128,8 +130,3 @@ def _lines(
             # Along the left normal, a positive slope turns the normal clockwise.
             lines.append((-math.atan(slope), max(rough, _LEAST_M) ** 2 / square, length))
     return lines
-
-
-def _modulo_right_angle(angle_rad: float) -> float:
-    """The same angle but for right angles, within 45 degrees of 0."""
-    return (angle_rad + math.pi / 4) % (math.pi / 2) - math.pi / 4

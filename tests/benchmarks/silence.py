@@ -1,4 +1,4 @@
-"""What silence says in large buildings: predicted and true reception of places, and the regions that it leaves.
+"""Silence in large buildings: predicted and true reception of places, and the regions that it leaves.
 
 A robot explores each building. Every few decisions it predicts of which random places of the floor it would receive
 a transmitter (`RouteDirections.received`, on its map of that moment), and a measurement of one there answers. Places in
@@ -35,7 +35,7 @@ from robosim.task.tasks import make_task
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
-from tests.benchmarks.harness import DEFAULT, Options, figure_of, plans_of, run_units
+from tests.benchmarks.harness import DEFAULT, Options, figure_of, plans_of, ratio_interval, run_units
 from tests.benchmarks.results import Results
 
 #: Decisions between questions, and places that each is about, at most so far away [m].
@@ -64,18 +64,18 @@ def main(
         options: Of every benchmark.
     """
     units = {plan.name: (plan, decisions, options.seed) for plan in plans_of(plans)}
-    found = run_units(explore, units, options.folder("silence"), workers=options.workers)
+    explored = run_units(explore, units, options.folder("silence"), workers=options.workers)
     results = Results()
-    rows = [row["judged"] for row in found.values()]
+    rows = [row["judged"] for row in explored.values()]
     summarise(rows, results)
     results.figures["silence"] = draw(rows)
-    for name, row in found.items():
+    for name, row in explored.items():
         results.figures[f"regions-{name}"] = draw_regions(*row["last"])
     return options.finish("silence", results)
 
 
 def explore(plan: FloorPlan, decisions: int, seed: int) -> dict[str, Any]:
-    """Explore a building; what was predicted and received of places, and the last map with the robot's hull."""
+    """Explore a building; what was predicted and received of places, and the building with the last map."""
     building = make_building(plan)
     simulator = SimulatorConfig(physics="kinematic")
     places = reach(building, *simulator.robot.hull_m)
@@ -141,9 +141,9 @@ def summarise(rows: list[Float[np.ndarray, "n 3"]], results: Results) -> None:
     results.add("reception", "in sight", "received", share, digits=3, cases=len(seen))
     for low, high in pairwise(BOUNDS):
         label = f"{low:g} to {high:g}"
-        value, least, most, predicted, count = reliability(rows, low, high)
+        value, spread, predicted, count = reliability(rows, low, high)
         results.add("reception", label, "predicted", predicted, digits=2, cases=count)
-        results.add("reception", label, "received", value, digits=2, spread=(least, most), cases=count)
+        results.add("reception", label, "received", value, digits=2, spread=spread, cases=count)
     hidden = every[every[:, SIGHT] == 0]
     p, hit = np.clip(hidden[:, PREDICTED], 0.01, 0.99), hidden[:, RECEIVED]
     for name, claim in (("predicted", p), ("a constant", np.full(len(p), hit.mean()))):
@@ -153,27 +153,26 @@ def summarise(rows: list[Float[np.ndarray, "n 3"]], results: Results) -> None:
 
 def reliability(
     rows: list[Float[np.ndarray, "n 3"]], low: float, high: float
-) -> tuple[float, float, float, float, int]:
+) -> tuple[float, tuple[float, float] | None, float, int]:
     """Share received with its interval, mean prediction, and number of the places of a class out of sight."""
     sums = []
     for row in rows:
         inside = row[(row[:, SIGHT] == 0) & (row[:, PREDICTED] >= low) & (row[:, PREDICTED] < high + 1e-9)]
         sums.append((inside[:, RECEIVED].sum(), inside[:, PREDICTED].sum(), len(inside)))
     hits, predicted, counts = np.array(sums).T
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(len(rows), size=(2000, len(rows)))
-    shares = hits[drawn].sum(axis=1) / np.maximum(counts[drawn].sum(axis=1), 1)
-    n = max(counts.sum(), 1)
-    return hits.sum() / n, *np.quantile(shares, [0.025, 0.975]), predicted.sum() / n, int(counts.sum())
+    share, spread = ratio_interval(hits, counts)
+    return share, spread, predicted.sum() / max(counts.sum(), 1), int(counts.sum())
 
 
 def draw(rows: list[Float[np.ndarray, "n 3"]]) -> Figure:
     """Reliability: received over predicted."""
     figure, (axes,) = figure_of(1)
-    points = np.array([reliability(rows, low, high)[:4] for low, high in pairwise(BOUNDS)])
-    value, least, most, predicted = points.T
+    for low, high in pairwise(BOUNDS):
+        value, spread, predicted, _ = reliability(rows, low, high)
+        ends = spread or (value, value)
+        error = [[value - ends[0]], [ends[1] - value]]
+        axes.errorbar(predicted, value, error, marker="o", ms=4, capsize=3, color="tab:blue")
     axes.plot([0, 1], [0, 1], color="0.7", lw=1)
-    axes.errorbar(predicted, value, [value - least, most - value], marker="o", ms=4, capsize=3)
     axes.set(xlabel="predicted probability of reception", ylabel="share received", xlim=(0, 1), ylim=(0, 1))
     return figure
 

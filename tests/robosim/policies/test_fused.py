@@ -133,6 +133,6 @@ def test_in_a_team_one_robot_follows_arrivals_of_first_order_at_first(fused, to_
 def test_in_a_team_the_nearest_robot_that_seeks_the_target_goes_where_it_is_believed(fused, claim, goes):
     """The robot is 4.03 m from the target, which the graph has located."""
     sensed, estimated = _in_team((-1.0, 1.5), LinkState.HIGHER_ORDER, claim, loss_db=30.0)
-    found = Transmitter(xy=TARGET, covariance=0.01 * np.eye(2), sightings=9)
-    fused.goal(sensed, replace(estimated, locate_transmitters=lambda: {"target": found}))
+    transmitter = Transmitter(xy=TARGET, covariance=0.01 * np.eye(2), sightings=9)
+    fused.goal(sensed, replace(estimated, locate_transmitters=lambda: {"target": transmitter}))
     assert ("of the belief lies within" in fused.reason.because) is goes

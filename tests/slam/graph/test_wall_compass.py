@@ -99,6 +99,6 @@ def test_walls_hold_the_yaw_of_a_walk():
 
 
 def test_walls_askew_do_not_turn_a_walk():
-    """One room stands askew by 2.5 degrees, which is more than the yaw can be off there, or loses its weight."""
+    """A room stands askew by 2.5 degrees, which is more than the yaw can be off there, or loses its weight."""
     walls = dict.fromkeys(range(0, 20, 2), 5.0)
     assert walked(walls | {10: 7.5}) < 1.2
