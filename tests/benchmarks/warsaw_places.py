@@ -146,9 +146,7 @@ def _density(route: PowerRoute, plan: FloorPlan | None, law: PowerLawConfig) -> 
     return total, count
 
 
-def _draw_runs(
-    parts: list[PowerRoute], plan: FloorPlan, held_out: dict[str, list[PowerLawConfig]]
-) -> Figure:
+def _draw_runs(parts: list[PowerRoute], plan: FloorPlan, held_out: dict[str, list[PowerLawConfig]]) -> Figure:
     """Errors over the share of each run, and reliability of ellipses, by the law of the other three runs."""
     curves, inside = {}, {}
     for name, used in (("with the plan", plan), ("without a map", None)):
