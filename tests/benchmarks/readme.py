@@ -32,7 +32,8 @@ ROWS: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "trace radio links, 3 reflections and diffraction",
-        "{tracing/outlines/straight walls/links a CPU second} per second and core",
+        "{tracing/outlines/flat, straight walls/links a CPU second} (flat) and "
+        "{tracing/outlines/office, straight walls/links a CPU second} (office) per second and core",
         "[speed](docs/results/speed.md)",
     ),
     (
