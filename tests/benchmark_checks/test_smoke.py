@@ -9,6 +9,8 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mitsuba
+from robosim.datasets.link_units import LinkSetConfig
+from robosim.datasets.links import make_dataset
 from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.episodes import scene
 from robosim.evaluation.suite import Suite, draw_tasks, write_suite
@@ -24,6 +26,7 @@ from tests.benchmarks import (
     estimation,
     exploration,
     labels,
+    link_states,
     map_errors,
     mapping,
     physics,
@@ -215,6 +218,17 @@ def test_plans(pair, options):
     """Few generated homes are like two rooms in no statistic entirely."""
     results = plans.main((pair,), count=2, options=options)
     assert all(0 < distance <= 1 for distance in column(results, "statistics", "distance").values())
+
+
+def test_link_states(options, tmp_path):
+    """Shipped classifiers are right in most links of two rooms; a training's score is the mean over its buildings."""
+    make_dataset([two_rooms(0.8)], LinkSetConfig(tx_per_plan=1, grid_m=0.4), tmp_path / "links")
+    folds = {"fold0": {"accuracy_by_building": {"a": 0.9, "b": 0.7}}, "mean_accuracy": 0.5}
+    (tmp_path / "ours").mkdir()
+    (tmp_path / "ours" / "result.json").write_text(json.dumps({"validation": folds}))
+    results = link_states.main((tmp_path / "links", tmp_path / "ours"), options=options)
+    assert min(column(results, "shipped", "links").values()) > 80
+    assert results.find("trained", "ours", "right")["value"] == pytest.approx(80)
 
 
 def test_published_data(shared, options, tmp_path):

@@ -32,7 +32,7 @@ from robosim.support.files import plain
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.tasks import make_task
 from slam.planning.paths import length
-from tests.benchmarks.harness import DEFAULT, Options, run_units
+from tests.benchmarks.harness import DEFAULT, Options, ratio_interval, run_units
 from tests.benchmarks.results import Results
 
 #: Decisions of an episode, and those after which coverage is reported.
@@ -121,8 +121,10 @@ def drive(path: Path, config: EpisodeConfig) -> dict[str, Any]:
 def summarise(what: str, rows: Sequence[Mapping[str, Any]], results: Results) -> None:
     """Add what the episodes of an explorer, or to known targets, come to."""
 
-    def add(name: str, value: float, unit: str = "", digits: int = 1) -> None:
-        results.add("driving", what, name, value, unit, digits=digits, cases=len(rows))
+    def add(
+        name: str, value: float, unit: str = "", digits: int = 1, spread: tuple[float, float] | None = None
+    ) -> None:
+        results.add("driving", what, name, value, unit, digits=digits, spread=spread, cases=len(rows))
 
     if what == KNOWN_TARGET:
         add("arrived", 100 * np.mean([row["arrived"] for row in rows]), "%")
@@ -130,7 +132,8 @@ def summarise(what: str, rows: Sequence[Mapping[str, Any]], results: Results) ->
     else:
         curves = np.array([row["coverage"] for row in rows])
         for decisions in MILESTONES:
-            add(f"seen after {decisions}", 100 * curves[:, decisions].mean(), "%")
+            seen, spread = ratio_interval(100 * curves[:, decisions], np.ones(len(curves)))
+            add(f"seen after {decisions}", seen, "%", spread=spread)
         add("seen in the worst plan", 100 * curves[:, -1].min(), "%")
         add("area under the curve", np.mean([area_under(curve) for curve in curves]), digits=3)
     last_cm = [100 * row["position_error_last_m"] for row in rows]

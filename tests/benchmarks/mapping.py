@@ -23,6 +23,7 @@ from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
+from robosim.evaluation.search_scores import bootstrap
 from robosim.navigation import make_navigator
 from robosim.parts import MapperPart
 from robosim.plans.files import find_plans, read_plan
@@ -44,7 +45,7 @@ from slam.networks.scores import PatchScores
 from slam.robot import Robot
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.projection import scan_from_depth
-from tests.benchmarks.harness import DEFAULT, Options, run_units
+from tests.benchmarks.harness import DEFAULT, Options, ratio_interval, run_units
 from tests.benchmarks.pose_tracks import (
     MapperTrack,
     Odometry,
@@ -167,14 +168,21 @@ def main(
 
 
 def summarise(rows: Mapping[str, dict[str, Any]]) -> Results:
-    """Tables of all plans together, and of poses plan by plan."""
+    """Tables of all plans together, and of poses plan by plan; intervals by bootstrap over plans, turned or not."""
     results, first = Results(), next(iter(rows.values()))
+    homes = len({name.partition("@")[0] for name in rows})
     for method in first["maps"]:
         score = PatchScores()
         for row in rows.values():
             score.add_counts(row["maps"][method])
         for name, value in score.result().items():
-            results.add("maps", method, name.replace("_", " "), value, digits=3, cases=len(rows))
+            region, spread = name.removeprefix("iou_"), None
+            if region != name:
+                overlap = np.array([row["maps"][method]["overlap"][region] for row in rows.values()])
+                _, spread = ratio_interval(*overlap.reshape(homes, -1, 2).sum(axis=1).T)
+            results.add(
+                "maps", method, name.replace("_", " "), value, digits=3, spread=spread, cases=len(rows)
+            )
     for method in first["poses"]:
         own = [row["poses"][method] for row in rows.values() if method in row["poses"]]
         for key, name, factor, unit in (
@@ -182,7 +190,11 @@ def summarise(rows: Mapping[str, dict[str, Any]]) -> Results:
             ("rpe_m", "RPE", 1000, "mm"),
         ):  # fmt: skip
             values = factor * np.array([pose[key] for pose in own])
-            results.add("poses", method, f"{name}, median", np.median(values), unit, digits=1, cases=len(own))
+            median, low, high = bootstrap(values.reshape(homes, -1), 0.5)
+            spread = (low, high) if homes > 1 else None
+            results.add(
+                "poses", method, f"{name}, median", median, unit, digits=1, spread=spread, cases=len(own)
+            )
             results.add("poses", method, f"{name}, 95 %", np.quantile(values, 0.95), unit, digits=1)
     for plan, row in rows.items():
         for key, name, factor, unit in (

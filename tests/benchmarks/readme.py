@@ -32,7 +32,8 @@ ROWS: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "trace radio links, 3 reflections and diffraction",
-        "{tracing/outlines/straight walls/links a CPU second} per second and core",
+        "{tracing/outlines/flat, straight walls/links a CPU second} (flat) and "
+        "{tracing/outlines/office, straight walls/links a CPU second} (office) per second and core",
         "[speed](docs/results/speed.md)",
     ),
     (
@@ -43,8 +44,8 @@ ROWS: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "classify link states from estimated paths",
-        "{link_states_public/public/ours, as shipped/right} in buildings not used for training; the published "
-        "network {link_states_public/public/published network, the first fold/right}",
+        "{link_states/trained/public/right} in buildings not used for training; from measurements of this simulator "
+        "{link_states/shipped/all inputs/alone}",
         "[radio](docs/results/radio.md)",
     ),
     (

@@ -62,8 +62,10 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     parts = [_within(route, route.time_s[begin], route.time_s[end]) for begin, end in _runs(route)]
     _add(results, "each of four runs", "with the plan", parts, [plan] * len(parts), 1.0)
     _add(results, "each of four runs", "without a map", parts, [None] * len(parts), 1.0)
+    held_out: dict[str, list[PowerLawConfig]] = {}
     for name, used in (("with the plan", plan), ("without a map", None)):
         laws = [_fitted_law([other for other in parts if other is not run], used) for run in parts]
+        held_out[name] = laws
         row = "each run, law of the other three"
         _add(results, row, name, parts, [used] * len(parts), 1.0, laws)
         for title, chosen in (
@@ -85,7 +87,7 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     ):
         _add(results, "each of two runs with scans", name, own, plans, 1.0)
     receiver = _receiver_errors(folder)
-    results.figures["located"] = _draw_runs(parts, plan)
+    results.figures["located"] = _draw_runs(parts, plan, held_out)
     results.figures["errors"] = _draw_errors(route, plan, receiver)
     for row, errors in receiver.items():
         results.add("receiver", row, "median", float(np.median(errors)), "m", digits=2, cases=len(errors))
@@ -144,11 +146,11 @@ def _density(route: PowerRoute, plan: FloorPlan | None, law: PowerLawConfig) -> 
     return total, count
 
 
-def _draw_runs(parts: list[PowerRoute], plan: FloorPlan) -> Figure:
-    """Errors over the share of each run, and reliability of ellipses, by the default priors."""
+def _draw_runs(parts: list[PowerRoute], plan: FloorPlan, held_out: dict[str, list[PowerLawConfig]]) -> Figure:
+    """Errors over the share of each run, and reliability of ellipses, by the law of the other three runs."""
     curves, inside = {}, {}
     for name, used in (("with the plan", plan), ("without a map", None)):
-        of_shares = [_located(parts, [used] * len(parts), share) for share in _RUN_SHARES]
+        of_shares = [_located(parts, [used] * len(parts), share, held_out[name]) for share in _RUN_SHARES]
         curves[name] = _RUN_SHARES, np.array([errors for errors, _ in of_shares])
         inside[f"{name}, whole run"] = of_shares[-1][1]
         inside[f"{name}, all shares"] = np.concatenate([probability for _, probability in of_shares])
