@@ -123,8 +123,8 @@ class TargetBelief:
         #: Largest probability of reception of a target in each cell where nothing was received, and least where
         #: something was.
         self._silent, self._received = np.zeros((n, n), np.float32), np.ones((n, n), np.float32)
-        #: Logarithm of the likelihood of all ranges.
-        self._ranges = np.zeros((n, n), np.float32)
+        #: Logarithm of the factor of all ranges, and of places where the target was not found.
+        self._factor = np.zeros((n, n), np.float32)
         #: Centres of the cells (x, y) [m].
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
@@ -136,7 +136,7 @@ class TargetBelief:
         """Probability of each cell; they add up to 1. Read-only."""
         if self._probability is None:
             between = np.maximum(self._received - _CERTAIN * self._silent, _LEAST_BETWEEN)
-            log = self._prior + self._log + self._located + _WALK * np.log(between) + self._ranges
+            log = self._prior + self._log + self._located + _WALK * np.log(between) + self._factor
             p = np.exp(log - log.max())
             self._probability = p / p.sum()
             self._probability.flags.writeable = False
@@ -194,7 +194,7 @@ class TargetBelief:
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)
             density = range_density(distance, measurement.range_m, sigma_m, measurement.probability)
-            self._ranges += (c.weight * np.log(density)).astype(np.float32)
+            self._factor += (c.weight * np.log(density)).astype(np.float32)
         # No cell is excluded permanently.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
 
@@ -265,11 +265,11 @@ class TargetBelief:
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
         (
-            self._log, self._located, self._empty, self._prior, self._silent, self._received, self._ranges,
+            self._log, self._located, self._empty, self._prior, self._silent, self._received, self._factor,
         ) = (
             np.pad(layer, sides, mode="edge")
             for layer in (
-                self._log, self._located, self._empty, self._prior, self._silent, self._received, self._ranges,
+                self._log, self._located, self._empty, self._prior, self._silent, self._received, self._factor,
             )
         )  # fmt: skip
         self.centres = _centres(self.frame)
@@ -277,7 +277,7 @@ class TargetBelief:
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
         """Reduce the belief around a place [m] where the target was not found."""
         near = np.hypot(*(self.centres - place).transpose(2, 0, 1)) <= radius_m
-        self._log[near] -= np.float32(strength)
+        self._factor[near] -= np.float32(strength)
         self._probability = None
 
     def peak(self, radius_m: float = 0.5) -> tuple[Float[np.ndarray, "2"], float]:
