@@ -40,6 +40,8 @@ _EMPTY = 0.1
 _LEAST_PRIOR = 0.01
 #: What silence excludes at most: maps and poses err.
 _CERTAIN = 0.95
+#: Least probability of a target that is received at one place and not at another.
+_LEAST_BETWEEN = np.float32(0.03)
 #: Silence on a whole walk excludes more than that at the place which excludes most: a power of its factor.
 _WALK = 1.4
 
@@ -118,10 +120,11 @@ class TargetBelief:
         self._located = np.zeros((n, n), np.float32)
         self._empty = np.zeros((n, n), bool)
         self._prior = np.zeros((n, n), np.float32)
-        #: Logarithm of the factor for a target in each cell that would have been received where nothing was.
-        self._silent = np.zeros((n, n), np.float32)
-        #: Logarithm of the likelihood of all ranges.
-        self._ranges = np.zeros((n, n), np.float32)
+        #: Largest probability of reception of a target in each cell where nothing was received, and least where
+        #: something was.
+        self._silent, self._received = np.zeros((n, n), np.float32), np.ones((n, n), np.float32)
+        #: Logarithm of the factor of all ranges, and of places where the target was not found.
+        self._factor = np.zeros((n, n), np.float32)
         #: Centres of the cells (x, y) [m].
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
@@ -132,7 +135,8 @@ class TargetBelief:
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Probability of each cell; they add up to 1. Read-only."""
         if self._probability is None:
-            log = self._prior + self._log + self._located + self._silent + self._ranges
+            between = np.maximum(self._received - _CERTAIN * self._silent, _LEAST_BETWEEN)
+            log = self._prior + self._log + self._located + _WALK * np.log(between) + self._factor
             p = np.exp(log - log.max())
             self._probability = p / p.sum()
             self._probability.flags.writeable = False
@@ -174,16 +178,23 @@ class TargetBelief:
         around = Around(surely, offset, distance)
         self._exclude_seen(measurement.pose, around)
         self._prior = self._log_prior(survey)
-        if c.silence and not len(measurement.aoa_rad):
+        if c.silence:
             routes = survey.routes(place)
-            straight_m = distance[routes.rows, routes.columns]
-            silent = self._silent[routes.rows, routes.columns]
-            np.minimum(silent, _WALK * np.log1p(-_CERTAIN * routes.received(straight_m)), out=silent)
+            received = routes.received(distance[routes.rows, routes.columns])
+            # An estimated path may be noise: the link state says so.
+            if measurement.state != LinkState.OUTAGE:
+                expected = np.zeros_like(self._received)
+                expected[routes.rows, routes.columns] = received
+                expected[surely] = 1.0
+                np.minimum(self._received, expected, out=self._received)
+            else:
+                silent = self._silent[routes.rows, routes.columns]
+                np.maximum(silent, received, out=silent)
         self._weigh(measurement, survey, around)
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)
             density = range_density(distance, measurement.range_m, sigma_m, measurement.probability)
-            self._ranges += (c.weight * np.log(density)).astype(np.float32)
+            self._factor += (c.weight * np.log(density)).astype(np.float32)
         # No cell is excluded permanently.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
 
@@ -253,16 +264,20 @@ class TargetBelief:
         left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
-        self._log, self._located, self._empty, self._prior, self._silent, self._ranges = (
+        (
+            self._log, self._located, self._empty, self._prior, self._silent, self._received, self._factor,
+        ) = (
             np.pad(layer, sides, mode="edge")
-            for layer in (self._log, self._located, self._empty, self._prior, self._silent, self._ranges)
-        )
+            for layer in (
+                self._log, self._located, self._empty, self._prior, self._silent, self._received, self._factor,
+            )
+        )  # fmt: skip
         self.centres = _centres(self.frame)
 
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
         """Reduce the belief around a place [m] where the target was not found."""
         near = np.hypot(*(self.centres - place).transpose(2, 0, 1)) <= radius_m
-        self._log[near] -= np.float32(strength)
+        self._factor[near] -= np.float32(strength)
         self._probability = None
 
     def peak(self, radius_m: float = 0.5) -> tuple[Float[np.ndarray, "2"], float]:

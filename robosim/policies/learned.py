@@ -47,6 +47,7 @@ from slam.grid import MapEstimate
 from slam.poses import to_map
 from slam.robot import Robot
 from slam.sensing.background import background
+from wireless.paths import LinkState
 
 #: Seed of the draws.
 _SEED = 28
@@ -126,7 +127,7 @@ class Learned:
         if sensed.action is not Action.WAIT:  # after a wait it decides again
             self._before = self._memory
         scores, _, self._memory = self._network(inputs, self._before)
-        if len(measured.aoa_rad):
+        if measured.state != LinkState.OUTAGE:
             self._outage_steps, self._is_lost = 0, False
         else:
             self._outage_steps += 1

@@ -38,12 +38,6 @@ class PowerBelief(TargetBelief):
         self._law = PowerLawConfig(power_dbm=(one_m_db, _POWER_DB), above_m=(0.0,))
         self._readings: list[tuple[float, float, float, float]] = []
 
-    def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
-        """Reduce the belief around a place [m] where the target was not found."""
-        near = np.hypot(*(self.centres - place).transpose(2, 0, 1)) <= radius_m
-        self._silent[near] -= np.float32(strength)
-        self._probability = None
-
     def _weigh(self, measurement: Measurement, survey: MapSurvey, around: Around) -> None:
         if not len(measurement.gain_db):
             return

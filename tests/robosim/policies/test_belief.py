@@ -144,6 +144,52 @@ def test_out_of_sight_cells_in_sight_lose_probability():
     assert ratio[inside].max() / ratio[outside].min() == pytest.approx(0.02, rel=1e-3)
 
 
+def silence(x: float, y: float) -> Measurement:
+    """A place where nothing is received."""
+    return Measurement(np.array([x, y, 0.0]), *(np.zeros(0) for _ in range(5)), np.eye(4)[LinkState.OUTAGE])
+
+
+SILENCE = BeliefConfig(silence=True, beyond_m=1e6, look_m=0.0)
+
+
+def share_near(belief: TargetBelief, place: tuple[float, float], radius_m: float) -> float:
+    """Probability within a distance of a place [m]."""
+    return float(belief.probability()[np.hypot(*(belief.centres - place).transpose(2, 0, 1)) < radius_m].sum())
+
+
+def test_silence_excludes_as_the_place_that_excludes_most():
+    """Of cells as far from two places, both exclude as much as one; nearer cells lose more."""
+    shares = []
+    for places in ([-3.0], [-3.0, 3.0]):
+        belief = TargetBelief(np.zeros(2), SILENCE)
+        for x in places:
+            belief.add(silence(x, 0.0), estimate(known=False))
+        p, (row, column) = belief.probability(), belief.frame.index(np.zeros(2))
+        shares.append(p[row + 10 :: 10, column] / p[-1, column])
+    assert shares[1] == pytest.approx(shares[0], rel=2e-3)
+    assert shares[0][0] < 0.5
+    assert (np.diff(shares[0]) > 0).all()
+
+
+def test_a_reception_counts_against_silence_around_it():
+    """Silence at six places on a circle of 4 m, then a reception at its centre: more than 5 times the belief within 3 m."""
+    map_, belief = estimate(known=False), TargetBelief(np.zeros(2), SILENCE)
+    for turn in range(6):
+        belief.add(silence(4 * np.cos(turn), 4 * np.sin(turn)), map_)
+    before = share_near(belief, (0, 0), 3.0)
+    belief.add(measurement((0, 0), 1.0, 2.0, 6.0, LinkState.HIGHER_ORDER, loss_db=30), map_)
+    assert share_near(belief, (0, 0), 3.0) > 5 * before
+
+
+def test_estimated_paths_in_an_outage_are_silence():
+    """A path that the link state calls noise excludes as much as no path."""
+    silent, noise = (TargetBelief(np.zeros(2), SILENCE) for _ in range(2))
+    silent.add(silence(0, 0), estimate(known=False))
+    noise.add(measurement((0, 0), 1.0, 2.0, 4.0, LinkState.OUTAGE, loss_db=30), estimate(known=False))
+    assert share_near(noise, (0, 0), 3.0) == pytest.approx(share_near(silent, (0, 0), 3.0), rel=1e-3)
+    assert share_near(noise, (0, 0), 3.0) < 0.8 * share_near(TargetBelief(np.zeros(2), SILENCE), (0, 0), 3.0)
+
+
 def test_a_searched_place_loses_probability():
     belief = TargetBelief(np.zeros(2))
     aoa = 0.3
