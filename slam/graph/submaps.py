@@ -72,7 +72,6 @@ class Submap:
         self._cell_m = cell_m
         self._levels: SurfaceLevels | None = SurfaceLevels(cell_m)
         self._surfaces: Surfaces | None = None
-        self._outline: ScanPoints | None = None
         self._circle: tuple[float, float, float] | None = None
 
     def add(self, pose: Float[np.ndarray, "3"], scan: ScanPoints, view: View) -> None:
@@ -80,7 +79,7 @@ class Submap:
         self.poses.append(pose)
         self.views.append((pose, view))
         self.levels.enter(pose, scan)
-        self._surfaces = self._outline = self._circle = None
+        self._surfaces = self._circle = None
 
     @property
     def levels(self) -> SurfaceLevels:
@@ -109,12 +108,10 @@ class Submap:
 
     def outline(self) -> ScanPoints:
         """Its surfaces as one scan in its own frame."""
-        if self._outline is None:
-            fine = self.surfaces.fine
-            sample = np.linspace(0, len(fine.points) - 1, min(_FITTED, len(fine.points))).astype(int)
-            few = np.minimum(fine.weights[sample], 1.0)
-            self._outline = ScanPoints(points=fine.points[sample], normals=fine.normals[sample], weights=few)
-        return self._outline
+        fine = self.surfaces.fine
+        sample = np.linspace(0, len(fine.points) - 1, min(_FITTED, len(fine.points))).astype(int)
+        few = np.minimum(fine.weights[sample], 1.0)
+        return ScanPoints(points=fine.points[sample], normals=fine.normals[sample], weights=few)
 
     def circle(self) -> tuple[float, float, float]:
         """Around most of its surfaces: centre (x, y) and radius [m]."""

@@ -120,17 +120,21 @@ def measure(plan: FloorPlan, config: EpisodeConfig, moves: int, results: Results
 
 
 def _drag(page: Page, moves: int) -> Float[np.ndarray, " n"]:
-    """Seconds from each move that was followed to what it shows."""
+    """Seconds from each move that was followed to what it shows; the transmitter is then back where it was."""
     radio = page.radio
     assert radio is not None
-    middle = radio.places["transmitter"]
+    start = radio.places["transmitter"]
     radio.delays_s.clear()
     for k in range(moves):
         turn = 2 * math.pi * k / 40
-        radio.move("transmitter", middle + _RADIUS_M * np.array([math.cos(turn) - 1, math.sin(turn)]))
+        radio.move("transmitter", start + _RADIUS_M * np.array([math.cos(turn) - 1, math.sin(turn)]))
         time.sleep(_EVERY_S)
     radio.settle(_SETTLE_S)
-    return np.array(radio.delays_s)
+    delays_s = np.array(radio.delays_s)
+    # Part of a circle would end where the next case starts, and soon where no path leads.
+    radio.move("transmitter", start)
+    radio.settle(_SETTLE_S)
+    return delays_s
 
 
 def _decisions_per_s(plan: FloorPlan, config: EpisodeConfig) -> float:
