@@ -154,7 +154,8 @@ SILENCE = BeliefConfig(silence=True, beyond_m=1e6, look_m=0.0)
 
 def share_near(belief: TargetBelief, place: tuple[float, float], radius_m: float) -> float:
     """Probability within a distance of a place [m]."""
-    return float(belief.probability()[np.hypot(*(belief.centres - place).transpose(2, 0, 1)) < radius_m].sum())
+    is_near = np.hypot(*(belief.centres - place).transpose(2, 0, 1)) < radius_m
+    return float(belief.probability()[is_near].sum())
 
 
 def test_silence_excludes_as_the_place_that_excludes_most():
@@ -172,7 +173,7 @@ def test_silence_excludes_as_the_place_that_excludes_most():
 
 
 def test_a_reception_counts_against_silence_around_it():
-    """Silence at six places on a circle of 4 m, then a reception at its centre: more than 5 times the belief within 3 m."""
+    """Silence at six places 4 m around, then a reception there: more than 5 times the belief within 3 m."""
     map_, belief = estimate(known=False), TargetBelief(np.zeros(2), SILENCE)
     for turn in range(6):
         belief.add(silence(4 * np.cos(turn), 4 * np.sin(turn)), map_)
