@@ -188,7 +188,7 @@ def make_agent(config: EpisodeConfig, task: Task | None = None, watch: Stopwatch
         config.mapper,
         config.controller,
         config.known_map,
-        meets_others=config.team.size > 1,
+        others_m=2 * max(r.hull.turning_m for r in config.robots) if config.team.size > 1 else 0.0,
     )
     fused, belief = config.fused, config.fused.belief
     # A carrier that differs from the default is deliberate; else that of the radio is used.

@@ -97,7 +97,7 @@ class Member:
         self.notes = Notebook(name)
         self.others: dict[str, Status] = {}
         """Last status of each other robot that was received."""
-        self._map, self._changes = SharedMap(), TileChanges()
+        self._map, self._changes = SharedMap(hull), TileChanges()
         self._decision, self._stood = 0, 0
         self._at = np.full(2, np.inf)
         self._reported: np.ndarray | None = None

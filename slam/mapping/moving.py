@@ -57,7 +57,7 @@ class MovingConfig:
     """Whether moving things are looked for; without, all that is seen is part of the building."""
     margin_m: Annotated[float, Range(0, 1, "m")] = 0.1
     """Distance from obstacles and unknown cells of the map at which floor counts as known to be free [m]."""
-    width_m: Annotated[float, Range(0.1, 5, "m")] = 0.9
+    width_m: Annotated[float, Range(0.1, 20, "m")] = 0.9
     """Largest width of a thing [m]."""
     range_m: Annotated[float, Range(0.5, 100, "m")] = 5.0
     """Farther things are not looked for [m]."""
