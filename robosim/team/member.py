@@ -24,6 +24,7 @@ from robosim.team.frames import Frames, seen_robots
 from robosim.team.notes import Note, Notebook, Topic
 from robosim.team.shared_map import SharedMap, TileChanges
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
+from slam.actions import FORWARD_M
 from slam.graph.tracked_map import TrackedMap
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
@@ -35,6 +36,8 @@ _APART_M = 1.0
 _SAME_M = 0.6
 #: A robot that turns stays within this distance of its place [m]; floor so far from its hull is left to it [m].
 _TURNS_M, _LEFT_M = 0.15, 0.3
+#: A step forward, in the frame of a robot [m].
+_STEP = np.array([FORWARD_M, 0.0])
 #: Decisions for which a status says where a robot is.
 _FRESH = 2
 #: Maps of others are put to their places again if their frames move by more [m, rad].
@@ -114,10 +117,29 @@ class Member:
         self._added: set[Topic] = set()
         """Measurements that were read, while starts are unknown."""
         self._send_submaps_at = _FIRST_SUBMAPS
+        self._knows_all = False
 
     def begin_apart(self, start: Float[np.ndarray, "3"], radio: RadioLinkConfig) -> None:
         """Report relative to the start, a pose in `map`, without knowing the starts of the others."""
         self.frames, self._start, self._radio = Frames(self.name), np.asarray(start, float), radio
+
+    def begin_together(self, others: Mapping[str, Status], *, meets_people: bool) -> None:
+        """Know where all others start, and whether people are among the robots."""
+        self.others, self._knows_all = dict(others), not meets_people
+
+    @property
+    def places(self) -> Float[np.ndarray, "k 3"] | None:
+        """Where all others may be now, as disks (x, y, radius) [m]; None if that is not known, or people are there."""
+        if not self._knows_all or any(self._decision - s.decision >= _FRESH for s in self.others.values()):
+            return None
+        places = []
+        for status in self.others.values():
+            places.append([*status.next_xy, status.radius_m])
+            if status.decision < self._decision:
+                # What it has done since is not reported yet.
+                there = to_map(np.array([*status.next_xy, status.pose[2]]), _STEP)
+                places.append([*there, status.radius_m])
+        return np.array(places)
 
     def measured(self, measured: Mapping[str, Measurement]) -> None:
         """Receive the radio of other robots, with azimuths in the frame of the robot."""

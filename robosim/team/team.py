@@ -8,7 +8,7 @@ from jaxtyping import Float
 from robosim.simulator import Simulator
 from robosim.support.parts import Part
 from robosim.team.exchange import Exchange
-from robosim.team.member import Member
+from robosim.team.member import Member, Status
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_radio import TeamRadio
 
@@ -43,6 +43,21 @@ class Team:
                 member = Member(name, order, robot.config.robot.hull, config.every)
                 if config.starts == "unknown":
                     member.begin_apart(starts[name], robot.config.radio)
+                elif config.exchange != "none":
+                    member.begin_together(
+                        {
+                            other: Status(
+                                0,
+                                starts[other],
+                                starts[other][:2],
+                                robots[other].config.robot.hull.turning_m,
+                                0,
+                            )
+                            for other in robots
+                            if other != name
+                        },
+                        meets_people=robot.config.movers.any,
+                    )
                 self.members[name] = member
         measures = config.exchange == "radio" or (config.exchange, config.starts) == ("perfect", "unknown")
         radio = TeamRadio(robots, classifier, rng) if measures and self.members else None
