@@ -44,20 +44,14 @@ class Team:
                 if config.starts == "unknown":
                     member.begin_apart(starts[name], robot.config.radio)
                 elif config.exchange != "none":
-                    member.begin_together(
-                        {
-                            other: Status(
-                                0,
-                                starts[other],
-                                starts[other][:2],
-                                robots[other].config.robot.hull.turning_m,
-                                0,
-                            )
-                            for other in robots
-                            if other != name
-                        },
-                        meets_people=robot.config.movers.any,
-                    )
+                    others = {
+                        other: Status(
+                            0, starts[other], starts[other][:2], world.config.robot.hull.turning_m, 0
+                        )
+                        for other, world in robots.items()
+                        if other != name
+                    }
+                    member.begin_together(others, meets_people=robot.config.movers.any)
                 self.members[name] = member
         measures = config.exchange == "radio" or (config.exchange, config.starts) == ("perfect", "unknown")
         radio = TeamRadio(robots, classifier, rng) if measures and self.members else None
