@@ -60,10 +60,20 @@ def test_merge_own_sight_counts_where_both_have_seen() -> None:
     shared = SharedMap(Hull(0.1))
     _report(other, own, shared)
     merged = shared.merge(own)
-    at = tuple(int(v) for v in merged.frame.index(np.array([20.5 * 0.05, 20.5 * 0.05])))
+    at = tuple(int(v) for v in merged.frame.index(np.array([40.5 * 0.05, 20.5 * 0.05])))
     beyond = tuple(int(v) for v in merged.frame.index(np.array([60.5 * 0.05, 20.5 * 0.05])))
     assert merged.obstacle_probability[at] == pytest.approx(0.1)
     assert merged.obstacle_probability[beyond] == pytest.approx(0.9, abs=0.005)
+
+
+def test_merge_robot_that_others_have_mapped_is_no_obstacle_to_itself() -> None:
+    own = _map((0.0, 0.0), (80, 80), np.s_[50:70, 10:50])
+    other = _map((0.0, 0.0), (80, 80), np.s_[10:70, 10:70], wall_row=20)
+    shared = SharedMap(Hull(0.1))
+    _report(other, own, shared)
+    rows, columns, under = own.frame.under(own.pose, Hull(0.1))
+    assert other.obstacle[rows, columns][under].any()
+    assert not shared.merge(own).obstacle[rows, columns][under].any()
 
 
 def test_merge_follows_own_map_around_the_robot() -> None:
