@@ -158,16 +158,16 @@ class SharedMap:
                 (max(int(cells[1]) - reach, 0), min(int(cells[1]) + reach, nx)),
             )
         (y0, y1), (x0, x1) = near
-        self._put(own_map, np.s_[y0:y1, x0:x1], np.s_[row + y0 : row + y1, column + x0 : column + x1])
         self._stand(self._merged, own_map.pose)
+        self._put(own_map, np.s_[y0:y1, x0:x1], np.s_[row + y0 : row + y1, column + x0 : column + x1])
         return replace(self._merged, pose=own_map.pose, moving=own_map.moving)
 
     def _stand(self, merged: MapEstimate, pose: Float[np.ndarray, "3"]) -> None:
-        """Clear the cells under the hull: others may have mapped the robot itself as an obstacle."""
+        """Clear what was received under the hull: others may have mapped the robot itself as an obstacle."""
         rows, columns, under = merged.frame.under(pose, self._hull)
-        for codes in self._codes.values():
+        for codes in (*self._codes.values(), self._others):
             codes[rows, columns][under] &= _SEEN
-        for layer in (merged.obstacle_probability, merged.anticipated_probability, merged.blocked):
+        for layer in (merged.obstacle_probability, merged.anticipated_probability):
             if layer is not None:
                 layer[rows, columns][under] = 0
 
