@@ -117,23 +117,23 @@ class Member:
         self._added: set[Topic] = set()
         """Measurements that were read, while starts are unknown."""
         self._send_submaps_at = _FIRST_SUBMAPS
-        self._knows_all = False
+        self._starts: Mapping[str, Status] = {}
 
     def begin_apart(self, start: Float[np.ndarray, "3"], radio: RadioLinkConfig) -> None:
         """Report relative to the start, a pose in `map`, without knowing the starts of the others."""
         self.frames, self._start, self._radio = Frames(self.name), np.asarray(start, float), radio
 
-    def begin_together(self, others: Mapping[str, Status], *, meets_people: bool) -> None:
-        """Know where all others start, and whether people are among the robots."""
-        self.others, self._knows_all = dict(others), not meets_people
+    def begin_together(self, others: Mapping[str, Status]) -> None:
+        """Know where all others start, and that nothing else moves."""
+        self._starts = others
 
     @property
     def places(self) -> Float[np.ndarray, "k 3"] | None:
-        """Where all others may be now, as disks (x, y, radius) [m]; None if that is not known, or people are there."""
-        if not self._knows_all or any(self._decision - s.decision >= _FRESH for s in self.others.values()):
+        """Where all that moves may be now, as disks (x, y, radius) [m]; None if that is not known."""
+        places, known = [], {**self._starts, **self.others}
+        if not self._starts or any(self._decision - status.decision >= _FRESH for status in known.values()):
             return None
-        places = []
-        for status in self.others.values():
+        for status in known.values():
             places.append([*status.next_xy, status.radius_m])
             if status.decision < self._decision:
                 # What it has done since is not reported yet.

@@ -43,7 +43,7 @@ class Team:
                 member = Member(name, order, robot.config.robot.hull, config.every)
                 if config.starts == "unknown":
                     member.begin_apart(starts[name], robot.config.radio)
-                elif config.exchange != "none":
+                elif config.exchange != "none" and not robot.config.movers.any:
                     others = {
                         other: Status(
                             0, starts[other], starts[other][:2], world.config.robot.hull.turning_m, 0
@@ -51,7 +51,7 @@ class Team:
                         for other, world in robots.items()
                         if other != name
                     }
-                    member.begin_together(others, meets_people=robot.config.movers.any)
+                    member.begin_together(others)
                 self.members[name] = member
         measures = config.exchange == "radio" or (config.exchange, config.starts) == ("perfect", "unknown")
         radio = TeamRadio(robots, classifier, rng) if measures and self.members else None

@@ -128,8 +128,8 @@ def _start(x: float) -> Status:
 def test_member_places_of_others_follow_from_starts_and_reports() -> None:
     """Of a robot that has not reported its last decision both ends of a step are given."""
     first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
-    first.begin_together({"b": _start(2.0)}, meets_people=False)
-    second.begin_together({"a": _start(1.0)}, meets_people=False)
+    first.begin_together({"b": _start(2.0)})
+    second.begin_together({"a": _start(1.0)})
     assert second.places is not None and second.places.tolist() == [[1.0, 1.0, 0.1]]
     for member, x, other in ((first, 1.0, second), (second, 2.0, first)):
         estimate = _decide(member, _map(x))
@@ -141,13 +141,12 @@ def test_member_places_of_others_follow_from_starts_and_reports() -> None:
     assert second.places is not None and second.places.tolist() == [[1.25, 1.0, 0.1]]
 
 
-def test_member_places_are_unknown_out_of_reach_among_people_and_of_unknown_starts() -> None:
-    members = [Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("abc")]
-    members[0].begin_together({"b": _start(2.0)}, meets_people=False)
-    members[1].begin_together({"a": _start(1.0)}, meets_people=True)
+def test_member_places_are_unknown_out_of_reach_and_without_starts() -> None:
+    members = [Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab")]
+    members[0].begin_together({"b": _start(2.0)})
     known = []
     for _ in range(3):
         known.append([member.places is not None for member in members])
         members[0].begin(_map(1.0))
     # Without a report of its second decision the other may be anywhere.
-    assert known == [[True, False, False], [True, False, False], [False, False, False]]
+    assert known == [[True, False], [True, False], [False, False]]

@@ -148,16 +148,19 @@ def test_team_robot_is_seen_and_tracked_or_reported(scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("team", "knows"),
+    ("options", "people", "knows"),
     [
-        (TeamConfig(robots="2", exchange="perfect"), [True] * 6),
-        (TeamConfig(robots="2", exchange="none"), [False] * 6),
-        (TeamConfig(robots="2", exchange="perfect", starts="unknown"), [False] * 6),
+        ({}, 0, [True] * 6),
+        ({}, 1, [False] * 6),
+        ({"exchange": "none"}, 0, [False] * 6),
+        ({"starts": "unknown"}, 0, [False] * 6),
         # It is looked for again from the second decision on without a report.
-        (TeamConfig(robots="2", exchange="perfect", lose=("1@2",)), [True] * 4 + [False] * 2),
+        ({"lose": ("1@2",)}, 0, [True] * 4 + [False] * 2),
     ],
 )
-def test_team_mapper_is_given_places_of_others_that_report_them(scene, monkeypatch, team, knows) -> None:
+def test_team_mapper_is_given_places_of_others_that_report_them(
+    scene, monkeypatch, options, people, knows
+) -> None:
     given: dict[int, list[bool]] = {}
     update = ClassicalMapper.update
 
@@ -166,7 +169,9 @@ def test_team_mapper_is_given_places_of_others_that_report_them(scene, monkeypat
         return update(self, *args, others=others, **inputs)
 
     monkeypatch.setattr(ClassicalMapper, "update", look)
-    _run(scene, replace(_CONFIG, max_steps=5, team=team))
+    simulator = replace(_CONFIG.simulator, movers=MoversConfig(people=people))
+    team = replace(_CONFIG.team, **options)
+    _run(scene, replace(_CONFIG, max_steps=5, simulator=simulator, team=team))
     assert list(given.values())[-1] == knows
 
 
