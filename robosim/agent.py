@@ -79,7 +79,7 @@ class Agent:
         self._planner.reset()
         self._controller.reset()
         self._loop_detector, self._avoidance = LoopDetector(), Avoidance(self._robot)
-        self._mapper_inputs = accepted(self.mapper.update, ("laser", "time_s"))
+        self._mapper_inputs = accepted(self.mapper.update, ("laser", "time_s", "others"))
         self._chosen: Command | None = None
         self._sensed = self._map = None
 
@@ -92,7 +92,8 @@ class Agent:
         """Add an observation to the map, and return the estimates of map and pose."""
         if sensed.action is not None and sensed.action != self._chosen:
             self._controller.withdraw()  # another action was done, such as a wait for people
-        measured = {"laser": sensed.laser, "time_s": sensed.time_s}
+        others = None if self.member is None else self.member.places
+        measured = {"laser": sensed.laser, "time_s": sensed.time_s, "others": others}
         inputs = {name: measured[name] for name in self._mapper_inputs if measured[name] is not None}
         with self._watch.stage("mapper"):
             self._map = self.mapper.update(sensed.depth, sensed.action, sensed.odometry, **inputs)
@@ -188,7 +189,7 @@ def make_agent(config: EpisodeConfig, task: Task | None = None, watch: Stopwatch
         config.mapper,
         config.controller,
         config.known_map,
-        meets_others=config.team.size > 1,
+        others_m=2 * max(r.hull.turning_m for r in config.robots) if config.team.size > 1 else 0.0,
     )
     fused, belief = config.fused, config.fused.belief
     # A carrier that differs from the default is deliberate; else that of the radio is used.

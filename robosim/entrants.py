@@ -11,7 +11,6 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.building.reach import Reach, reach
 from robosim.episode_config import EpisodeConfig
-from robosim.parts import ROBOT as ROBOT_PART
 from robosim.plans.floorplan import MapError
 from robosim.task.tasks import ARRIVAL_M, Task
 from robosim.world import ROBOT
@@ -49,7 +48,7 @@ def make_entrants(building: Building, places: Reach, task: Task, config: Episode
         return {ROBOT: Entrant(task, config, places)}
     configs = [config] * team.size
     if team.models:
-        configs = [config.of_robot(ROBOT_PART.make(model, field="robots")) for model in team.models]
+        configs = [config.of_robot(robot) for robot in config.robots]
     reaches = {config.simulator.robot.hull_m: places}
     for hull_m in {config.simulator.robot.hull_m for config in configs} - set(reaches):
         reaches[hull_m] = reach(building, *hull_m)

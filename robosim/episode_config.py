@@ -6,7 +6,7 @@ from typing import Annotated
 import tyro
 
 from robosim.building.building import BuildingConfig
-from robosim.parts import ClassifierPart, ControllerPart, ExplorerPart, GoalPart, MapperPart
+from robosim.parts import ROBOT, ClassifierPart, ControllerPart, ExplorerPart, GoalPart, MapperPart
 from robosim.policies.fused import FusedConfig
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
@@ -55,6 +55,12 @@ class EpisodeConfig:
                     f"mapper is {self.mapper!r}, which learned from pictures, but camera is 'none'. Give "
                     "--mapper classical."
                 )
+
+    @property
+    def robots(self) -> list[RobotConfig]:
+        """Robots of the team; ValueError if there is none of a name."""
+        models = [ROBOT.make(model, field="robots") for model in self.team.models]
+        return models or [self.simulator.robot] * self.team.size
 
     def of_robot(self, robot: RobotConfig) -> "EpisodeConfig":
         """Return the configuration with another robot; without a camera with the classical mapper."""

@@ -39,6 +39,8 @@ from slam.sensing.projection import Band
 
 #: How often each action is run to calibrate the odometry of a robot without a calibration.
 CALIBRATION_RUNS = 1000
+#: Robots may look wider than they are by this [m].
+_WIDER_M = 0.1
 
 
 class Navigator(NamedTuple):
@@ -57,18 +59,22 @@ def make_navigator(
     controller: Part = "planned",
     known_map: str | None = None,
     *,
-    meets_others: bool = False,
+    others_m: float = 0.0,
 ) -> Navigator:
     """Make the navigator of the simulated robot, of classical parts where no others are named.
 
-    `known_map` is a floor plan that the robot knows; its mapper is then `slam.mapping.known_map_mapper`. A robot that
-    `meets_others` tracks them as it tracks people.
+    `known_map` is a floor plan that the robot knows; its mapper is then `slam.mapping.known_map_mapper`. Other
+    robots, the widest `others_m` wide [m], are tracked as people are; 0: it meets none.
     """
     robot = calibrated_robot(config)
     mapping = MapperConfig(
         # Obstacles higher than the mast and the camera on it do not stop the robot.
         band=Band(high_m=robot.mast_m + 0.1),
-        moving=MovingConfig(tracks=(config.movers.any or meets_others) and config.movers.tracking),
+        moving=MovingConfig(
+            tracks=(config.movers.any or others_m > 0) and config.movers.tracking,
+            # What is wider than the robots is part of the building.
+            width_m=MovingConfig.width_m if config.movers.any else others_m + _WIDER_M,
+        ),
     )
     return Navigator(
         MAPPER.make(mapper, robot, mapping, field="mapper")

@@ -24,6 +24,7 @@ from robosim.team.frames import Frames, seen_robots
 from robosim.team.notes import Note, Notebook, Topic
 from robosim.team.shared_map import SharedMap, TileChanges
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
+from slam.actions import FORWARD_M
 from slam.graph.tracked_map import TrackedMap
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
@@ -35,6 +36,8 @@ _APART_M = 1.0
 _SAME_M = 0.6
 #: A robot that turns stays within this distance of its place [m]; floor so far from its hull is left to it [m].
 _TURNS_M, _LEFT_M = 0.15, 0.3
+#: A step forward, in the frame of a robot [m].
+_STEP = np.array([FORWARD_M, 0.0])
 #: Decisions for which a status says where a robot is.
 _FRESH = 2
 #: Maps of others are put to their places again if their frames move by more [m, rad].
@@ -97,7 +100,7 @@ class Member:
         self.notes = Notebook(name)
         self.others: dict[str, Status] = {}
         """Last status of each other robot that was received."""
-        self._map, self._changes = SharedMap(), TileChanges()
+        self._map, self._changes = SharedMap(hull), TileChanges()
         self._decision, self._stood = 0, 0
         self._at = np.full(2, np.inf)
         self._reported: np.ndarray | None = None
@@ -114,10 +117,29 @@ class Member:
         self._added: set[Topic] = set()
         """Measurements that were read, while starts are unknown."""
         self._send_submaps_at = _FIRST_SUBMAPS
+        self._starts: Mapping[str, Status] = {}
 
     def begin_apart(self, start: Float[np.ndarray, "3"], radio: RadioLinkConfig) -> None:
         """Report relative to the start, a pose in `map`, without knowing the starts of the others."""
         self.frames, self._start, self._radio = Frames(self.name), np.asarray(start, float), radio
+
+    def begin_together(self, others: Mapping[str, Status]) -> None:
+        """Know where all others start, and that nothing else moves."""
+        self._starts = others
+
+    @property
+    def places(self) -> Float[np.ndarray, "k 3"] | None:
+        """Where all that moves may be now, as disks (x, y, radius) [m]; None if that is not known."""
+        places, known = [], {**self._starts, **self.others}
+        if not self._starts or any(self._decision - status.decision >= _FRESH for status in known.values()):
+            return None
+        for status in known.values():
+            places.append([*status.next_xy, status.radius_m])
+            if status.decision < self._decision:
+                # What it has done since is not reported yet.
+                there = to_map(np.array([*status.next_xy, status.pose[2]]), _STEP)
+                places.append([*there, status.radius_m])
+        return np.array(places)
 
     def measured(self, measured: Mapping[str, Measurement]) -> None:
         """Receive the radio of other robots, with azimuths in the frame of the robot."""

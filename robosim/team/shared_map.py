@@ -15,6 +15,7 @@ from jaxtyping import Float, UInt8
 
 from robosim.support.compiled import compiled
 from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
 from slam.poses import to_map, to_robot
 
 #: Side of a tile [cells].
@@ -93,7 +94,8 @@ class TileChanges:
 class SharedMap:
     """Tiles of others on the lattice of a robot's own map."""
 
-    def __init__(self) -> None:
+    def __init__(self, hull: Hull) -> None:
+        self._hull = hull
         self._frame: GridFrame | None = None
         self._codes: dict[str, np.ndarray] = {}
         self._merged: MapEstimate | None = None
@@ -156,8 +158,18 @@ class SharedMap:
                 (max(int(cells[1]) - reach, 0), min(int(cells[1]) + reach, nx)),
             )
         (y0, y1), (x0, x1) = near
+        self._stand(self._merged, own_map.pose)
         self._put(own_map, np.s_[y0:y1, x0:x1], np.s_[row + y0 : row + y1, column + x0 : column + x1])
         return replace(self._merged, pose=own_map.pose, moving=own_map.moving)
+
+    def _stand(self, merged: MapEstimate, pose: Float[np.ndarray, "3"]) -> None:
+        """Clear what was received under the hull: others may have mapped the robot itself as an obstacle."""
+        rows, columns, under = merged.frame.under(pose, self._hull)
+        for codes in (*self._codes.values(), self._others):
+            codes[rows, columns][under] &= _SEEN
+        for layer in (merged.obstacle_probability, merged.anticipated_probability):
+            if layer is not None:
+                layer[rows, columns][under] = 0
 
     def refresh(self) -> None:
         """Copy the whole of the robot's own map again at the next decision."""

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from robosim.simulator import Simulator
 from robosim.support.parts import Part
 from robosim.team.exchange import Exchange
-from robosim.team.member import Member
+from robosim.team.member import Member, Status
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_radio import TeamRadio
 
@@ -43,6 +43,15 @@ class Team:
                 member = Member(name, order, robot.config.robot.hull, config.every)
                 if config.starts == "unknown":
                     member.begin_apart(starts[name], robot.config.radio)
+                elif config.exchange != "none" and not robot.config.movers.any:
+                    others = {
+                        other: Status(
+                            0, starts[other], starts[other][:2], world.config.robot.hull.turning_m, 0
+                        )
+                        for other, world in robots.items()
+                        if other != name
+                    }
+                    member.begin_together(others)
                 self.members[name] = member
         measures = config.exchange == "radio" or (config.exchange, config.starts) == ("perfect", "unknown")
         radio = TeamRadio(robots, classifier, rng) if measures and self.members else None

@@ -103,8 +103,8 @@ class Mapper(Protocol):
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
-        A mapper with arguments `laser` (the scan of a lidar) and `time_s` (the time since the last update [s], where
-        others move) is given them too.
+        A mapper with arguments `laser` (the scan of a lidar), `time_s` (the time since the last update [s], where
+        others move) and `others` (known places of other robots) is given them too.
         """
 
     def estimate(self) -> MapEstimate:
@@ -201,6 +201,7 @@ class ClassicalMapper:
         odometry: Pose | None = None,
         laser: LaserScan | None = None,
         time_s: float | None = None,
+        others: Float[np.ndarray, "k 3"] | None = None,
     ) -> MapEstimate:
         """Add the measurements after an action.
 
@@ -210,6 +211,7 @@ class ClassicalMapper:
             odometry: Measured displacement in the robot's frame before the action: x, y [m], yaw [rad].
             laser: What the robot's laser scanner measured, if it has one.
             time_s: Time since the last update, for velocities of moving things.
+            others: Other robots where nothing else moves, as disks: x, y, radius [m]; None if their places are unknown.
 
         Returns:
             Map and pose; the arrays are views that the next update changes.
@@ -221,7 +223,9 @@ class ClassicalMapper:
         predicted, prior = self.tracker.predict(displacement, covariance)
         if self.moving is not None:
             grid = self.occupancy
-            scan, laser = self.moving.leave_out(scan, laser, predicted, grid.probability, self.frame, time_s)
+            scan, laser = self.moving.leave_out(
+                scan, laser, predicted, grid.probability, self.frame, time_s, others
+            )
         self.scan = scan
         points = points_of_scan(scan, self.config.match, self.config.resolution_m)
         points = _ahead(points, scan.ahead_m)

@@ -38,6 +38,8 @@ _SAME_M = 0.35
 _BODY_M = 0.27
 #: Distance from the surface of a thing to its centre [m].
 _DEPTH_M = 0.12
+#: Points outside of a disk whose place is known, by less than this, are of it: places err [m].
+_AROUND_M = 0.12
 #: A thing is not where it is expected if a sensor sees farther than there by this [m].
 _BEYOND_M = 0.5
 #: Time in which velocities of things out of sight decay by e [s].
@@ -57,7 +59,7 @@ class MovingConfig:
     """Whether moving things are looked for; without, all that is seen is part of the building."""
     margin_m: Annotated[float, Range(0, 1, "m")] = 0.1
     """Distance from obstacles and unknown cells of the map at which floor counts as known to be free [m]."""
-    width_m: Annotated[float, Range(0.1, 5, "m")] = 0.9
+    width_m: Annotated[float, Range(0.1, 20, "m")] = 0.9
     """Largest width of a thing [m]."""
     range_m: Annotated[float, Range(0.5, 100, "m")] = 5.0
     """Farther things are not looked for [m]."""
@@ -160,8 +162,12 @@ class MovingThings:
         probability: Float32[Grid, "ny nx"],
         frame: GridFrame,
         time_s: float | None = None,
+        others: Float[np.ndarray, "k 3"] | None = None,
     ) -> tuple[Scan, LaserScan | None]:
-        """Track what moves in the scans of a camera and a laser; returns them without it. See `update`."""
+        """Track what moves in the scans of a camera and a laser; returns them without it. See `update`.
+
+        If nothing moves but `others`, disks whose centres and radii (x, y, radius) [m] are known, nothing is tracked.
+        """
         with np.errstate(invalid="ignore"):  # where nothing was hit
             points = np.column_stack([scan.depth_m + scan.ahead_m, scan.depth_m * scan.left])
         views = [np.where(scan.hit[:, None], points, np.nan).astype(float)]
@@ -171,7 +177,11 @@ class MovingThings:
             points = reach_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
             points += [laser.ahead_m, 0.0]
             views.append(points)
-        masks = self.update(views, pose, probability, frame, time_s)
+        if others is None:
+            masks = self.update(views, pose, probability, frame, time_s)
+        else:
+            self._tracks = []
+            masks = [_covered(to_map(pose, points), others) for points in views]
         return scan.without(masks[0]), laser if laser is None else laser.without(masks[1])
 
     def update(
@@ -312,6 +322,12 @@ class MovingThings:
             elif track.unseen_s <= self.config.forget_s:
                 left.append(track)
         self._tracks = left
+
+
+def _covered(points: Float[np.ndarray, "n 2"], disks: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " n"]:
+    """Which points (x, y) [m] lie in a disk, or hardly outside of it; none that are NaN."""
+    away_m = np.hypot(*(points[:, None] - disks[:, :2]).transpose(2, 0, 1))
+    return np.asarray((away_m < disks[:, 2] + _AROUND_M).any(axis=1))
 
 
 #: Kinds of cells around a point: an obstacle near, unknown cells near, or free all around.

@@ -106,12 +106,13 @@ class NeuralMapper:
         odometry: Pose | None = None,
         laser: LaserScan | None = None,
         time_s: float | None = None,
+        others: Float[np.ndarray, "k 3"] | None = None,
     ) -> MapEstimate:
         """Add the measurements after an action; see `ClassicalMapper.update`.
 
         A laser improves the pose, and covers cells that the network does not.
         """
-        classical = self.classical.update(depth, action, odometry, laser, time_s)
+        classical = self.classical.update(depth, action, odometry, laser, time_s, others)
         self._laser_m = 0.0 if laser is None else laser.max_range_m
         self._follow(classical.frame)
         self.prediction = self._predictor.predict(

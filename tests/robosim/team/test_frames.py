@@ -23,6 +23,7 @@ from robosim.team.team_log import TeamLog
 from robosim.world import World
 from slam.graph.tracked_map import TrackedMap
 from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
 from slam.poses import between, compose, to_map
 
 #: True starts, in one frame.
@@ -80,7 +81,7 @@ def test_turned_tile_lies_where_its_frame_does() -> None:
     codes = np.full((64, 64), 128, np.uint8)
     codes[20:24, 40:44] = 128 + 126  # a pillar
     at = np.array([0.3, -0.7, 0.6])
-    shared = SharedMap()
+    shared = SharedMap(Hull(0.1))
     shared.add("b", Tile((0.0, 0.0), codes).transformed(at), estimate)
     merged = shared.merge(estimate)
     obstacles = merged.frame.centres(np.asarray(merged.obstacle_probability) > 0.9)

@@ -6,7 +6,7 @@ import pytest
 from robosim.policies.estimates import Estimates
 from robosim.policies.reason import ARRIVAL, EXPLORE, Reason
 from robosim.step import Decision
-from robosim.team.member import Member
+from robosim.team.member import Member, Status
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
 from slam.hull import Hull
@@ -119,3 +119,34 @@ def test_member_merged_map_is_the_same_again() -> None:
         again = second.merged(_map(2.0))
     assert np.array_equal(again.explored, merged.explored)
     assert len(again.moving) == len(merged.moving) == 1 and len(again.claims) == 1
+
+
+def _start(x: float) -> Status:
+    return Status(0, np.array([x, 1.0, 0.0]), np.array([x, 1.0]), 0.1, 0)
+
+
+def test_member_places_of_others_follow_from_starts_and_reports() -> None:
+    """Of a robot that has not reported its last decision both ends of a step are given."""
+    first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
+    first.begin_together({"b": _start(2.0)})
+    second.begin_together({"a": _start(1.0)})
+    assert second.places is not None and second.places.tolist() == [[1.0, 1.0, 0.1]]
+    for member, x, other in ((first, 1.0, second), (second, 2.0, first)):
+        estimate = _decide(member, _map(x))
+        member.report(estimate, _decision(estimate))
+        _send(member, other)
+        if other is second:
+            assert member.places is not None
+            assert member.places.tolist() == [[2.0, 1.0, 0.1], [2.25, 1.0, 0.1]]
+    assert second.places is not None and second.places.tolist() == [[1.25, 1.0, 0.1]]
+
+
+def test_member_places_are_unknown_out_of_reach_and_without_starts() -> None:
+    members = [Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab")]
+    members[0].begin_together({"b": _start(2.0)})
+    known = []
+    for _ in range(3):
+        known.append([member.places is not None for member in members])
+        members[0].begin(_map(1.0))
+    # Without a report of its second decision the other may be anywhere.
+    assert known == [[True, False], [True, False], [False, False]]

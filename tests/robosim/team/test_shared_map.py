@@ -5,6 +5,7 @@ import pytest
 
 from robosim.team.shared_map import TILE, SharedMap, TileChanges
 from slam.grid import GridFrame, MapEstimate
+from slam.hull import Hull
 
 
 def _map(
@@ -36,13 +37,13 @@ def _report(other: MapEstimate, own: MapEstimate, shared: SharedMap) -> None:
 
 def test_merge_nothing_received_is_own_map() -> None:
     own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
-    assert SharedMap().merge(own) is own
+    assert SharedMap(Hull(0.1)).merge(own) is own
 
 
 def test_merge_continues_own_map_beyond_its_frame() -> None:
     own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
     other = _map((5.0, -4.0), (100, 120), np.s_[20:90, 5:100], wall_row=40)
-    shared = SharedMap()
+    shared = SharedMap(Hull(0.1))
     _report(other, own, shared)
     merged = shared.merge(own)
     assert merged.explored.sum() == own.explored.sum() + other.explored.sum()
@@ -56,19 +57,29 @@ def test_merge_continues_own_map_beyond_its_frame() -> None:
 def test_merge_own_sight_counts_where_both_have_seen() -> None:
     own = _map((0.0, 0.0), (80, 80), np.s_[10:50, 10:50])
     other = _map((0.0, 0.0), (80, 80), np.s_[10:70, 10:70], wall_row=20)
-    shared = SharedMap()
+    shared = SharedMap(Hull(0.1))
     _report(other, own, shared)
     merged = shared.merge(own)
-    at = tuple(int(v) for v in merged.frame.index(np.array([20.5 * 0.05, 20.5 * 0.05])))
+    at = tuple(int(v) for v in merged.frame.index(np.array([40.5 * 0.05, 20.5 * 0.05])))
     beyond = tuple(int(v) for v in merged.frame.index(np.array([60.5 * 0.05, 20.5 * 0.05])))
     assert merged.obstacle_probability[at] == pytest.approx(0.1)
     assert merged.obstacle_probability[beyond] == pytest.approx(0.9, abs=0.005)
 
 
+def test_merge_robot_that_others_have_mapped_is_no_obstacle_to_itself() -> None:
+    own = _map((0.0, 0.0), (80, 80), np.s_[50:70, 10:50])
+    other = _map((0.0, 0.0), (80, 80), np.s_[10:70, 10:70], wall_row=20)
+    shared = SharedMap(Hull(0.1))
+    _report(other, own, shared)
+    rows, columns, under = own.frame.under(own.pose, Hull(0.1))
+    assert other.obstacle[rows, columns][under].any()
+    assert not shared.merge(own).obstacle[rows, columns][under].any()
+
+
 def test_merge_follows_own_map_around_the_robot() -> None:
     own = _map((0.0, 0.0), (80, 80), np.s_[10:20, 10:20])
     other = _map((3.0, 3.0), (60, 60), np.s_[10:50, 10:50])
-    shared = SharedMap()
+    shared = SharedMap(Hull(0.1))
     _report(other, own, shared)
     before = shared.merge(own).explored.sum()
     own.explored[10:30, 10:30] = True
@@ -78,7 +89,7 @@ def test_merge_follows_own_map_around_the_robot() -> None:
 def test_merge_places_lattices_to_half_a_cell() -> None:
     own = _map((0.0, 0.0), (60, 60), np.s_[10:30, 10:30])
     other = _map((4.02, 1.0), (60, 60), np.s_[10:30, 10:30])
-    shared = SharedMap()
+    shared = SharedMap(Hull(0.1))
     _report(other, own, shared)
     merged = shared.merge(own)
     reported = merged.frame.centres(merged.explored)

@@ -21,6 +21,7 @@ from robosim.task.tasks import Task
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_log import TeamLog
 from robosim.world import World
+from slam.mapping.classical import ClassicalMapper
 
 _CONFIG = EpisodeConfig(
     goal="explore",
@@ -144,6 +145,34 @@ def test_team_robot_is_seen_and_tracked_or_reported(scene) -> None:
 
     run_team(building, make_entrants(building, places, _TASK, _CONFIG), look)
     assert seen == {"robot1": 1, "robot2": 1}
+
+
+@pytest.mark.parametrize(
+    ("options", "people", "knows"),
+    [
+        ({}, 0, [True] * 6),
+        ({}, 1, [False] * 6),
+        ({"exchange": "none"}, 0, [False] * 6),
+        ({"starts": "unknown"}, 0, [False] * 6),
+        # It is looked for again from the second decision on without a report.
+        ({"lose": ("1@2",)}, 0, [True] * 4 + [False] * 2),
+    ],
+)
+def test_team_mapper_is_given_places_of_others_that_report_them(
+    scene, monkeypatch, options, people, knows
+) -> None:
+    given: dict[int, list[bool]] = {}
+    update = ClassicalMapper.update
+
+    def look(self, *args, others=None, **inputs):
+        given.setdefault(id(self), []).append(others is not None)
+        return update(self, *args, others=others, **inputs)
+
+    monkeypatch.setattr(ClassicalMapper, "update", look)
+    simulator = replace(_CONFIG.simulator, movers=MoversConfig(people=people))
+    team = replace(_CONFIG.team, **options)
+    _run(scene, replace(_CONFIG, max_steps=5, simulator=simulator, team=team))
+    assert list(given.values())[-1] == knows
 
 
 def test_starts_near_have_room_for_unequal_hulls(scene) -> None:

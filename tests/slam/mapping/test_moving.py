@@ -5,6 +5,7 @@ import pytest
 
 from slam.grid import GridFrame
 from slam.mapping.moving import MovingConfig, MovingThings
+from slam.sensing.projection import Scan
 
 CONFIG = MovingConfig(tracks=True)
 #: A floor of 10 m by 6 m that is known to be free up to x = 8 m.
@@ -121,3 +122,22 @@ def test_all_of_a_body_next_to_a_wall_is_left_out():
         (mask,) = things.update([points], POSE, probability, FRAME, 0.2)
     body = np.hypot(*(points + POSE[:2] - at).T) < 0.16
     assert body.sum() == 10 and mask[body].all()
+
+
+def test_of_known_robots_alone_is_left_out_of_scans():
+    """The corner of a wall 0.35 m from a robot, on floor that counts as free: only a track would take it away."""
+    robot, corner = (4.0, 3.0), (4.0, 3.5)
+    points = view(robot, corner)
+    nothing = np.full(len(BEARING), np.inf, np.float32)
+    left, depth_m = (values.astype(np.float32) for values in (np.tan(BEARING), points[:, 0]))
+    scan = Scan(left=left, depth_m=depth_m, clear_m=depth_m, top_m=np.ones_like(depth_m), far_m=nothing)
+    is_robot, is_corner = (np.hypot(*(points + POSE[:2] - at).T) < 0.2 for at in (robot, corner))
+    assert is_robot.sum() > 5 and is_corner.sum() > 5
+    things = MovingThings(CONFIG)
+    tracked, _ = things.leave_out(scan, None, POSE, free_floor(), FRAME, 0.5)
+    np.testing.assert_array_equal(tracked.hit, ~is_robot & ~is_corner)
+    # The robot is 7 cm from where it is said to be.
+    others = np.array([[4.05, 2.95, 0.15], [8.0, 5.0, 0.15]])
+    known, _ = things.leave_out(scan, None, POSE, free_floor(), FRAME, 0.5, others)
+    np.testing.assert_array_equal(known.hit, ~is_robot)
+    assert not things.things()
