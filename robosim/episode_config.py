@@ -59,8 +59,9 @@ class EpisodeConfig:
     @property
     def robots(self) -> list[RobotConfig]:
         """Robots of the team; ValueError if there is none of a name."""
-        models = [ROBOT.make(model, field="robots") for model in self.team.models]
-        return models or [self.simulator.robot] * self.team.size
+        models = self.team.models
+        made = {model: ROBOT.make(model, field="robots") for model in dict.fromkeys(models)}
+        return [made[model] for model in models] or [self.simulator.robot] * self.team.size
 
     def of_robot(self, robot: RobotConfig) -> "EpisodeConfig":
         """Return the configuration with another robot; without a camera with the classical mapper."""

@@ -135,8 +135,11 @@ class TargetBelief:
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Probability of each cell; they add up to 1. Read-only."""
         if self._probability is None:
-            between = np.maximum(self._received - _CERTAIN * self._silent, _LEAST_BETWEEN)
-            log = self._prior + self._log + self._located + _WALK * np.log(between) + self._factor
+            log = self._prior + self._log + self._located
+            if self.config.silence:
+                between = np.maximum(self._received - _CERTAIN * self._silent, _LEAST_BETWEEN)
+                log += _WALK * np.log(between)
+            log += self._factor
             p = np.exp(log - log.max())
             self._probability = p / p.sum()
             self._probability.flags.writeable = False

@@ -159,7 +159,7 @@ def share_near(belief: TargetBelief, place: tuple[float, float], radius_m: float
 
 
 def test_silence_excludes_as_the_place_that_excludes_most():
-    """Of cells as far from two places, both exclude as much as one; nearer cells lose more."""
+    """Two silent places exclude as much as one where cells are as far from both; nearer cells lose more."""
     shares = []
     for places in ([-3.0], [-3.0, 3.0]):
         belief = TargetBelief(np.zeros(2), SILENCE)

@@ -126,7 +126,7 @@ def _start(x: float) -> Status:
 
 
 def test_member_places_of_others_follow_from_starts_and_reports() -> None:
-    """Of a robot that has not reported its last decision both ends of a step are given."""
+    """A robot that has not reported its last decision has two places, both ends of a step."""
     first, second = (Member(name, k, Hull(radius_m=0.1), 10) for k, name in enumerate("ab"))
     first.begin_together({"b": _start(2.0)})
     second.begin_together({"a": _start(1.0)})

@@ -161,18 +161,18 @@ def test_team_robot_is_seen_and_tracked_or_reported(scene) -> None:
 def test_team_mapper_is_given_places_of_others_that_report_them(
     scene, monkeypatch, options, people, knows
 ) -> None:
-    given: dict[int, list[bool]] = {}
+    has_places: dict[int, list[bool]] = {}
     update = ClassicalMapper.update
 
     def look(self, *args, others=None, **inputs):
-        given.setdefault(id(self), []).append(others is not None)
+        has_places.setdefault(id(self), []).append(others is not None)
         return update(self, *args, others=others, **inputs)
 
     monkeypatch.setattr(ClassicalMapper, "update", look)
     simulator = replace(_CONFIG.simulator, movers=MoversConfig(people=people))
     team = replace(_CONFIG.team, **options)
     _run(scene, replace(_CONFIG, max_steps=5, simulator=simulator, team=team))
-    assert list(given.values())[-1] == knows
+    assert list(has_places.values())[-1] == knows
 
 
 def test_starts_near_have_room_for_unequal_hulls(scene) -> None:
