@@ -49,7 +49,6 @@ _PACKAGES = {
     "PIL": "pillow",
     "yaml": "pyyaml",
     "OpenGL": "PyOpenGL==3.1.0",
-    "rerun": "rerun-sdk",
 }
 _LIBRARY = re.compile(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file")
 

@@ -25,7 +25,6 @@ from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.recording.bag_export import BAG, LAYOUT
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
-from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.step import Step
 from robosim.support.files import plain, write_json, write_whole
 from robosim.support.installation import package_version
@@ -62,7 +61,6 @@ def record_episode(
     target: Float[np.ndarray, "2"] | None = None,
     anchors: Sequence[Anchor] = (),
     video: bool = True,
-    rerun: bool = False,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Run an episode and write its files into a folder; returns the content of `result.json`.
@@ -70,22 +68,20 @@ def record_episode(
     The files: `result.json`, `trajectory.tum` and `estimate.tum`, the built map as `map.yaml` and `map.pgm`,
     `map.png`, `episode.npz` (all steps, from which `robosim replay` draws), and `episode.mp4`. An interrupted episode
     leaves the same files, of the steps until then. Start and target are drawn from the seed if they are not given.
-    Without `video` the loop is faster. `rerun` records `episode.rrd` for the Rerun viewer.
+    Without `video` the loop is faster.
 
     Raises:
         MapError: If the task cannot be done in the plan.
         FolderError: If the folder cannot be used.
-        ValueError: If weights cannot be read, or Rerun is needed and not installed.
+        ValueError: If weights cannot be read.
     """
-    if rerun:
-        rerun_sdk()
     check_weights(config)
     console = console or Console(quiet=True)
     with run_folder(out, "episode") as out:
         if (out / EPISODE).exists():
             console.print(f"Replacing the episode in {out}")
         # Files of an earlier episode would be mistaken for new ones.
-        for name in (*FILES, "replay.mp4", "sheet.png", RECORDING, LAYOUT):
+        for name in (*FILES, "replay.mp4", "sheet.png", LAYOUT):
             (out / name).unlink(missing_ok=True)
         rmtree(out / BAG, ignore_errors=True)
         watch = Stopwatch()
@@ -115,14 +111,6 @@ def record_episode(
 
                 writer = VideoWriter(out / "episode.mp4", picture.size)
                 files.callback(_timed, writer.close, watch, "video")
-            recordings = {}
-            if rerun:
-                simulator = config.simulator
-                for name, folder in folders.items():
-                    folder.mkdir(exist_ok=True)
-                    place = folder / RECORDING, building, entrants[name].task
-                    recordings[name] = RerunRecording(*place, simulator.image, simulator.radio.height_m)
-                    files.callback(_timed, recordings[name].close, watch, "rerun")
             bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
             def record(log: EpisodeLog, step: Step) -> None:
@@ -135,9 +123,6 @@ def record_episode(
                         image = picture.add(log.robot, step)
                         if image is not None:
                             writer.add(image)
-                if log.robot in recordings:
-                    with watch.stage("rerun"):
-                        recordings[log.robot].add(step)
 
             team = run_team(building, entrants, record, watch)
             if writer is not None:

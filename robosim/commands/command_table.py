@@ -18,7 +18,6 @@ COMMANDS = {
     "episode": "episode:episode",
     "replay": "live:replay",
     "export": "live:export",
-    "view": "live:view",
     "live": "live:live",
     "evaluate": "evaluate:evaluate",
     "plan": "scenes:plan",

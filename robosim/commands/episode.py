@@ -38,7 +38,6 @@ def episode(
     settings: Settings = DEFAULTS,
     reading: Reading = NO_OPTIONS,
     video: bool = True,
-    rerun: bool = False,
     mcap: Annotated[bool, ADVANCED] = False,
     out: Path | None = None,
 ) -> None:
@@ -68,7 +67,6 @@ def episode(
         settings: How the episode is run.
         reading: How to read the plan.
         video: Whether to write episode.mp4.
-        rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs the extra `viz`.
         mcap: Whether to write the episode as a ROS 2 bag too, as `robosim export` does; needs the extra `bags`.
         out: Output folder; by default a new one under runs/.
     """
@@ -90,7 +88,6 @@ def episode(
             for name, x, y in places
         ],
         video=video,
-        rerun=rerun,
         console=console,
     )
     if mcap:

@@ -78,7 +78,7 @@ def trace(
 ) -> None:
     """Trace radio paths from transmitters to receivers all over a floor plan, or over a Mitsuba or Sionna RT scene.
 
-    Writes the coverage of the cells of a grid, coverage.parquet, .npz, .tif (GeoTIFF) and .png: power of all paths,
+    Writes the coverage of the cells of a grid, coverage.parquet, .npz and .png: power of all paths,
     link state, delay, spreads, SNR, SINR, best server; paths.parquet, a DeepMIMO v4 scenario (deepmimo_scenarios/),
     NAME_Tx_K.csv in the format of mmwRobotNav, and pictures of each transmitter: power, link state and direction of
     arrival of the strongest path, and the rays of one link. The same command resumes an interrupted run, with the same
@@ -299,7 +299,7 @@ def _report_map(result: dict[str, Any], folder: Path, more: str) -> None:
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
     speed = f"{timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), f": {shares}; {speed}"))
-    files = "coverage.parquet, coverage.npz, coverage.tif, paths.parquet, "
+    files = "coverage.parquet, coverage.npz, paths.parquet, "
     files += f"{result['plan']}_Tx_*.csv, deepmimo_scenarios/"
     console.print(f"Wrote {files}{more} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"

@@ -1,4 +1,4 @@
-"""`robosim replay`, `robosim export`, `robosim view` and `robosim live`."""
+"""`robosim replay`, `robosim export` and `robosim live`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -62,30 +62,6 @@ def export(episode: Positional[Path], *, mcap: bool = True, out: Path | None = N
         bag = export_bag(episode, folder)
     emit_result({"bag": bag}, folder)
     console.print(f"Wrote {bag} and {LAYOUT}", soft_wrap=True)
-
-
-def view(episode: Positional[Path], *, web: bool = False) -> None:
-    """Open an episode's recording in the Rerun viewer: maps, rays, angles of arrival and belief over time, in 3D.
-
-    Needs the extra `viz`, and an episode that was run with --rerun.
-
-    Example: robosim view out/a
-
-    Args:
-        episode: Folder of `robosim episode`.
-        web: Whether to serve the viewer to a browser, for machines without a display.
-    """
-    import subprocess
-    import sys
-
-    from robosim.recording.rerun_recording import RECORDING, rerun_sdk
-
-    path = episode / RECORDING
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file. Run the episode with --rerun.")
-    rerun_sdk()
-    emit_result({"recording": path})
-    sys.exit(subprocess.call([sys.executable, "-m", "rerun", str(path), *(["--web-viewer"] if web else [])]))
 
 
 def live(

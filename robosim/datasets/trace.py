@@ -24,7 +24,6 @@ import pyarrow.parquet as pq
 from jaxtyping import Bool, Float, Int
 from rich.console import Console
 
-from robosim.datasets.coverage_files import write_coverage
 from robosim.datasets.link_units import (
     LinkPlan,
     csv_files,
@@ -35,7 +34,7 @@ from robosim.datasets.link_units import (
     transmitters_file,
 )
 from robosim.datasets.standing import bodies_dict
-from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_link
+from robosim.drawing.radio_pictures import choose_link, plot_coverage, plot_grid, plot_link
 from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import AnyPlace, RadioConfig, RadioSite, radio_site
 from robosim.support.checks import check_some
@@ -47,7 +46,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.tum import read_tum
 from robosim.support.workers import Workers
 from wireless.antennas.mounting import MountedArray
-from wireless.coverage import CellState, link_values
+from wireless.coverage import CellState, CoverageMap, link_values
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.motion.bodies import Bodies
 from wireless.motion.impulse_responses import sample_channel
@@ -214,11 +213,9 @@ def trace_plan(
                 report=progress.report,
             )
             timing = progress.timing()
-        states, links = _write_formats(scene, transmitters, grid, path, out, antennas, console)
-        coverage = write_coverage(
-            out, scene, grid, links, transmitters, noise_dbm=noise_dbm, bodies=bodies, plots=plots
-        )
+        states, coverage = _write_formats(scene, transmitters, grid, path, out, antennas, noise_dbm, console)
         if plots:
+            plot_coverage(out / "coverage.png", scene.section(grid), coverage, bodies)
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
                     _plot(scene, grid, Paths.read_parquet(path, i), i, given_rx, out, bodies)
@@ -373,12 +370,13 @@ def _write_formats(
     path: Path,
     out: Path,
     antennas: tuple[MountedArray, MountedArray] | None,
+    noise_dbm: float,
     console: Console,
-) -> tuple[Int[np.ndarray, "5"], dict[str, np.ndarray]]:
-    """Write the paths as a DeepMIMO scenario and as CSV files.
+) -> tuple[Int[np.ndarray, "5"], CoverageMap]:
+    """Write the paths as a DeepMIMO scenario, as CSV files and as coverage.
 
     Returns:
-        The number of links of each state, and what a `CoverageMap` has of all links.
+        The number of links of each state, and the coverage.
     """
     config, name = scene.config, scene.name
     antennas = antennas or 2 * (MountedArray.polarised(config.tracer.polarisation),)
@@ -399,7 +397,19 @@ def _write_formats(
         write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), n_reached))
     write_files(out, transmitters_file(name, transmitters))
     _explain_outage(scene, transmitters, grid.position, reached)
-    return states, {key: np.concatenate([values[key] for values in links]) for key in links[0]}
+    coverage = CoverageMap.from_links(
+        {key: np.concatenate([values[key] for values in links]) for key in links[0]},
+        grid,
+        tx_position=transmitters,
+        tx_power_dbm=np.full(len(transmitters), config.tx_power_dbm),
+        noise_dbm=noise_dbm,
+        frequency_hz=config.frequency_hz,
+        coherent=False,
+    )
+    with whole_file(out / "coverage.parquet") as partial:
+        pq.write_table(coverage.to_table(), partial, compression="zstd")
+    write_whole(out / "coverage.npz", npz_bytes(coverage.to_arrays()))
+    return states, coverage
 
 
 def _plot(

@@ -14,14 +14,15 @@ from robosim.live.recordings import Recording
 from robosim.live.scene_nodes import (
     ESTIMATED_ARRIVAL,
     POWER_DBM,
+    RAY_COLOURS,
     ROBOT_COLOUR,
     TRUE_ARRIVAL,
     TX_COLOUR,
     TableName,
     gradient,
+    ray_kind,
 )
 from robosim.radio.measurement import Measurement
-from robosim.recording.rerun_recording import RAY_COLOURS, ray_kind
 from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS, STATE_NAMES, Colour, css, robot_colour
 from slam.poses import wrap

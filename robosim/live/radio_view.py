@@ -27,7 +27,6 @@ from robosim.live.scene_nodes import (
 from robosim.radio.measurement import Measurement
 from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import RadioSite
-from robosim.recording.rerun_recording import ray_kind, rays
 from wireless.paths import Paths
 
 if TYPE_CHECKING:
@@ -148,11 +147,14 @@ def ray_segments(
     paths: Paths, coloured_by: str, tx_power_dbm: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Legs of all rays (n, 2, 3) [m], their colours by power or kind (n, 2, 3), and turning points (m, 3) [m]."""
-    corners = rays(paths)
+    corners = [
+        np.vstack([paths.tx_position[tx], points[: int(order)], paths.rx_position[rx]])
+        for tx, rx, order, points in zip(paths.tx, paths.rx, paths.order, paths.point, strict=True)
+    ]
     if coloured_by == "power":
         colours = power_colours(tx_power_dbm + paths.power_db, "plasma")
     else:
-        colours = kind_colours([ray_kind(row) for row in paths.interaction])
+        colours = kind_colours(paths.interaction)
     if not corners:
         return np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8), np.zeros((0, 3))
     legs = np.concatenate([np.stack([c[:-1], c[1:]], axis=1) for c in corners])

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.recording.rerun_recording import RAY_COLOURS
 from robosim.support.colours import STATE_COLOURS, Colour, css
 from slam.grid import GridFrame
-from wireless.paths import LinkCategory
+from wireless.paths import Interaction, LinkCategory, LinkState
 from wireless.support.ray_colours import RAY_MAP, RAY_SHARE
 
 if TYPE_CHECKING:
@@ -27,6 +26,15 @@ ESTIMATED_ARRIVAL: Colour = (230, 159, 0)
 WALL: Colour = (205, 212, 220)
 WALL_EDGE: Colour = (70, 80, 95)
 FLOOR: Colour = (246, 246, 244)
+#: Colours of traced paths by their interactions: none, else the most informative kind.
+RAY_COLOURS = {
+    "line of sight": STATE_COLOURS[LinkState.LOS],
+    "reflection": STATE_COLOURS[LinkState.FIRST_ORDER],
+    "diffraction": (204, 121, 167),
+    "reflection and diffraction": (230, 159, 0),
+    "transmission": STATE_COLOURS[LinkCategory.OBSTRUCTED_LOS],
+    "scattering": (213, 94, 0),
+}
 
 #: Ends of the colour scale of received power [dBm].
 POWER_DBM = (-110.0, -40.0)
@@ -155,9 +163,20 @@ def state_colours(state: UInt8[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
     return np.array([STATE_COLOURS[category] for category in LinkCategory], np.uint8)[state]
 
 
-def kind_colours(kinds: list[str]) -> UInt8[np.ndarray, "n 3"]:
-    """Colours of kinds of rays, by the names of `RAY_COLOURS`."""
-    return np.array([RAY_COLOURS[kind] for kind in kinds], np.uint8).reshape(-1, 3)
+def ray_kind(interaction: UInt8[np.ndarray, " m"]) -> str:
+    """Kind of interactions of a path, as a key of `RAY_COLOURS`."""
+    met = {Interaction(int(kind)) for kind in interaction} - {Interaction.NONE}
+    if Interaction.TRANSMISSION in met:
+        return "transmission"
+    if Interaction.SCATTERING in met:
+        return "scattering"
+    names = [kind.name.lower() for kind in (Interaction.REFLECTION, Interaction.DIFFRACTION) if kind in met]
+    return " and ".join(names) or "line of sight"
+
+
+def kind_colours(interaction: UInt8[np.ndarray, "n m"]) -> UInt8[np.ndarray, "n 3"]:
+    """Colours of paths by the kind of their interactions."""
+    return np.array([RAY_COLOURS[ray_kind(row)] for row in interaction], np.uint8).reshape(-1, 3)
 
 
 def linear(colours: UInt8[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:

@@ -13,7 +13,6 @@ from robosim.drawing.plan_view import (
     OBSTACLE_BLACK,
     PATH_PURPLE,
     TARGET_RED,
-    TRUE_GREEN,
 )
 from robosim.layers import BLOCKED, FREE, GUESS, GUESS_LEVELS, OBSTACLE, TOP_LEVEL, Layer
 from robosim.live.building_scene import STEP_M, BuildingScene
@@ -48,7 +47,6 @@ def _map_palette() -> UInt8[np.ndarray, "256 4"]:
 
 
 _PALETTE = _map_palette()
-_ROBOTS = {"true": TRUE_GREEN, "estimated": ESTIMATE_ORANGE}
 
 
 class SearchView:
@@ -76,8 +74,10 @@ class SearchView:
         place = (float(low[0]), float(high[1] + 0.03 * size.max()), 0.0)
         self._title = scene.add_label(f"{root}/title", recording.title, position=place, anchor="bottom-left")
         self._robots: dict[str, Any] = {}
-        colours = {f"true{k or ''}": robot_colour(k) for k in range(len(recording.robots))}
-        for name, colour in (colours if recording.mates else _ROBOTS).items():
+        colours = {f"true{k}": robot_colour(k) for k in range(len(recording.robots))}
+        if not recording.mates:
+            colours["estimated"] = ESTIMATE_ORANGE
+        for name, colour in colours.items():
             self._robots[name] = scene.add_cylinder(
                 f"{root}/{name}", radius=0.14, height=_ROBOT_M, color=colour, visible=False,
                 opacity=0.6 if name == "estimated" else None, **NO_SHADOW,
@@ -106,7 +106,7 @@ class SearchView:
             self._show_bodies(step.true.bodies[len(robots) - 1 :])
             self._show_maps(step.map_layer, step.belief_layer)
             for k, of_robot in enumerate(steps):
-                _place(self._robots[f"true{k or ''}"], of_robot.true.pose, _ROBOT_M / 2)
+                _place(self._robots[f"true{k}"], of_robot.true.pose, _ROBOT_M / 2)
                 self._show_motion(k, of_robot)
                 self._show_radio(k, of_robot, rays)
         return steps
@@ -170,13 +170,13 @@ class SearchView:
     def _show_motion(self, k: int, step: Step) -> None:
         """Trajectories of a robot so far, planned path and goal; those of a team are in the robot's colour."""
         true, estimated = self.recording.robots[k].trajectories(step.number + 1)
-        name, colour = k or "", robot_colour(k) if self.recording.mates else PATH_PURPLE
-        self._nodes.polyline(f"true_trajectory{name}", true, 6 * STEP_M, robot_colour(k), 4.0)
+        colour = robot_colour(k) if self.recording.mates else PATH_PURPLE
+        self._nodes.polyline(f"true_trajectory{k}", true, 6 * STEP_M, robot_colour(k), 4.0)
         if not self.recording.mates:
             self._nodes.polyline("estimated_trajectory", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
-        self._nodes.polyline(f"path{name}", step.decided.path, 8 * STEP_M, colour, 2.5)
+        self._nodes.polyline(f"path{k}", step.decided.path, 8 * STEP_M, colour, 2.5)
         arms = 0.18 * np.array([[[-1, -1, 0], [1, 1, 0]], [[-1, 1, 0], [1, -1, 0]]])
-        self._nodes.lines(f"goal{name}", arms + np.array([*step.decided.goal, 8 * STEP_M]), colour, 5.0)
+        self._nodes.lines(f"goal{k}", arms + np.array([*step.decided.goal, 8 * STEP_M]), colour, 5.0)
 
     def _show_radio(self, k: int, step: Step, rays: bool) -> None:
         measured = step.estimated.measurement
@@ -185,11 +185,11 @@ class SearchView:
             place = np.array([*step.true.pose[:2], _RADIO_M])
             known, colour = measured.directed, STATE_COLOURS[measured.state]
             fan = arrival_fan(place, measured.aoa_rad[known], measured.snr_db[known])
-        self._nodes.lines(f"arrivals{k or ''}", fan, repeat_colour(colour, len(fan)), 5.0)
+        self._nodes.lines(f"arrivals{k}", fan, repeat_colour(colour, len(fan)), 5.0)
         legs, colours = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
         if rays and step.true.paths is not None:
             legs, colours, _ = ray_segments(step.true.paths, "kind", 0.0)
-        self._nodes.lines(f"rays{k or ''}", legs, colours, 1.5)
+        self._nodes.lines(f"rays{k}", legs, colours, 1.5)
 
 
 def _place(node: Any, pose: Float[np.ndarray, "3"], z_m: float) -> None:

@@ -267,14 +267,8 @@ class TargetBelief:
         left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
-        (
-            self._log, self._located, self._empty, self._prior, self._silent, self._received, self._factor,
-        ) = (
-            np.pad(layer, sides, mode="edge")
-            for layer in (
-                self._log, self._located, self._empty, self._prior, self._silent, self._received, self._factor,
-            )
-        )  # fmt: skip
+        for name in ("_log", "_located", "_empty", "_prior", "_silent", "_received", "_factor"):
+            setattr(self, name, np.pad(getattr(self, name), sides, mode="edge"))
         self.centres = _centres(self.frame)
 
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:

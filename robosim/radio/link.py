@@ -20,7 +20,7 @@ import math
 from collections import OrderedDict
 from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
 from weakref import WeakKeyDictionary
@@ -42,7 +42,6 @@ from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.motion.blockage import Blockage, block
 from wireless.motion.bodies import Bodies
-from wireless.motion.echoes import SIGHT, add_echoes
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import Tracer, TracerConfig
@@ -84,8 +83,6 @@ class RadioLinkConfig:
     None without ranging."""
     blockage: BlockageModel = "knife-edges"
     """How people weaken paths: by Fresnel integrals with phases, by model B of 3GPP TR 38.901, or not at all."""
-    echoes: bool = False
-    """Whether people reflect, too: one path off each of them that both ends see."""
 
     def in_band(self, name: str) -> "RadioLinkConfig":
         """Return the configuration in a band of `wireless.bands`: other carrier, power, waveform, and antennas."""
@@ -127,7 +124,6 @@ class RadioLink:
                 f"height_m is {self.config.height_m}, expected antennas between floor and ceiling, 0 to "
                 f"{building.height_m:g} m."
             )
-        self._building = building
         self._tracer = Tracer(building, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
         c = self.config
         self.sounder, self._estimator = _receiver(c.transmitter, c.receiver, c.estimator, c.sounding)
@@ -160,11 +156,8 @@ class RadioLink:
         self._at = np.array(pose[:2])
         self.paths = self._unblocked = self._paths(self._at)
         self.blockage = None
-        if bodies is not None:
-            if self.config.echoes:
-                self.paths = add_echoes(self.paths, bodies, self._sight)
-            if self.config.blockage != "none":
-                self.paths, self.blockage = block(self.paths, bodies, self.config.blockage)
+        if bodies is not None and self.config.blockage != "none":
+            self.paths, self.blockage = block(self.paths, bodies, self.config.blockage)
         if self.config.engine == "table":
             estimates = read_paths(self.paths, float(pose[2]), self.sounder, rng)
         else:
@@ -215,12 +208,6 @@ class RadioLink:
         paths = None if self.config.engine == "live" else self.table.at(at)
         # No node of the table is visible from a niche.
         return self.trace(at) if paths is None else paths
-
-    @cached_property
-    def _sight(self) -> Tracer:
-        """Finds what is in sight of a body."""
-        config = replace(SIGHT, polarisation=self.config.tracer.polarisation)
-        return Tracer(self._building, frequency_hz=self.config.frequency_hz, config=config)
 
     def trace(self, at: Float[np.ndarray, "2"]) -> Paths:
         """True paths from the transmitter to a place [m] in the building without people."""

@@ -19,7 +19,6 @@ EXTRAS = {
     "minari": "minari",
     "pettingzoo": "team",
     "distributed": "cluster",
-    "rerun": "viz",
     "rosbags": "bags",
     "ezdxf": "dxf",
     "svgelements": "svg",

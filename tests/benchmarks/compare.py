@@ -13,9 +13,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
+from robosim.evaluation.search_scores import bootstrap
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.results import ROOT, Results
 
@@ -39,8 +39,8 @@ def main(ref: str, *, turns: int = 9, options: OmitArgPrefixes[Options] = DEFAUL
         ][1:]
     for task in measured[0][ROOT]:
         here, there = (np.array([turn[tree][task] for turn in measured]) for tree in both)
-        ratio, spread = median_ratio(here, there)
-        results.add("ratio", task, f"seconds here / {ref}", ratio, digits=3, spread=spread, cases=turns)
+        ratio, low, high = bootstrap((here / there)[:, None], 0.5)
+        results.add("ratio", task, f"seconds here / {ref}", ratio, digits=3, spread=(low, high), cases=turns)
         results.add("ratio", task, "here", float(np.median(here)), "s")
     return options.finish("compare", results)
 
@@ -67,13 +67,3 @@ def run(tree: Path) -> dict[str, float]:
         raise ValueError(f"the tasks do not run with {tree.name}: {done.stderr[-300:]}")
     seconds: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return seconds
-
-
-def median_ratio(
-    here: Float[np.ndarray, " turns"], there: Float[np.ndarray, " turns"]
-) -> tuple[float, tuple[float, float]]:
-    """Median over turns of the ratio of seconds, with its 95 % interval."""
-    ratios = here / there
-    drawn = np.random.default_rng(0).integers(len(ratios), size=(2000, len(ratios)))
-    low, high = np.quantile(np.median(ratios[drawn], axis=1), (0.025, 0.975))
-    return float(np.median(ratios)), (float(low), float(high))

@@ -331,7 +331,7 @@ def test_grid_over_a_scene(tmp_path, capsys):
     assert table.num_rows == 200
     np.testing.assert_array_equal(table["power_dbm"].to_numpy(), coverage.power_dbm.ravel())
     assert paths.link_state()[0].tolist() == (coverage.category[0].ravel() % 4).tolist()
-    assert {"coverage.png", "coverage.tif", "power_tx1.png", "state_tx2.png", "house_Tx_2.csv"} <= {
+    assert {"coverage.png", "power_tx1.png", "state_tx2.png", "house_Tx_2.csv"} <= {
         file.name for file in out.iterdir()
     }
     with np.load(out / "deepmimo_scenarios/house/power_t000_tx001_r001.npz") as file:

@@ -67,16 +67,13 @@ def test_libraries_say_what_to_install():
     [
         ("viser", "live flat"),
         ("minari", "collect-searches"),
-        ("rerun", "view EPISODE"),
-        ("rerun", "episode flat --rerun"),
         ("distributed", "collect --homes 1 --cluster tcp://127.0.0.1:1"),
     ],
 )
 def test_a_missing_extra_is_one_line_with_the_remedy(module, words, tmp_path):
     """Status 2, and what to type for this installation."""
-    (tmp_path / "episode.rrd").touch()
-    line = [str(tmp_path) if word == "EPISODE" else word for word in words.split()]
-    if line[0] not in ("live", "view"):
+    line = words.split()
+    if line[0] != "live":
         line += ["--out", str(tmp_path / "out")]
     ended = run(f"from robosim.cli import main\nmain({line!r})", module)
     assert ended.returncode == 2, ended.stderr

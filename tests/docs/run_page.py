@@ -39,7 +39,7 @@ ADDED: dict[str, dict[str, str]] = {
     "trace": {"--grid": "2", "--no-plots": "", "--workers": "1"},
 }
 #: Commands that serve until they are stopped, or train for long.
-ENDLESS = ("live", "view", "train", "calibrate")
+ENDLESS = ("live", "train", "calibrate")
 #: What a command or a block of Python says that lacks an input; it is counted, and no failure.
 LACKS = {
     "a file": re.compile(

@@ -57,7 +57,7 @@ def test_every_extra_is_listed(monkeypatch):
     assert findings["minari"].fix == install_command("minari")
     able, text = _printed([*GOOD, *findings.values()])
     assert able
-    assert all(f"extra {extra} " in text for extra in ("train", "live", "minari", "cluster", "viz"))
+    assert all(f"extra {extra} " in text for extra in ("train", "live", "minari", "cluster", "bags"))
     assert "absent  minari is not installed." in text
 
 

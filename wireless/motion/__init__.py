@@ -1,1 +1,1 @@
-"""Links among moving people: blockage of paths, reflections off bodies, and channels over time."""
+"""Links among moving people: blockage of paths, and channels over time."""

@@ -10,8 +10,7 @@ vertical plane, which is the same for level paths.
 
 Bodies beyond an end of a segment do not block it; within half a radius around that end, what they do to it changes
 linearly. Screens farther from a path than `FADES_AT` first Fresnel radii have less effect, and beyond `ENDS_AT` none. A
-body that contains the transmitter, the receiver or a point that scatters does not block the segments that end there: it
-carries the terminal, or is what scatters.
+body that contains the transmitter or the receiver carries it, and does not block the segment that ends there.
 
 Left out: several screens close to each other, whose losses in decibels are added as in TR 38.901; the floor, which
 closes the gap below the feet; bodies straight above or below a terminal, as vertical segments have no screen.
@@ -126,11 +125,9 @@ def _find(
             feet, radius_m, height_m = bodies[0][k], bodies[1][k], bodies[2][k]
             product = 1.0 + 0.0j
             for j in range(last + 1):
-                begins = j == 0 or interaction[i, j - 1] == SCATTERING
-                ends = j == last or interaction[i, j] == SCATTERING
-                if begins and _contains(feet, radius_m, height_m, corner[j]):
+                if j == 0 and _contains(feet, radius_m, height_m, corner[j]):
                     continue
-                if ends and _contains(feet, radius_m, height_m, corner[j + 1]):
+                if j == last and _contains(feet, radius_m, height_m, corner[j + 1]):
                     continue
                 ends_m = before[j], after[j]
                 product *= _factor(

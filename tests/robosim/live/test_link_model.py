@@ -12,12 +12,12 @@ from PIL import Image
 from robosim.building.building import BuildingConfig
 from robosim.live.link_model import LinkModel, plan_of
 from robosim.live.radio_view import radio_maps
-from robosim.live.scene_nodes import linear, power_colours
+from robosim.live.scene_nodes import linear, power_colours, ray_kind
 from robosim.plans.floorplan import MapError
 from robosim.radio.scene import RadioConfig
 from slam.poses import wrap
 from tests.plans import two_rooms
-from wireless.paths import Paths
+from wireless.paths import Interaction, Paths
 from wireless.tracing.tracer import Tracer
 
 
@@ -140,3 +140,16 @@ def test_a_bad_file_is_rejected_by_its_own_name(name, content, words):
         plan_of(name, content, 0.05)
     assert words in str(raised.value)
     assert "robosim-live-" not in str(raised.value)
+
+
+def test_kinds_of_rays():
+    none, reflection, diffraction = Interaction.NONE, Interaction.REFLECTION, Interaction.DIFFRACTION
+    for met, kind in (
+        ((none, none), "line of sight"),
+        ((reflection, reflection), "reflection"),
+        ((diffraction, none), "diffraction"),
+        ((diffraction, reflection), "reflection and diffraction"),
+        ((Interaction.TRANSMISSION, reflection), "transmission"),
+        ((Interaction.SCATTERING, none), "scattering"),
+    ):
+        assert ray_kind(np.array(met, np.uint8)) == kind

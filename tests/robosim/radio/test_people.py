@@ -49,14 +49,3 @@ def test_no_people_and_people_aside_change_no_bit(building):
     np.testing.assert_array_equal(
         snr(placed(building, blockage="none"), people(np.array([[4.0, 2.0]]))), alone
     )
-
-
-def test_people_reflect_if_wanted(building):
-    """One path of one interaction off each of them, at the person's place."""
-    link = placed(building, echoes=True)
-    snr(link)
-    before = len(link.paths)
-    snr(link, people(np.array([[4.0, 3.0], [2.0, 1.0]])))
-    assert len(link.paths) == before + 2
-    points = link.paths.point[link.paths.order == 1, 0, :2]
-    assert all(np.hypot(*(points - place).T).min() < 1e-9 for place in ((4.0, 3.0), (2.0, 1.0)))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.drawing.picture import Picture
-from robosim.live.scene_nodes import state_colours
-from robosim.recording.rerun_recording import RAY_COLOURS
+from robosim.live.scene_nodes import RAY_COLOURS, state_colours
 from robosim.support.colours import STATE_COLOURS
 from wireless.paths import LinkCategory, LinkState
 

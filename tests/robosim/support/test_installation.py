@@ -61,7 +61,7 @@ def test_a_wheel_gets_the_extra_by_name(installed, origin):
     """It is installed already, so that pip fetches the extra's packages alone."""
     installed(origin)
     assert installation.package_version() == "9.9"
-    assert install_command("viz") == "pip install 'robosim-wireless[viz]'"
+    assert install_command("bags") == "pip install 'robosim-wireless[bags]'"
 
 
 def test_a_folder_is_named(installed, tmp_path):
@@ -69,7 +69,7 @@ def test_a_folder_is_named(installed, tmp_path):
     source = tmp_path / "a checkout"
     source.mkdir()
     installed({"url": source.as_uri(), "dir_info": {}})
-    assert install_command("viz") == f"pip install '{source}[viz]'"
+    assert install_command("bags") == f"pip install '{source}[bags]'"
 
 
 def test_what_is_missing_is_installed_first(monkeypatch):

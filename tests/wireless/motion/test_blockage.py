@@ -261,6 +261,12 @@ def test_body_that_carries_a_terminal_does_not_block_it():
         assert abs(factor(lines(there_and_back), (0.05, 0.0))[0]) < 0.5
 
 
+@pytest.mark.parametrize("kind", [Interaction.REFLECTION, Interaction.DIFFRACTION, Interaction.SCATTERING])
+def test_body_over_a_point_of_a_wall_blocks_the_path_there(kind):
+    path = lines([(0, 0, 1), (2, 1, 1), (4, 0, 1)], kinds=[[kind]])
+    assert abs(factor(path, (2.0, 0.95))[0]) < 0.5
+
+
 def test_segments_without_length_or_upright_are_clear():
     """Two reflections in one corner, and a path straight up: as if they were not there."""
     corner = [(0, 0, 1), (3, 0, 1), (3, 0, 1), (3, 3, 1)]
