@@ -2,10 +2,11 @@
 
 Episodes of several kinds take turns, each in a generated building of its own; each is written to disk and read back.
 Visitors of a page read all that it sends, some at once; whenever one leaves and another comes, the transmitter has
-moved, and now and then a search runs. A row for each tenth: resident memory after garbage collection, open
-descriptors, threads, processes, and temporary files of this process and its children.
+moved, and now and then a search runs. A row for each tenth: resident memory after garbage collection and after glibc
+returned what it holds free, open descriptors, threads, processes, and temporary files of this process and its children.
 """
 
+import ctypes
 import gc
 import os
 import tempfile
@@ -132,6 +133,7 @@ def receive(visits: int, at_once: int, seed: int, results: Results) -> None:
 def add_remains(table: str, row: str, results: Results, *first: tuple[str, int]) -> None:
     """Add a row with what this process holds now."""
     gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     results_of = [
         *first,
