@@ -26,6 +26,7 @@ from tests.benchmarks import (
     estimation,
     exploration,
     labels,
+    leaks,
     link_states,
     map_errors,
     mapping,
@@ -365,3 +366,15 @@ def test_team_search(pair, options, tmp_path):
         assert column(results, table, "arrived") == {"1 robot": 100, "2 robots": 100}
         ratio = results.find(table, "2 robots", "steps over one")
         assert ratio["cases"] == 1 and 0 < ratio["value"] < 3
+
+
+def test_leaks(options):
+    """A visitor who comes when another leaves adds nothing; of a closed page Python's resource tracker remains."""
+    pytest.importorskip("viser")
+    results = leaks.main(episodes=2, steps=5, visits=3, at_once=2, options=options)
+    assert column(results, "episodes", "decisions") == {"1": 5, "2": 10}
+    for name, left in (("descriptors", 3), ("threads", 0), ("processes", 1), ("temporary files", 0)):
+        before, during = column(results, "episodes", name), column(results, "visitors", name)
+        assert before["1"] == before["2"]
+        assert during["2"] == during["3"]
+        assert during["page closed"] <= before["2"] + left

@@ -94,7 +94,7 @@ def measure(plan: FloorPlan, config: EpisodeConfig, moves: int, results: Results
             delay = 1e3 * np.percentile(delays_s, share)
             results.add("drags", f"{plan.name}, {name}", words, delay, "ms", digits=0, cases=len(delays_s))
 
-    with Page("127.0.0.1", 0, "bench") as page, _reader(page):
+    with Page("127.0.0.1", 0, "bench") as page, reader(page):
         radio = page.explore(plan)
         searches = page.search(config)
         radio.settle(_SETTLE_S)
@@ -104,14 +104,14 @@ def measure(plan: FloorPlan, config: EpisodeConfig, moves: int, results: Results
         radio.show_floor("off")
         searches.start()
         watched = searches.searches[0]
-        _wait(lambda: watched.recording is not None and len(watched.recording) > 1)
+        wait(lambda: watched.recording is not None and len(watched.recording) > 1)
         add("a search runs", _drag(page, moves))
         searches.stop()
         page.show("Radio")
         for name, delays_s in _in_browser(page, radio.settle):
             add(name, delays_s)
     results.add("searches", plan.name, "alone", _decisions_per_s(plan, config), "decisions/s", digits=1)
-    with Page("127.0.0.1", 0, "bench") as page, _reader(page):
+    with Page("127.0.0.1", 0, "bench") as page, reader(page):
         page.explore(plan).settle(_SETTLE_S)
         searches = page.search(config)
         page.show("Search")
@@ -147,21 +147,21 @@ def _decisions_per_s(plan: FloorPlan, config: EpisodeConfig) -> float:
 
 def _rate(search: SearchProcess) -> float:
     """Decisions a second, from the first to the last."""
-    _wait(lambda: not search.is_alive or (search.recording is not None and len(search.recording) > 0))
+    wait(lambda: not search.is_alive or (search.recording is not None and len(search.recording) > 0))
     begin, first = time.perf_counter(), len(search.recording or ())
-    _wait(lambda: not search.is_alive)
+    wait(lambda: not search.is_alive)
     if search.error or search.recording is None:
         raise ValueError(f"the search did not end: {search.error}")
     return (len(search.recording) - first) / (time.perf_counter() - begin)
 
 
-def _wait(condition: Callable[[], bool]) -> None:
+def wait(condition: Callable[[], bool]) -> None:
     while not condition():
         time.sleep(0.005)
 
 
 @contextmanager
-def _reader(page: Page) -> Iterator[None]:
+def reader(page: Page) -> Iterator[None]:
     """Somebody who takes all that the page sends, and shows nothing."""
     import viser
     from websockets.exceptions import ConnectionClosed
