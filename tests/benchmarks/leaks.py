@@ -2,7 +2,7 @@
 
 Episodes of several kinds take turns, each in a generated building of its own; each is written to disk and read back.
 Visitors of a page read all that it sends, some at once; whenever one leaves and another comes, the transmitter has
-moved, and now and then a search runs. A row for each tenth: resident memory after garbage collection and after glibc
+moved, and occasionally a search runs. A row for each tenth: resident memory after garbage collection and after glibc
 returned what it holds free, open descriptors, threads, processes, and temporary files of this process and its children.
 """
 

@@ -41,6 +41,8 @@ from wireless.paths import LinkState
 
 #: Relative arrival times of los-or-first read off the published curves: median and 80 %, for each class.
 PUBLISHED_TIMES = ((1.55, 2.0), (2.3, 3.6), (2.2, 3.4))
+#: Its published arrivals [%], for each class.
+PUBLISHED_ARRIVALS = (100, 100, 94)
 #: Policies that follow by one rule, and decisions after which the robot is looked at again.
 FOLLOWERS, LATER = ("snr", "los", "los-or-first"), 10
 EXPLORED = "higher order, exploring instead"
@@ -85,9 +87,12 @@ def main(evaluation: Positional[Path], *, options: OmitArgPrefixes[Options] = DE
         results.add(
             "bumps in 100 m", one.policy, one.difficulty, 100 * bumps / driven, digits=1, cases=one.tasks
         )
-    for name, column in (("median", 0), ("80 %", 1)):
-        for place, difficulty in enumerate(CLASSES):
-            results.add(name, "published, los-or-first", difficulty, PUBLISHED_TIMES[place][column], digits=2)
+    add_estimates(scored, results)
+    published = "published, los-or-first"
+    for difficulty, (median, p80), arrived in zip(CLASSES, PUBLISHED_TIMES, PUBLISHED_ARRIVALS, strict=True):
+        results.add("median", published, difficulty, median, digits=2)
+        results.add("80 %", published, difficulty, p80, digits=2)
+        results.add("arrived", published, difficulty, arrived, "%", digits=0)
     add_ratios(scored, results)
     add_spl_ratios(scored, results)
     settings = read_json(evaluation / SETTINGS, "settings of an evaluation")["settings"]["episode"]
@@ -116,6 +121,21 @@ def rows_of(evaluation: Path) -> list[dict[str, Any]]:
         )
     known = [row for row in rows if (row["plan"], row["task"]) in judged]
     return sorted(known, key=lambda row: (place_of(row["policy"]), row["plan"], row["task"], row["repeat"]))
+
+
+def add_estimates(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
+    """Errors of the position at the end of searches, and the share of link states that are right during them."""
+    for policy in dict.fromkeys(row["policy"] for row in scored):
+        rows = [row for row in scored if row["policy"] == policy]
+        for table, name, column, unit, quantile in (
+            ("pose at the end", "median", "position_error_last_m", "cm", 0.5),
+            ("pose at the end", "95 %", "position_error_last_m", "cm", 0.95),
+            ("link states during searches", "right", "link_state_accuracy", "%", None),
+        ):
+            values = 100 * np.array([[row.get(column, np.nan)] for row in rows], float)
+            value, *spread = bootstrap(by_plan(values, [row["plan"] for row in rows]), quantile)
+            if np.isfinite(value):
+                results.add(table, policy, name, value, unit, digits=1, spread=spread, cases=len(rows))
 
 
 def add_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
