@@ -65,7 +65,8 @@ class Yielding:
         here = estimate.pose[:2]
         gap_m = min((math.hypot(*(path[0] - self._from)) for path, _ in paths), default=math.inf)
         is_there = self._place is not None and math.hypot(*(self._place - here)) < _THERE_M
-        self._left -= _IDLE if is_there and gap_m > self._gap_m - _NEARER_M else 1
+        if is_there or waited:
+            self._left -= _IDLE if is_there and gap_m > self._gap_m - _NEARER_M else 1
         self._gap_m = gap_m
         passes = any(_leads_past(path, place) for path, _ in paths for place in (self._from, here))
         if self._left > 0 and receives and not passes:

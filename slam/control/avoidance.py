@@ -31,6 +31,8 @@ _UNSURE_MPS = 0.6
 #: Half side of the surroundings of another robot in which there must be room to pass it [m], and area of floor that
 #: counts [m2].
 _AROUND_M, _REGION_M2 = 1.0, 0.05
+#: By how much a robot may come nearer to another one as it passes by [m].
+_BY_M = 0.03
 #: The turn to the other side.
 _OTHER_SIDE: dict[Command, Action] = {Action.LEFT: Action.RIGHT, Action.RIGHT: Action.LEFT}
 
@@ -151,7 +153,9 @@ class Avoidance:
         for time_s in (share * config.step_s, np.zeros(4)):
             there = thing.xy + time_s[:, None] * thing.velocity
             going_m = np.hypot(*(estimate.pose[:2] + share[:, None] * step - there).T)
-            waiting_m = np.hypot(*(estimate.pose[:2] - there).T).min()
-            if ((going_m < least_m + unsure_mps * time_s) & (going_m < waiting_m)).any():
+            nearest_m = np.hypot(*(estimate.pose[:2] - there).T).min()
+            if thing.radius_m is not None:
+                nearest_m = min(nearest_m, max(nearest_m - _BY_M, least_m - distance_m + config.squeeze_m))
+            if ((going_m < least_m + unsure_mps * time_s) & (going_m < nearest_m)).any():
                 return True
         return False
