@@ -28,7 +28,7 @@ from robosim.support.parts import accepted
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from robosim.team.member import Member
-from robosim.team.yielding import turn_along
+from robosim.team.yielding import back_along, turn_along
 from slam.actions import Action, Command
 from slam.control.avoidance import Avoidance
 from slam.grid import MapEstimate
@@ -129,9 +129,11 @@ class Agent:
             plan = self._planner.plan(around, goal, look=look)
             if self._loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 self._planner.look_closely()
-            self._chosen = self.policy.action()
-            if self._chosen is None or away is not None:
+            self._chosen = self.policy.action() if away is None else back_along(map_.pose, plan, self._robot.hull)
+            if self._chosen is None:
                 self._chosen = self._controller.act(map_.pose, plan)
+            elif away is not None:
+                self._controller.withdraw()
             command = self._avoidance.checked(map_, self._chosen)
             if away is not None and command is Action.WAIT:
                 command = self._avoidance.checked(map_, turn_along(map_.pose, plan.path))

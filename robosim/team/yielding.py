@@ -11,12 +11,13 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from slam.actions import TURN_RAD, Action
+from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.grid import MapEstimate
 from slam.hull import Hull
 from slam.planning.cost_map import CostConfig, cut_box, travel_time_from_robot
 from slam.planning.paths import along
-from slam.poses import to_robot
+from slam.planning.planner import Plan
+from slam.poses import to_map, to_robot
 
 #: Waits after which the first robot of a team backs off, and each further one has waited for longer.
 _WAITS, _WAITS_MORE = 3, 5
@@ -106,6 +107,19 @@ def _leads_past(path: Float[np.ndarray, "n 2"], place: Float[np.ndarray, "2"]) -
     points = along(path, 0.2, 2 * AROUND_M) if len(path) > 1 else path
     gaps_m = np.hypot(*(points - place).T)
     return bool(gaps_m.min() < min(_PAST_M, gaps_m[0] - _PASSES_M))
+
+
+def back_along(pose: Float[np.ndarray, "3"], plan: Plan, hull: Hull) -> Action | None:
+    """The action that leads backwards along a path; None if that is no shorter than to turn round, or too tight."""
+    ahead = along(plan.path, FORWARD_M, 2 * FORWARD_M) if len(plan.path) > 1 else plan.path
+    left = to_robot(pose, ahead[-1])
+    angle = math.atan2(-left[1], -left[0])
+    if not left.any() or abs(angle) > math.pi / 2:
+        return None
+    if abs(angle) > TURN_RAD / 2:
+        return Action.LEFT if angle > 0 else Action.RIGHT
+    there = to_map(pose, np.array([-FORWARD_M, 0.0]))
+    return Action.BACKWARD if plan.clearance.space(hull, there, float(pose[2])) >= 0 else None
 
 
 def turn_along(pose: Float[np.ndarray, "3"], path: Float[np.ndarray, "n 2"]) -> Action:
