@@ -8,6 +8,7 @@ it, and the controller a command along the path. An agent knows no simulator, no
 in an episode (`robosim.episode`), in a Gymnasium environment, through a recorded bag, and on a real robot.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -28,7 +29,7 @@ from robosim.support.parts import accepted
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from robosim.team.member import Member
-from robosim.team.yielding import back_along, turn_along
+from robosim.team.yielding import turn_along
 from slam.actions import Action, Command
 from slam.control.avoidance import Avoidance
 from slam.grid import MapEstimate
@@ -117,11 +118,12 @@ class Agent:
         with self._watch.stage("goal"):
             around = self._avoidance.around(map_)
             requested = self.policy.goal(sensed, replace(estimates, map=around))
-        if requested is None:
+            waited = math.inf if requested is None else self._avoidance.waited
+            away = None if self.member is None else self.member.place_to_yield(waited, map_)
+        if requested is None and away is None:
             return self._decided(None)
         with self._watch.stage("planner"):
-            away = None if self.member is None else self.member.place_to_yield(self._avoidance.waited, map_)
-            goal = self._loop_detector.goal(requested, map_.pose) if away is None else away
+            goal = away if away is not None else self._loop_detector.goal(requested, map_.pose)
             reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
             reason = reason if away is None else YIELDS
             # A robot sees the floor of a niche from outside; but a target may stand in it.
@@ -129,10 +131,11 @@ class Agent:
             plan = self._planner.plan(around, goal, look=look)
             if self._loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 self._planner.look_closely()
-            self._chosen = self.policy.action() if away is None else back_along(map_.pose, plan, self._robot.hull)
+            backs_off = self.member is not None and away is not None
+            self._chosen = self.member.back_along(map_.pose, plan) if backs_off else self.policy.action()
             if self._chosen is None:
                 self._chosen = self._controller.act(map_.pose, plan)
-            elif away is not None:
+            elif backs_off:
                 self._controller.withdraw()
             command = self._avoidance.checked(map_, self._chosen)
             if away is not None and command is Action.WAIT:

@@ -21,8 +21,9 @@ from slam.poses import to_map, to_robot
 
 #: Waits after which the first robot of a team backs off, and each further one has waited for longer.
 _WAITS, _WAITS_MORE = 3, 5
-#: Most decisions for which it stays away, and how many of them each one counts for in which nothing comes nearer.
-_AWAY, _IDLE = 25, 4
+#: Most decisions for which it stays away, and what each counts for on the way there, in its place or as it waits, and
+#: in its place if nothing comes nearer.
+_AWAY, _GOES, _STAYS, _IDLE = 25.0, 0.25, 1.0, 4.0
 #: Distance from its place at which a robot is there, and by which another has come nearer in a decision [m].
 _THERE_M, _NEARER_M = 0.3, 0.02
 #: Half side of the surroundings in which it looks for a place [m]; space that it leaves to the other's hull [m].
@@ -32,6 +33,8 @@ _MARGIN_M = 0.1
 #: Robots nearer than this may block each other; a path leads past a place that it comes nearer to, by more than the
 #: last [m].
 NEAR_M, _PAST_M, _PASSES_M = 2.0, 0.7, 0.05
+#: Point of its path that a robot aims at as it goes backwards, and space that it leaves next to it [m].
+_AIM_M, _SIDE_M = 0.3, 0.02
 #: Length of the other's path that is left free [m].
 _PATH_M = 4.0
 
@@ -43,11 +46,12 @@ class Yielding:
         """Begin; `order` counts the robots of the team from 0."""
         self._patience, self._hull = _WAITS + _WAITS_MORE * order, hull
         self._place: np.ndarray | None = None
-        self._left, self._from, self._gap_m = 0, np.zeros(2), math.inf
+        self._left, self._from, self._gap_m = 0.0, np.zeros(2), math.inf
+        self._turns_round = False
 
     def place(
         self,
-        waited: int,
+        waited: float,
         estimate: MapEstimate,
         paths: list[tuple[Float[np.ndarray, "n 2"], float]],
         *,
@@ -57,7 +61,7 @@ class Yielding:
         """The place to back off to; None if there is no need.
 
         Args:
-            waited: Decisions for which something has blocked the robot.
+            waited: Decisions for which something has blocked the robot; infinite if it has nothing to do.
             estimate: Its map.
             paths: Paths of the robots around from where they are, and their radii [m].
             another: Whether another one of them backs off.
@@ -66,16 +70,31 @@ class Yielding:
         here = estimate.pose[:2]
         gap_m = min((math.hypot(*(path[0] - self._from)) for path, _ in paths), default=math.inf)
         is_there = self._place is not None and math.hypot(*(self._place - here)) < _THERE_M
-        if is_there or waited:
-            self._left -= _IDLE if is_there and gap_m > self._gap_m - _NEARER_M else 1
+        is_idle = is_there and gap_m > self._gap_m - _NEARER_M
+        self._left -= _IDLE if is_idle else _STAYS if is_there or waited else _GOES
         self._gap_m = gap_m
         passes = any(_leads_past(path, place) for path, _ in paths for place in (self._from, here))
         if self._left > 0 and receives and not passes:
-            self._left = 0
+            self._left = 0.0
         is_near = any(np.hypot(*(path[0] - here)) < NEAR_M for path, _ in paths)
         if self._left <= 0 and waited >= self._patience and is_near and passes and not another:
             self._place, self._left, self._from = self._find(estimate, paths), _AWAY, here.copy()
+            self._turns_round = False
         return self._place if self._left > 0 else None
+
+    def back_along(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action | None:
+        """The action that leads backwards along a path to the place; None if the robot is to go forwards."""
+        ahead = along(plan.path, 0.1, _AIM_M) if len(plan.path) > 1 else plan.path
+        left = to_robot(pose, ahead[-1])
+        angle = math.atan2(-left[1], -left[0])
+        if self._turns_round or not left.any() or abs(angle) > math.pi / 2:
+            return None
+        if abs(angle) > TURN_RAD / 2:
+            return Action.LEFT if angle > 0 else Action.RIGHT
+        step = to_map(pose, np.outer(np.linspace(0.25, 1.0, 4), (-FORWARD_M, 0.0)))
+        # Where that is too tight, it turns round once, and not again and again.
+        self._turns_round = plan.clearance.space(self._hull, step, float(pose[2])).min() < _SIDE_M
+        return None if self._turns_round else Action.BACKWARD
 
     def _find(
         self, estimate: MapEstimate, paths: list[tuple[Float[np.ndarray, "n 2"], float]]
@@ -107,19 +126,6 @@ def _leads_past(path: Float[np.ndarray, "n 2"], place: Float[np.ndarray, "2"]) -
     points = along(path, 0.2, 2 * AROUND_M) if len(path) > 1 else path
     gaps_m = np.hypot(*(points - place).T)
     return bool(gaps_m.min() < min(_PAST_M, gaps_m[0] - _PASSES_M))
-
-
-def back_along(pose: Float[np.ndarray, "3"], plan: Plan, hull: Hull) -> Action | None:
-    """The action that leads backwards along a path; None if that is no shorter than to turn round, or too tight."""
-    ahead = along(plan.path, FORWARD_M, 2 * FORWARD_M) if len(plan.path) > 1 else plan.path
-    left = to_robot(pose, ahead[-1])
-    angle = math.atan2(-left[1], -left[0])
-    if not left.any() or abs(angle) > math.pi / 2:
-        return None
-    if abs(angle) > TURN_RAD / 2:
-        return Action.LEFT if angle > 0 else Action.RIGHT
-    there = to_map(pose, np.array([-FORWARD_M, 0.0]))
-    return Action.BACKWARD if plan.clearance.space(hull, there, float(pose[2])) >= 0 else None
 
 
 def turn_along(pose: Float[np.ndarray, "3"], path: Float[np.ndarray, "n 2"]) -> Action:
