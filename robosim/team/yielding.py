@@ -35,6 +35,8 @@ _MARGIN_M = 0.1
 NEAR_M, _PAST_M, _PASSES_M = 2.0, 0.7, 0.05
 #: Point of its path that a robot aims at as it goes backwards, and space that it leaves next to it [m].
 _AIM_M, _SIDE_M = 0.3, 0.02
+#: Places on a step backwards, in the frame of the robot [m].
+_STEP = np.outer(np.linspace(0.25, 1.0, 4), (-FORWARD_M, 0.0))
 #: Length of the other's path that is left free [m].
 _PATH_M = 4.0
 
@@ -89,12 +91,15 @@ class Yielding:
         angle = math.atan2(-left[1], -left[0])
         if self._turns_round or not left.any() or abs(angle) > math.pi / 2:
             return None
+        action, points, yaw = Action.BACKWARD, to_map(pose, _STEP), float(pose[2])
         if abs(angle) > TURN_RAD / 2:
-            return Action.LEFT if angle > 0 else Action.RIGHT
-        step = to_map(pose, np.outer(np.linspace(0.25, 1.0, 4), (-FORWARD_M, 0.0)))
+            action, points = Action.LEFT if angle > 0 else Action.RIGHT, pose[None, :2]
+            yaw += math.copysign(TURN_RAD, angle)
+        now_m = plan.clearance.space(self._hull, pose[:2], float(pose[2]))
+        space_m = plan.clearance.space(self._hull, points, yaw).min()
         # Where that is too tight, it turns round once, and not again and again.
-        self._turns_round = plan.clearance.space(self._hull, step, float(pose[2])).min() < _SIDE_M
-        return None if self._turns_round else Action.BACKWARD
+        self._turns_round = bool(space_m < min(_SIDE_M, now_m - 1e-3))
+        return None if self._turns_round else action
 
     def _find(
         self, estimate: MapEstimate, paths: list[tuple[Float[np.ndarray, "n 2"], float]]
