@@ -120,10 +120,12 @@ class Agent:
             requested = self.policy.goal(sensed, replace(estimates, map=around))
             waited = math.inf if requested is None else self._avoidance.waited
             away = None if self.member is None else self.member.place_to_yield(waited, map_)
-        if requested is None and away is None:
-            return self._decided(None)
+        if requested is None:
+            if away is None:
+                return self._decided(None)
+            requested = away
         with self._watch.stage("planner"):
-            goal = away if away is not None else self._loop_detector.goal(requested, map_.pose)
+            goal = self._loop_detector.goal(requested, map_.pose) if away is None else away
             reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
             reason = reason if away is None else YIELDS
             # A robot sees the floor of a niche from outside; but a target may stand in it.
@@ -131,12 +133,13 @@ class Agent:
             plan = self._planner.plan(around, goal, look=look)
             if self._loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 self._planner.look_closely()
-            backs_off = self.member is not None and away is not None
-            self._chosen = self.member.back_along(map_.pose, plan) if backs_off else self.policy.action()
+            self._chosen = self.policy.action()
+            if self.member is not None and away is not None:
+                self._chosen = self.member.back_along(map_.pose, plan)
+                if self._chosen is not None:
+                    self._controller.withdraw()
             if self._chosen is None:
                 self._chosen = self._controller.act(map_.pose, plan)
-            elif backs_off:
-                self._controller.withdraw()
             command = self._avoidance.checked(map_, self._chosen)
             if away is not None and command is Action.WAIT:
                 command = self._avoidance.checked(map_, turn_along(map_.pose, plan.path))

@@ -3,7 +3,10 @@
 A robot that another keeps from going on waits. After some waits it goes to the nearest place next to the other's path,
 if that leads past it and the other does not back off, and stays there until the other has passed, or for a while: less
 long if the other does not come nearer. Robots wait for different times, by their order in the team, so that they do
-not all back off at once, nor forever in turns.
+not all back off at once, nor forever in turns. A robot with nothing left to do makes room at once.
+
+It goes there in reverse if it looks away from the place, and turns round where a step or a turn is too tight for that:
+in a corridor it saves turning round twice.
 """
 
 import math

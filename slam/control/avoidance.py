@@ -4,6 +4,10 @@ A step is done only if the robot keeps its distance from the predicted places of
 them; else it waits, and accepts less distance the longer it has waited. It keeps more distance from things that have
 just come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
+Another robot is passed at the distance that steps keep, and is no obstacle where that leaves no room: paths lead on
+through its place, and one of the two makes room (`robosim.team.yielding`). A detour would be given up as soon as it
+moves. Robots side by side pass each other, although each step may bring them a little nearer.
+
 A base that does not turn about its centre moves as it turns on the spot. Next to another robot, which does not step
 aside, it turns to the other side if the turn would bring it too near.
 

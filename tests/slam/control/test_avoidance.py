@@ -150,7 +150,9 @@ def test_a_robot_that_stands_is_no_obstacle_where_there_is_no_room_to_pass():
     """Between walls 1 m apart there is room next to it; where they are 0.6 m apart, it has to make room itself."""
     for walls_m, is_obstacle in ((0.5, True), (0.3, False)):
         before = robot_at(1.0, 0.0, walls_m)
-        assert (Avoidance().around(before).obstacle_probability != before.obstacle_probability).any() == is_obstacle
+        assert (
+            Avoidance().around(before).obstacle_probability != before.obstacle_probability
+        ).any() == is_obstacle
 
 
 def test_robots_side_by_side_pass_each_other():
