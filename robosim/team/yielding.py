@@ -24,6 +24,8 @@ from slam.poses import to_map, to_robot
 
 #: Waits after which the first robot of a team backs off, and each further one has waited for longer.
 _WAITS, _WAITS_MORE = 3, 5
+#: Further waits after which it does so even if there is no place with room for the others to pass.
+_WAITS_ROOM = 20
 #: Most decisions for which it stays away, and what each counts for on the way there, in its place or as it waits, and
 #: in its place if nothing comes nearer.
 _AWAY, _GOES, _STAYS, _IDLE = 25.0, 0.25, 1.0, 4.0
@@ -83,7 +85,8 @@ class Yielding:
             self._left = 0.0
         is_near = any(np.hypot(*(path[0] - here)) < NEAR_M for path, _ in paths)
         if self._left <= 0 and waited >= self._patience and is_near and passes and not another:
-            self._place, self._left, self._from = self._find(estimate, paths), _AWAY, here.copy()
+            self._place = self._find(estimate, paths, anywhere=waited >= self._patience + _WAITS_ROOM)
+            self._left, self._from = 0.0 if self._place is None else _AWAY, here.copy()
             self._turns_round = False
         return self._place if self._left > 0 else None
 
@@ -105,9 +108,9 @@ class Yielding:
         return None if self._turns_round else action
 
     def _find(
-        self, estimate: MapEstimate, paths: list[tuple[Float[np.ndarray, "n 2"], float]]
+        self, estimate: MapEstimate, paths: list[tuple[Float[np.ndarray, "n 2"], float]], *, anywhere: bool
     ) -> Float[np.ndarray, "2"] | None:
-        """The nearest place with room for all others to pass; the one with most room if there is none."""
+        """The nearest place with room for all others to pass; if there is none, the one with most, or None."""
         here = estimate.pose[:2]
         box = cut_box(estimate, here - AROUND_M, here + AROUND_M)
         for path, radius_m in paths:
@@ -122,9 +125,9 @@ class Yielding:
             points = along(path, 0.1, _PATH_M) if len(path) > 1 else path
             gaps_m = np.hypot(*(places[:, None] - points).transpose(2, 0, 1)).min(axis=1)
             room_m = np.minimum(room_m, gaps_m - radius_m - self._hull.turning_m)
-        if not len(places):
-            return None
         is_enough = room_m >= _SPACE_M
+        if not len(places) or not (anywhere or is_enough.any()):
+            return None
         best = np.where(is_enough, cost_m, np.inf).argmin() if is_enough.any() else room_m.argmax()
         return np.asarray(places[best])
 
