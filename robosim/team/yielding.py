@@ -3,7 +3,8 @@
 A robot that another keeps from going on waits. After some waits it goes to the nearest place next to the other's path,
 if that leads past it and the other does not back off, and stays there until the other has passed, or for a while: less
 long if the other does not come nearer. Robots wait for different times, by their order in the team, so that they do
-not all back off at once, nor forever in turns. A robot with nothing left to do makes room at once.
+not all back off at once, nor forever in turns; one that has no place with room for the other leaves it to that one at
+first. A robot with nothing left to do makes room at once.
 
 It goes there in reverse if it looks away from the place, and turns round where a step or a turn is too tight for that:
 in a corridor it saves turning round twice.
@@ -26,8 +27,8 @@ from slam.poses import to_map, to_robot
 _WAITS, _WAITS_MORE = 3, 5
 #: Further waits after which it does so even if there is no place with room for the others to pass.
 _WAITS_ROOM = 20
-#: Most decisions for which it stays away, and what each counts for on the way there, in its place or as it waits, and
-#: in its place if nothing comes nearer.
+#: Most decisions for which it stays away, and what each counts for as it goes there, in its place or as it waits, and in
+#: its place if nothing comes nearer.
 _AWAY, _GOES, _STAYS, _IDLE = 25.0, 0.25, 1.0, 4.0
 #: Distance from its place at which a robot is there, and by which another has come nearer in a decision [m].
 _THERE_M, _NEARER_M = 0.3, 0.02

@@ -57,6 +57,14 @@ def test_yielding_waits_first_and_later_robots_longer() -> None:
     assert _place(Yielding(1, _HULL), 8) is not None
 
 
+def test_yielding_in_a_dead_end_is_left_to_the_other_at_first() -> None:
+    """There is no place with room for the other to pass; it has one, and begins before this robot goes anywhere."""
+    into = np.array([[5.0, 2.0], [7.8, 2.0]])
+    assert _place(Yielding(0, _HULL), 9, into, here=(6.0, 2.0)) is None
+    assert _place(Yielding(1, _HULL), 9, np.array([[6.0, 2.0], [1.0, 2.0]]), here=(5.0, 2.0)) is not None
+    assert _place(Yielding(0, _HULL), 23, into, here=(6.0, 2.0)) is not None
+
+
 def test_yielding_is_left_to_another() -> None:
     assert _place(Yielding(0, _HULL), 9, another=True) is None
 
@@ -69,7 +77,7 @@ def test_yielding_ends_once_the_other_has_passed() -> None:
 
 
 @pytest.mark.parametrize(("waited", "decisions"), [(1, 25), (0, 100)])
-def test_yielding_ends_after_a_while_and_later_if_the_robot_is_not_blocked_on_its_way(
+def test_yielding_ends_after_a_while_and_later_if_the_robot_is_not_blocked(
     waited: int, decisions: int
 ) -> None:
     yielding = Yielding(0, _HULL)

@@ -157,9 +157,9 @@ def test_a_robot_that_stands_is_no_obstacle_where_there_is_no_room_to_pass():
 
 def test_robots_side_by_side_pass_each_other():
     """The step leads past the other robot and comes nearer by 2 cm; a step towards it comes nearer by more."""
-    beside = robot_at(0.1, 0.26)
-    assert Avoidance().checked(beside, Action.FORWARD) is Action.FORWARD
-    towards = replace(beside, pose=np.array([0.0, 0.0, 0.6]))
+    near_by = robot_at(0.1, 0.26)
+    assert Avoidance().checked(near_by, Action.FORWARD) is Action.FORWARD
+    towards = replace(near_by, pose=np.array([0.0, 0.0, 0.6]))
     assert Avoidance().checked(towards, Action.FORWARD) is Action.WAIT
-    person = replace(beside, moving=(replace(beside.moving[0], radius_m=None),))
+    person = replace(near_by, moving=(replace(near_by.moving[0], radius_m=None),))
     assert Avoidance().checked(person, Action.FORWARD) is Action.WAIT
