@@ -27,8 +27,8 @@ from slam.poses import to_map, to_robot
 _WAITS, _WAITS_MORE = 3, 5
 #: Further waits after which it does so even if there is no place with room for the others to pass.
 _WAITS_ROOM = 20
-#: Most decisions for which it stays away, and what each counts for as it goes there, in its place or as it waits, and in
-#: its place if nothing comes nearer.
+#: Most decisions for which it stays away, and what each counts for as it goes there, in its place or as it waits, and
+#: in its place if nothing comes nearer.
 _AWAY, _GOES, _STAYS, _IDLE = 25.0, 0.25, 1.0, 4.0
 #: Distance from its place at which a robot is there, and by which another has come nearer in a decision [m].
 _THERE_M, _NEARER_M = 0.3, 0.02
