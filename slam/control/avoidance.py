@@ -4,8 +4,8 @@ A step is done only if the robot keeps its distance from the predicted places of
 them; else it waits, and accepts less distance the longer it has waited. It keeps more distance from things that have
 just come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
-Another robot is passed at the distance that steps keep, and is no obstacle where that leaves no room: paths lead on
-through its place, and one of the two makes room (`robosim.team.yielding`). A detour would be given up as soon as it
+Another robot is no obstacle where the distance that steps keep from it leaves no room to pass: paths lead on through
+its place, and one of the two makes room (`robosim.team.yielding`). A detour would be given up as soon as it
 moves. Robots side by side pass each other, although each step may bring them a little nearer.
 
 A base that does not turn about its centre moves as it turns on the spot. Next to another robot, which does not step
@@ -92,12 +92,9 @@ class Avoidance:
         probability = estimate.obstacle_probability.copy()
         for thing in standing:
             radius_m = thing.radius_m or self.config.body_m
-            if thing.radius_m is not None:
-                # As near as `checked` lets the robot pass, but not nearer than it is.
-                gap_m = math.hypot(*(thing.xy - estimate.pose[:2])) - self._hull.turning_m
-                radius_m = max(radius_m, min(radius_m + self.config.robots_m, gap_m))
             rows, columns, covered = estimate.frame.disc(thing.xy, radius_m)
-            if thing.radius_m is None or self._has_room(estimate, thing, radius_m):
+            # Room to pass it as near as `checked` allows.
+            if thing.radius_m is None or self._has_room(estimate, thing, radius_m + self.config.robots_m):
                 probability[rows, columns][covered] = 1.0
         return replace(estimate, obstacle_probability=probability)
 
