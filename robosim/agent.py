@@ -8,6 +8,7 @@ it, and the controller a command along the path. An agent knows no simulator, no
 in an episode (`robosim.episode`), in a Gymnasium environment, through a recorded bag, and on a real robot.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -117,10 +118,13 @@ class Agent:
         with self._watch.stage("goal"):
             around = self._avoidance.around(map_)
             requested = self.policy.goal(sensed, replace(estimates, map=around))
+            waited = math.inf if requested is None else self._avoidance.waited
+            away = None if self.member is None else self.member.place_to_yield(waited, map_)
         if requested is None:
-            return self._decided(None)
+            if away is None:
+                return self._decided(None)
+            requested = away
         with self._watch.stage("planner"):
-            away = None if self.member is None else self.member.place_to_yield(self._avoidance.waited, map_)
             goal = self._loop_detector.goal(requested, map_.pose) if away is None else away
             reason = (self.policy.reason if goal is requested else LOOP_DETECTED) or UNKNOWN_REASON
             reason = reason if away is None else YIELDS
@@ -130,7 +134,11 @@ class Agent:
             if self._loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 self._planner.look_closely()
             self._chosen = self.policy.action()
-            if self._chosen is None or away is not None:
+            if self.member is not None and away is not None:
+                self._chosen = self.member.back_along(map_.pose, plan)
+                if self._chosen is not None:
+                    self._controller.withdraw()
+            if self._chosen is None:
                 self._chosen = self._controller.act(map_.pose, plan)
             command = self._avoidance.checked(map_, self._chosen)
             if away is not None and command is Action.WAIT:

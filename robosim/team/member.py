@@ -24,10 +24,11 @@ from robosim.team.frames import Frames, seen_robots
 from robosim.team.notes import Note, Notebook, Topic
 from robosim.team.shared_map import SharedMap, TileChanges
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
-from slam.actions import FORWARD_M
+from slam.actions import FORWARD_M, Action
 from slam.graph.tracked_map import TrackedMap
 from slam.grid import Claim, MapEstimate, MovingThing
 from slam.hull import Hull
+from slam.planning.planner import Plan
 from slam.poses import between, compose, to_map, wrap
 
 #: Least distance between two measurements that are reported [m].
@@ -248,8 +249,8 @@ class Member:
             content = content.transformed(between(self._start, np.zeros(3)))
         self.notes.write(subject, content, number)
 
-    def place_to_yield(self, waited: int, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """The place to back off to, if another robot has blocked this one for a while; else None."""
+    def place_to_yield(self, waited: float, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The place to back off to, if another robot has blocked this one for a while; else None (see `Yielding`)."""
         here, paths, another = estimate.pose[:2], [], False
         for thing in estimate.moving:
             if not self.others and math.hypot(*(thing.xy - here)) < NEAR_M:
@@ -260,6 +261,10 @@ class Member:
                 paths.append((np.vstack([status.pose[:2], status.path]), status.radius_m))
                 another |= status.kind is GoalKind.AWAY
         return self._yielding.place(waited, estimate, paths, another=another, receives=bool(self.others))
+
+    def back_along(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action | None:
+        """The action that leads backwards to that place; None if the robot is to go forwards."""
+        return self._yielding.back_along(pose, plan)
 
     def received(self) -> list[Measurement]:
         """Measurements of the target by others since the last call."""

@@ -4,6 +4,10 @@ A step is done only if the robot keeps its distance from the predicted places of
 them; else it waits, and accepts less distance the longer it has waited. It keeps more distance from things that have
 just come into view, whose velocity is not known yet. Things that stand are obstacles to planner and explorer.
 
+Another robot is no obstacle where the distance that steps keep from it leaves no room to pass: paths lead on through
+its place, and one of the two makes room (`robosim.team.yielding`). A detour would be given up as soon as it
+moves. Robots side by side pass each other, although each step may bring them a little nearer.
+
 A base that does not turn about its centre moves as it turns on the spot. Next to another robot, which does not step
 aside, it turns to the other side if the turn would bring it too near.
 
@@ -14,17 +18,25 @@ import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 
 from robosim.support.checks import Range, checked
 from slam.actions import MOVES, Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
+from slam.planning.clearance import Clearance
+from slam.planning.cost_map import cut_box
 from slam.poses import to_map
 from slam.robot import Robot
 
 #: Velocities with larger standard deviations are not known yet [m/s].
 _UNSURE_MPS = 0.6
+#: Half side of the surroundings of another robot in which there must be room to pass it [m], and area of floor that
+#: counts [m2].
+_AROUND_M, _REGION_M2 = 1.0, 0.05
+#: By how much a robot may come nearer to another one as it passes by [m].
+_BY_M = 0.03
 #: The turn to the other side.
 _OTHER_SIDE: dict[Command, Action] = {Action.LEFT: Action.RIGHT, Action.RIGHT: Action.LEFT}
 
@@ -58,7 +70,7 @@ class Avoidance:
     """Keeps a robot from running into people."""
 
     def __init__(self, robot: Robot = Robot(), config: AvoidanceConfig = AvoidanceConfig()) -> None:
-        self._hull_m = robot.hull.turning_m
+        self._hull = robot.hull
         self._swings: dict[Command, np.ndarray] = {
             action: np.array(motion[:2])
             for action, motion in zip(MOVES, robot.motions, strict=True)
@@ -79,9 +91,25 @@ class Avoidance:
             return estimate
         probability = estimate.obstacle_probability.copy()
         for thing in standing:
-            rows, columns, covered = estimate.frame.disc(thing.xy, thing.radius_m or self.config.body_m)
-            probability[rows, columns][covered] = 1.0
+            radius_m = thing.radius_m or self.config.body_m
+            rows, columns, covered = estimate.frame.disc(thing.xy, radius_m)
+            # Room to pass it as near as `checked` allows.
+            if thing.radius_m is None or self._has_room(estimate, thing, radius_m + self.config.robots_m):
+                probability[rows, columns][covered] = 1.0
         return replace(estimate, obstacle_probability=probability)
+
+    def _has_room(self, estimate: MapEstimate, thing: MovingThing, radius_m: float) -> bool:
+        """Whether a thing of a radius [m] leaves all the floor around it connected, for the hull."""
+        box = cut_box(estimate, thing.xy - _AROUND_M, thing.xy + _AROUND_M)
+        regions = []
+        for _ in range(2):
+            space_m = Clearance(box.frame, box.obstacle, box.offset_m).cells(self._hull.radius_m)
+            free = (space_m >= self._hull.radius_m).astype(np.uint8)
+            areas = cv2.connectedComponentsWithStats(free, connectivity=4)[2][1:, cv2.CC_STAT_AREA]
+            regions.append(int((areas * box.frame.resolution_m**2 > _REGION_M2).sum()))
+            rows, columns, covered = box.frame.disc(thing.xy, radius_m)
+            box.obstacle[rows, columns][covered] = True
+        return regions[1] <= regions[0]
 
     def checked(self, estimate: MapEstimate, action: Command) -> Command:
         """The action, or a wait if it would lead too near to a thing; a velocity as the chord of its arc."""
@@ -118,7 +146,7 @@ class Avoidance:
         share_left = 0.0 if turns else max(1 - self.waited / config.waits, 0.0)
         squeeze_m = config.squeeze_m if thing.radius_m is None or turns else config.robots_m
         distance_m = squeeze_m + share_left * (config.distance_m - squeeze_m)
-        least_m = self._hull_m + (thing.radius_m or config.body_m) + distance_m
+        least_m = self._hull.turning_m + (thing.radius_m or config.body_m) + distance_m
         std_mps = math.sqrt(np.trace(thing.covariance[2:, 2:]) / 2)
         # The velocity of a person who has just come into view is not known yet.
         unsure_mps = config.deviations * std_mps if thing.unseen_s == 0 and std_mps > _UNSURE_MPS else 0.0
@@ -126,7 +154,9 @@ class Avoidance:
         for time_s in (share * config.step_s, np.zeros(4)):
             there = thing.xy + time_s[:, None] * thing.velocity
             going_m = np.hypot(*(estimate.pose[:2] + share[:, None] * step - there).T)
-            waiting_m = np.hypot(*(estimate.pose[:2] - there).T).min()
-            if ((going_m < least_m + unsure_mps * time_s) & (going_m < waiting_m)).any():
+            nearest_m = np.hypot(*(estimate.pose[:2] - there).T).min()
+            if thing.radius_m is not None:
+                nearest_m = min(nearest_m, max(nearest_m - _BY_M, least_m - distance_m + config.squeeze_m))
+            if ((going_m < least_m + unsure_mps * time_s) & (going_m < nearest_m)).any():
                 return True
         return False

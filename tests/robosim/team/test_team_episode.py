@@ -8,7 +8,7 @@ import pytest
 
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
-from robosim.entrants import make_entrants, starts_near
+from robosim.entrants import Entrant, make_entrants, starts_near
 from robosim.episode import run_episode, run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
@@ -248,3 +248,22 @@ def test_world_rejects_robots_among_different_people(scene) -> None:
     simulators = [replace(_CONFIG.simulator, movers=MoversConfig(people=count)) for count in (1, 2)]
     with pytest.raises(ValueError, match="movers differ"):
         World(scene[0], dict(zip("ab", simulators, strict=True)))
+
+
+def test_two_robots_that_meet_in_a_door_pass_each_other() -> None:
+    """They swap rooms through a door of 0.9 m: neither waits forever for the other next to it."""
+    occupancy = np.full((84, 128), OCCUPIED, np.uint8)
+    occupancy[2:82, 2:62] = occupancy[2:82, 66:126] = FREE
+    occupancy[33:51, 60:68] = FREE
+    building = make_building(
+        FloorPlan(occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="door")
+    )
+    config = replace(_CONFIG, goal="oracle", max_steps=60, seed=1)
+    places = reach(building, *config.simulator.robot.hull_m)
+    right, left = _task((1.6, 2.1, 0.0), (5.9, 2.1)), _task((4.7, 2.1, np.pi), (0.5, 2.1))
+    team = run_team(
+        building, {"robot1": Entrant(right, config, places), "robot2": Entrant(left, config, places)}
+    )
+    assert team.result()["arrived"] and team.result()["contacts_between_robots"] == 0
+    xs = {name: log.poses[-1][0] for name, log in team.robots.items()}
+    assert xs["robot1"] > 3.2 > xs["robot2"]

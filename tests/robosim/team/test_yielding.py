@@ -1,11 +1,16 @@
 """Yielding to another robot."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from robosim.team.yielding import Yielding, turn_along
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
 from slam.hull import Hull
+from slam.planning.planner import Planner
 
 _HULL = Hull(radius_m=0.1)
 
@@ -52,6 +57,14 @@ def test_yielding_waits_first_and_later_robots_longer() -> None:
     assert _place(Yielding(1, _HULL), 8) is not None
 
 
+def test_yielding_in_a_dead_end_is_left_to_the_other_at_first() -> None:
+    """There is no place with room for the other to pass; it has one, and begins before this robot goes anywhere."""
+    into = np.array([[5.0, 2.0], [7.8, 2.0]])
+    assert _place(Yielding(0, _HULL), 9, into, here=(6.0, 2.0)) is None
+    assert _place(Yielding(1, _HULL), 9, np.array([[6.0, 2.0], [1.0, 2.0]]), here=(5.0, 2.0)) is not None
+    assert _place(Yielding(0, _HULL), 23, into, here=(6.0, 2.0)) is not None
+
+
 def test_yielding_is_left_to_another() -> None:
     assert _place(Yielding(0, _HULL), 9, another=True) is None
 
@@ -63,10 +76,41 @@ def test_yielding_ends_once_the_other_has_passed() -> None:
     assert _place(yielding, 0, path=np.array([[1.2, 2.0], [1.0, 2.0]])) is None
 
 
-def test_yielding_ends_after_a_while() -> None:
+@pytest.mark.parametrize(("waited", "decisions"), [(1, 25), (0, 100)])
+def test_yielding_ends_after_a_while_and_later_if_the_robot_is_not_blocked(
+    waited: int, decisions: int
+) -> None:
     yielding = Yielding(0, _HULL)
-    places = [_place(yielding, 3 if k == 0 else 0) for k in range(40)]
-    assert places[0] is not None and places[-1] is None
+    places = [_place(yielding, 3 if k == 0 else waited) for k in range(decisions + 1)]
+    assert all(place is not None for place in places[:-1]) and places[-1] is None
+
+
+def test_yielding_of_a_robot_with_nothing_to_do_begins_at_once() -> None:
+    assert _place(Yielding(3, _HULL), math.inf) is not None
+
+
+def _back(yielding: Yielding, pose: tuple[float, float, float], goal: tuple[float, float]) -> Action | None:
+    estimate = _corridor(pose)
+    return yielding.back_along(estimate.pose, Planner().plan(estimate, np.array(goal)))
+
+
+def test_back_along_turns_the_back_to_the_path_and_steps_back() -> None:
+    """The robot looks along the corridor, away from the room that it is to go back to."""
+    yielding, room = Yielding(0, _HULL), (3.0, 2.0)
+    assert _back(yielding, (5.0, 2.0, 0.0), room) is Action.BACKWARD
+    assert _back(yielding, (5.0, 2.0, 0.3), room) is Action.RIGHT
+    assert _back(yielding, (5.0, 2.0, -0.3), room) is Action.LEFT
+    assert _back(yielding, (5.0, 2.0, 3.0), room) is None
+
+
+def test_back_along_turns_round_to_the_end_where_a_step_back_is_too_tight() -> None:
+    """1.5 cm from the wall, which a step back would come to."""
+    yielding, estimate = Yielding(0, _HULL), _corridor((5.0, 1.84, 0.08))
+    plan = replace(Planner().plan(estimate, np.array((4.0, 1.84))), path=np.array([[5.0, 1.84], [4.0, 1.84]]))
+    along_wall = np.array([5.0, 1.84, -0.02])
+    assert yielding.back_along(along_wall, plan) is Action.BACKWARD
+    assert yielding.back_along(estimate.pose, plan) is None
+    assert yielding.back_along(along_wall, plan) is None
 
 
 def test_yielding_ends_sooner_if_the_other_does_not_come_nearer() -> None:

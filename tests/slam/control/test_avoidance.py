@@ -126,3 +126,32 @@ def test_without_people_map_and_actions_are_the_same_objects():
     empty = estimate()
     assert Avoidance().around(empty) is empty
     assert all(Avoidance().checked(empty, action) is action for action in Action)
+
+
+def robot_at(x: float, y: float, walls_m: float = 9.0) -> MapEstimate:
+    """Another robot of 0.1 m that has stood for long, between two walls at +-walls_m from the line ahead."""
+    alone = estimate((x, y, 0.0, 0.0))
+    probability = alone.obstacle_probability.copy()
+    ys = alone.frame.centres(np.ones(alone.frame.shape, bool))[:, 1].reshape(alone.frame.shape)
+    probability[np.abs(ys) > walls_m] = 0.9
+    thing = replace(alone.moving[0], radius_m=0.1)
+    return replace(alone, obstacle_probability=probability, moving=(thing,))
+
+
+def test_a_robot_that_stands_is_no_obstacle_where_there_is_no_room_to_pass():
+    """Between walls 1 m apart there is room next to it; where they are 0.6 m apart, it has to make room itself."""
+    for walls_m, is_obstacle in ((0.5, True), (0.3, False)):
+        before = robot_at(1.0, 0.0, walls_m)
+        assert (
+            Avoidance().around(before).obstacle_probability != before.obstacle_probability
+        ).any() == is_obstacle
+
+
+def test_robots_side_by_side_pass_each_other():
+    """The step leads past the other robot and comes nearer by 2 cm; a step towards it comes nearer by more."""
+    near_by = robot_at(0.1, 0.26)
+    assert Avoidance().checked(near_by, Action.FORWARD) is Action.FORWARD
+    towards = replace(near_by, pose=np.array([0.0, 0.0, 0.6]))
+    assert Avoidance().checked(towards, Action.FORWARD) is Action.WAIT
+    person = replace(near_by, moving=(replace(near_by.moving[0], radius_m=None),))
+    assert Avoidance().checked(person, Action.FORWARD) is Action.WAIT
