@@ -82,7 +82,9 @@ def view(episode: Positional[Path], *, web: bool = False) -> None:
 
     path = episode / RECORDING
     if not path.is_file():
-        raise ValueError(f"{path}: no such file. Run the episode with --rerun.")
+        raise ValueError(
+            f"{path}: no such file. Run the episode with --rerun. Of a team, give the folder of one robot."
+        )
     rerun_sdk()
     emit_result({"recording": path})
     sys.exit(subprocess.call([sys.executable, "-m", "rerun", str(path), *(["--web-viewer"] if web else [])]))
