@@ -35,7 +35,7 @@ def make_entrants(building: Building, places: Reach, task: Task, config: Episode
 
     Args:
         building: Where.
-        places: What the hull of the configuration's robot can reach there.
+        places: What the hull of the first robot can reach there.
         task: Of the first robot; the others start near it, and have the same target.
         config: How, with the team.
 
@@ -49,7 +49,7 @@ def make_entrants(building: Building, places: Reach, task: Task, config: Episode
     configs = [config] * team.size
     if team.models:
         configs = [config.of_robot(robot) for robot in config.robots]
-    reaches = {config.simulator.robot.hull_m: places}
+    reaches = {configs[0].simulator.robot.hull_m: places}
     for hull_m in {config.simulator.robot.hull_m for config in configs} - set(reaches):
         reaches[hull_m] = reach(building, *hull_m)
     by_robot = [reaches[config.simulator.robot.hull_m] for config in configs]

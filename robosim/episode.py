@@ -22,6 +22,7 @@ from robosim.judge import Judge
 from robosim.policies.shortest import TrueMapper
 from robosim.simulator import Observation
 from robosim.step import Decision, Step, idle
+from robosim.support.checks import check_some
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.randomness import named_generator
 from robosim.support.stopwatch import Stopwatch
@@ -69,8 +70,9 @@ def run_team(
 ) -> TeamLog:
     """Drive robots by name until the first one arrives, as `run_episode` does with one; return the log of all.
 
-    All have the team's settings of the first.
+    All have the team's settings of the first; ValueError if there is none.
     """
+    check_some("entrants", entrants, "a robot or more")
     watch, first = watch or Stopwatch(), next(iter(entrants.values())).config
     agents = {name: make_agent(entrant.config, entrant.task, watch) for name, entrant in entrants.items()}
     world = World(

@@ -24,7 +24,7 @@ from robosim.episode_log import EpisodeLog
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.recording.bag_export import BAG, LAYOUT
-from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
+from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head, robots_of_team
 from robosim.step import Step
 from robosim.support.files import plain, write_json, write_whole
 from robosim.support.installation import package_version
@@ -76,19 +76,21 @@ def record_episode(
         ValueError: If weights cannot be read.
     """
     check_weights(config)
+    hull_m = config.robots[0].hull_m
     console = console or Console(quiet=True)
     with run_folder(out, "episode") as out:
-        if (out / EPISODE).exists():
+        robots = robots_of_team(out)
+        if robots or (out / EPISODE).exists():
             console.print(f"Replacing the episode in {out}")
         # Files of an earlier episode would be mistaken for new ones.
-        for name in (*FILES, "replay.mp4", "sheet.png", LAYOUT):
-            (out / name).unlink(missing_ok=True)
-        rmtree(out / BAG, ignore_errors=True)
+        for folder in (out, *(out / name for name in robots)):
+            for name in (*FILES, "replay.mp4", "sheet.png", LAYOUT):
+                (folder / name).unlink(missing_ok=True)
+            rmtree(folder / BAG, ignore_errors=True)
         watch = Stopwatch()
         with watch.stage("scene"):
             building = make_building(plan, config=config.building)
-            robot = config.simulator.robot
-            places = reach(building, *robot.hull_m)
+            places = reach(building, *hull_m)
             task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
             task = with_anchors(task, places, anchors)
         _print_cut_off(places, task.start, console)
@@ -132,6 +134,7 @@ def record_episode(
                         writer.add(image)
         with noted_interrupt("writing the files"):
             about = {"plan": plan.name, "goal": part_name(config.goal), "seed": config.seed}
+            about |= {} if alone else {"robots": len(entrants)}
             for name, folder in folders.items():
                 folder.mkdir(exist_ok=True)
                 _write_robot(folder, building, team.robots[name], team.maps[name], about, steps[name])
@@ -157,7 +160,7 @@ def _write_robot(
     from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
 
     log.save_trajectories(out)
-    row = {"plan": about["plan"], "policy": about["goal"], "seed": about["seed"], **plain(log.result())}
+    row = {"policy" if key == "goal" else key: value for key, value in about.items()} | plain(log.result())
     seconds = {stage: round(value, 3) for stage, value in log.seconds.items()}
     head = Head(row=row, seeks_target=log.seeks_target, timing=plain(seconds))
     write_whole(out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate, log.times()))

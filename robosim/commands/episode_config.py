@@ -23,9 +23,10 @@ from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
-from robosim.support.parts import is_part, names_code, part_name
+from robosim.support.parts import check_code_allowed, is_part, names_code, part_name
 from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
+from robosim.team.team_config import TeamConfig
 from wireless.bands import BandName
 
 #: Configuration of an episode without goal and seed, which are arguments of commands.
@@ -58,6 +59,7 @@ def start_values(parameters: Mapping[str, inspect.Parameter], words: Sequence[st
         ValueError: If a file cannot be read, or there is no such band or robot.
     """
     file, band, robot = (value_of(option, words) for option in ("--config", "--band", "--robot"))
+    _check_named(value_of("--robots", words), words)
     config = DEFAULTS if file is None else read_config(Path(file))
     if band is not None:
         config = config.in_band(band)
@@ -100,6 +102,16 @@ def _without_sensors(simulator: SimulatorConfig, words: Sequence[str]) -> Simula
     return simulator
 
 
+def _check_named(robots: str | None, words: Sequence[str]) -> None:
+    """Raise ValueError for options of a robot next to names of robots, which come with their values."""
+    for word in words if robots and TeamConfig(robots=robots).models else ():
+        if word.partition("=")[0].partition(".")[0] in _OF_ROBOT:
+            raise ValueError(
+                f"{word} is given, but the robots of --robots {robots} come with their values. Leave it out, or give "
+                "their number."
+            )
+
+
 def read_config(path: Path) -> EpisodeConfig:
     """The configuration in a result.
 
@@ -116,11 +128,16 @@ def read_config(path: Path) -> EpisodeConfig:
         episode = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
         if "wall_passage" not in json.dumps(episode) and "max_transmissions" in json.dumps(episode):
             raise ValueError("of version 0.2 of robosim, which counted walls by faces")
-        return from_dict(EpisodeConfig, episode)
+        made = from_dict(EpisodeConfig, episode)
+        for model in made.team.models:
+            check_code_allowed("team.robots", model)
+        return made
 
 
 #: Fields of a robot that are no options: they are in files only.
 _OF_FILES = ("outline_m", "model", "odometry")
+#: Beginnings of the options of a robot.
+_OF_ROBOT = ("--robot", "--lidar", "--image", "--laser", "--noise", "--depth-noise")
 #: Fields of a robot that are options without its name.
 _OF_SENSORS = {
     "camera": "image",

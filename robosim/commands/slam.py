@@ -89,9 +89,11 @@ def slam(
         inspect_logs(logs, scans, topics, reader)
         return
     read = [read_log(path, scans, reference, beam_seconds, topics, reader) for path in logs]
-    if len({log.name for log in read}) < len(read):
+    names = [log.name for log in read]
+    if twice := [str(path) for path, name in zip(logs, names, strict=True) if names.count(name) > 1]:
         raise ValueError(
-            "two logs have the same name: their results would lie in the same folder. Rename one of them."
+            f"{', '.join(twice)} have the same name: their results would lie in the same folder. Give a log once, or "
+            "rename one of them."
         )
     if team:
         join_logs(read, how, out)

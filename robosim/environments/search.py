@@ -25,6 +25,7 @@ from robosim.parts import LIDAR
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.checks import shown
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import ARRIVAL_M, Task, make_task
 from robosim.world import ROBOT, World
@@ -172,7 +173,7 @@ class Searches:
         if requested is None:
             # Nothing is drawn from a single plan, so that its random numbers do not depend on this.
             return int(rng.integers(count)) if count > 1 else 0
-        if not 0 <= int(requested) < count:
+        if requested not in range(count):
             raise ValueError(f"Reset option plan is {requested}, expected a number of 0 to {count - 1}.")
         return int(requested)
 
@@ -281,10 +282,18 @@ class Search:
         return Outcome(observation, float(sum(info["rewards"].values())), arrived, info)
 
     def command_of(self, action: Any) -> Command:
-        """Return the robot's command for an action of the environment."""
+        """Return the robot's command for an action of the environment; ValueError if it is none."""
+        numbers = np.asarray(action).tolist()
         if self.config.actions == "discrete":
-            return self._actions[int(action)]
-        v, w = np.clip(np.asarray(action, float), -1, 1) * velocity_scale(self.simulator_config)
+            if isinstance(numbers, list) or numbers not in range(len(self._actions)):
+                raise ValueError(
+                    f"an action is {shown(numbers)}, expected a number of 0 to {len(self._actions) - 1}."
+                )
+            return self._actions[int(numbers)]
+        values = np.asarray(action, float)
+        if values.shape != (2,) or np.isnan(values).any():
+            raise ValueError(f"an action is {shown(numbers)}, expected two numbers from -1 to 1.")
+        v, w = np.clip(values, -1, 1) * velocity_scale(self.simulator_config)
         return Velocity(float(v), float(w), STEP_S)
 
     def action_of(self, command: Command) -> Any:

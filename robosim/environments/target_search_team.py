@@ -109,7 +109,9 @@ class TargetSearchTeam(ParallelEnv[str, Seen, Any]):
         if not self.agents:
             raise RuntimeError("The search has not begun, or it has ended. Call reset first.")
         if set(actions) != set(self.agents):
-            raise ValueError(f"actions are of {sorted(actions)}, expected one of each of {self.agents}.")
+            raise ValueError(
+                f"actions are of {sorted(map(str, actions))}, expected one of each of {self.agents}."
+            )
         outcomes = self._searches.step({agent: actions[agent] for agent in self.agents})
         self._note_poses()
         is_over = any(outcome.arrived for outcome in outcomes.values())

@@ -30,6 +30,7 @@ from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
 from robosim.recording.episode_file import EpisodeWriter, Head, RecordedEpisode, read_episode, read_head
 from robosim.robot.collision import depth_in
+from robosim.robot.robots import RobotConfig
 from robosim.support.files import plain, write_whole
 from robosim.support.parts import place_in_part
 from robosim.support.progress import unit_progress
@@ -141,7 +142,7 @@ class Job:
     def scene(self) -> tuple[Building, Reach]:
         """Building of the episode, and the places that the robot can reach in it."""
         config = self.config
-        return scene(self.plan_file, self.reader, config.building, config.simulator.robot.hull_m)
+        return scene(self.plan_file, self.reader, config.building, config.robots[0].hull_m)
 
     def file(self, out: Path) -> Path:
         """File of the episode below the folder of an evaluation."""
@@ -234,7 +235,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     seconds = perf_counter() - begin
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
     timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
-    row = _row(job, team, building)
+    row = _row(job, team, building, entrants[log.robot].config.simulator.robot)
     head = Head(row=row, seeks_target=log.seeks_target, timing=timing, made_by=job.made_by)
     end = log.poses[-1], log.coverage[-1], team.maps[log.robot], log.times()
     return steps[log.robot].content(head, *end)
@@ -272,9 +273,9 @@ def task_of(places: Reach, task: SuiteTask) -> Task:
         raise MapError(f"task {task.number} of {task.plan}: {error}") from error
 
 
-def _row(job: Job, team: TeamLog, building: Building) -> dict[str, Any]:
+def _row(job: Job, team: TeamLog, building: Building, robot: RobotConfig) -> dict[str, Any]:
     """Identity and scores; all values of the log's result are included."""
-    log, robot = team.first, job.config.simulator.robot
+    log = team.first
     coverage = team.coverage or log.coverage
     walls, poses = building.floor(robot.height_m).boundary, np.array(log.poses)
     clearance = shapely.distance(shapely.points(poses[:, :2]), walls)

@@ -58,6 +58,9 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
     episode = plain(to_dict(config))
     for varied in ("goal", "seed"):
         episode.pop(varied)
+    if config.team.models:  # files of robots may change
+        robots = map(to_dict, config.robots)
+        episode["robots content"] = plain(dict(zip(config.team.models, robots, strict=True)))
     for name, value in _flat(episode).items():
         if isinstance(value, str) and value.endswith(".safetensors"):
             content = read_bytes(value, "weights of a network")
@@ -149,7 +152,7 @@ def find_suite(
         return read_suite(plans[0])
     count, seed = 10 if targets is None else targets, 0 if seed is None else seed
     files = name_plans(list(dict.fromkeys(find_plans(plans, reader))))
-    hull_m = config.simulator.robot.hull_m
+    hull_m = config.robots[0].hull_m
     calls = [(name, file, reader, count, seed, config.building, hull_m) for name, file in files.items()]
     drawn = {}
     with (

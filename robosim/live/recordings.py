@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from robosim.evaluation.episodes import read_job_episode, read_job_head
 from robosim.evaluation.search_scores import steps_to_arrival
-from robosim.recording.episode_file import EPISODE, RecordedEpisode, read_episode, robots_of_team
+from robosim.recording.episode_file import EPISODE, RecordedEpisode, read_team, robots_of_team
 from robosim.recording.step_codec import decode_belief, decode_map, decode_step
 from robosim.step import Step
 
@@ -105,15 +105,13 @@ def read_recording(folder: Path) -> Recording:
         FileError: If the file is damaged; the message names the file and the remedy.
         ValueError: If it has no steps.
     """
-    names = robots_of_team(Path(folder))
-    episodes = [read_episode(Path(folder) / name) for name in names or [""]]
-    row = episodes[0].head.row
-    title = f"{str(row['policy'])[:40]}, {str(row['plan'])[:40]}"
-    first, *mates = (_make_recording(episode, title) for episode in episodes)
-    for recording, name in zip([first, *mates], names, strict=False):
-        recording.robot = name
-    first.mates = mates
-    return first
+    recordings = []
+    for name, episode in read_team(Path(folder)).items():
+        row = episode.head.row
+        recordings.append(_make_recording(episode, f"{str(row['policy'])[:40]}, {str(row['plan'])[:40]}"))
+        recordings[-1].robot = name
+    recordings[0].mates = recordings[1:]
+    return recordings[0]
 
 
 @dataclass(frozen=True, eq=False)

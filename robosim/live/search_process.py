@@ -173,7 +173,7 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
     config = job.config
     check_weights(config)
     building = make_building(job.plan, config=config.building)
-    places = reach(building, *config.simulator.robot.hull_m)
+    places = reach(building, *config.robots[0].hull_m)
     rng = np.random.default_rng([config.seed, 0])
     task = make_task(places, rng, start=job.start, target=job.target)
     entrants = make_entrants(building, places, task, config)

@@ -29,7 +29,7 @@ from scipy.constants import speed_of_light
 
 from robosim.camera.model import CameraConfig
 from robosim.layers import FREE, GUESS, TOP_LEVEL, UNKNOWN, Layer
-from robosim.recording.episode_file import RecordedEpisode, read_episode, robots_of_team
+from robosim.recording.episode_file import RecordedEpisode, read_team
 from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from robosim.support.files import partial_path, write_whole
@@ -64,8 +64,7 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
     require_rosbags()
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    robots = robots_of_team(folder)
-    episodes = {name: (read_episode(folder / name), _camera(folder / name)) for name in robots or [""]}
+    episodes = {name: (episode, _camera(folder / name)) for name, episode in read_team(folder).items()}
     bag = (out or folder) / BAG
     partial = partial_path(bag)
     shutil.rmtree(partial, ignore_errors=True)
@@ -87,7 +86,7 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
     (partial / f"{partial.name}.mcap").rename(partial / f"{BAG}.mcap")
     shutil.rmtree(bag, ignore_errors=True)
     os.replace(partial, bag)
-    write_whole(bag.parent / LAYOUT, json.dumps(_layout(robots[:1]), indent=1).encode())
+    write_whole(bag.parent / LAYOUT, json.dumps(_layout(next(iter(episodes))), indent=1).encode())
     return bag
 
 
@@ -332,9 +331,9 @@ class _Messages:
         return self._make("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
-def _layout(robot: list[str]) -> dict[str, Any]:
-    """The world next to camera and link state, for Foxglove; of the robot of a name, if there is one."""
-    prefix = "".join(f"/{name}" for name in robot)
+def _layout(robot: str) -> dict[str, Any]:
+    """The world next to camera and link state, for Foxglove; of the robot of a name, if it has one."""
+    prefix = robot and f"/{robot}"
     topics = [f"{prefix}/{topic}" for topic in ("map", "scan", "plan", "goal", "arrivals", "true_pose")]
     world = {"followTf": "map", "topics": {topic: {"visible": True} for topic in topics}}
     panels = {

@@ -34,9 +34,11 @@ from robosim.recording.step_codec import (
 )
 from robosim.step import Step
 from robosim.support.arrays_in import FAR, Array, parts, ragged, read_npz
+from robosim.support.checks import shown
 from robosim.support.files import npz_bytes
-from robosim.support.reading import naming, reading
+from robosim.support.reading import FileError, naming, reading
 from robosim.support.text_in import check_object, parse_json
+from robosim.team.team_config import MOST, robot_names
 from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.poses import Pose
@@ -124,8 +126,7 @@ def robots_of_team(folder: Path) -> list[str]:
     """Names of the robots whose episodes are in folders of their own; none where the folder holds one episode."""
     if (folder / EPISODE).is_file():
         return []
-    names = (path.parent.name for path in Path(folder).glob(f"robot*/{EPISODE}"))
-    return sorted(names, key=lambda name: (len(name), name))
+    return [name for name in robot_names(MOST) if (folder / name / EPISODE).is_file()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,6 +289,32 @@ def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) 
         episode = RecordedEpisode(path, head, parts(arrays, "ring"), columns)
         _check(episode)
         return episode
+
+
+def read_team(folder: Path) -> dict[str, RecordedEpisode]:
+    """Read the episodes of a team's robots by name, or that of a single robot, whose name is empty.
+
+    Raises:
+        FileError: As `read_head` does, or if they are of several runs, or not of all robots.
+    """
+    names = robots_of_team(folder)
+    if not names:
+        return {"": read_episode(folder)}
+    first = read_head(folder / names[0] / EPISODE).row
+
+    def check(head: Head) -> None:
+        for key in ("plan", "policy", "seed", "target", "robots"):
+            if head.row.get(key) != first.get(key):
+                raise ValueError(f"of another run than {names[0]}: {key} is {shown(head.row.get(key))}")
+
+    episodes = {name: read_episode(folder / name, check) for name in names}
+    size = first.get("robots", len(names))
+    if size != len(names) or tuple(names) != robot_names(len(names)):
+        raise FileError(
+            f"{folder}: it has episodes of {', '.join(names)}, expected those of {shown(size)} robots from robot1 on. "
+            "Run the episode again, or give the folder of one robot."
+        )
+    return episodes
 
 
 def _head(file: IO[bytes], check: Callable[[Head], None]) -> Head:

@@ -11,7 +11,7 @@ from jaxtyping import UInt8
 from robosim.drawing.picture import LEGEND, Picture
 from robosim.drawing.team_picture import TeamPicture
 from robosim.drawing.video import VideoWriter
-from robosim.recording.episode_file import RecordedEpisode, read_episode, robots_of_team
+from robosim.recording.episode_file import RecordedEpisode, read_team
 from robosim.support.files import write_whole
 
 #: Width of a sheet that two frames or more fit into, and frames side by side [pixels].
@@ -26,12 +26,11 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
     Raises:
         ValueError: If the folder holds no episode, or one without decisions.
     """
-    names = robots_of_team(folder)
-    episodes = {name: read_episode(folder / name) for name in names} or {"": read_episode(folder)}
+    episodes = read_team(folder)
     count = max(map(len, episodes.values()))
     if not count:
         raise ValueError(f"{folder}: the episode ended at its start, without a step to draw.")
-    picture = team_picture_of(episodes) if names else picture_of(episodes[""])
+    picture = picture_of(episodes[""]) if "" in episodes else team_picture_of(episodes)
     chosen = set(np.linspace(0, count - 1, min(frames, count)).round().astype(int).tolist())
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"
     writer = VideoWriter(video, picture.size)

@@ -9,7 +9,7 @@ from robosim.simulator import Simulator
 from robosim.support.parts import Part
 from robosim.team.exchange import Exchange
 from robosim.team.member import Member, Status
-from robosim.team.team_config import TeamConfig
+from robosim.team.team_config import TeamConfig, robot_names
 from robosim.team.team_radio import TeamRadio
 
 
@@ -34,6 +34,7 @@ class Team:
             rng: Draws the noise of the radio between robots.
         """
         self._config, self._decision = config, -1
+        self._in_order = dict(zip(robots, robot_names(len(robots)), strict=True))
         self.going = list(robots)
         """Names of the robots that were not lost."""
         self.members: dict[str, Member] = {}
@@ -60,7 +61,9 @@ class Team:
     def next_decision(self) -> list[str]:
         """Begin the next decision; names of the robots that take it, without those that were lost."""
         self._decision += 1
-        self.going = [name for name in self.going if not self._config.is_lost(name, self._decision)]
+        self.going = [
+            name for name in self.going if not self._config.is_lost(self._in_order[name], self._decision)
+        ]
         self.exchange.begin(self._decision)
         return self.going
 

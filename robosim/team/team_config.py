@@ -1,11 +1,12 @@
 """Configuration of a team."""
 
+import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import tyro
 
-from robosim.support.checks import ADVANCED, Range, checked
+from robosim.support.checks import ADVANCED, Range, checked, shown
 
 #: How robots of a team exchange what they know.
 ExchangeName = Literal["perfect", "radio", "none"]
@@ -15,6 +16,8 @@ StartsName = Literal["known", "unknown"]
 
 #: Most robots of a team.
 MOST = 100
+#: A number of robots, and when which of them stops.
+_NUMBER, _LOSS = re.compile(r"[0-9]{1,9}"), re.compile(r"[0-9]{1,9}@[1-9][0-9]{0,8}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,30 +41,33 @@ class TeamConfig:
     """Robots that stop during the search, and when: 2@100 is the second robot at decision 100."""
 
     def __post_init__(self) -> None:
-        if self.robots.isdigit() and not 1 <= int(self.robots) <= MOST:
-            raise ValueError(f"robots is {self.robots}, expected 1 to {MOST}, or names of robots.")
-        if not all(name.strip() for name in self.robots.split(",")):
+        is_text = isinstance(self.robots, str)
+        if not (is_text and all(self.models) and (2 if self.models else 1) <= self.size <= MOST):
             raise ValueError(
-                f"robots is {self.robots!r}, expected a number, or names separated by commas, such as "
-                "jackal,turtlebot4."
+                f"robots is {shown(self.robots)}, expected 1 to {MOST}, or 2 to {MOST} names, such as "
+                "jackal,turtlebot4. One robot is --robot jackal."
             )
         for text in self.lose:
-            number, at, decision = text.partition("@")
-            if not (at and number.isdigit() and decision.isdigit() and 1 <= int(number) <= self.size):
+            is_loss = _LOSS.fullmatch(str(text)) and self.size > 1
+            if not (is_loss and 1 <= int(text.partition("@")[0]) <= self.size):
                 raise ValueError(
-                    f"team.lose is {text!r}, expected the number of a robot, 1 to {self.size}, and a decision, such as "
-                    "1@100."
+                    f"team.lose is {shown(text)}, expected the number of a robot of a team, 1 to {self.size}, and a "
+                    "decision from 1 on, such as 1@100 with --robots 2."
                 )
+        if len({int(text.partition("@")[0]) for text in self.lose}) < len(self.lose):
+            raise ValueError(f"team.lose is {' '.join(self.lose)}, expected each robot once.")
 
     @property
     def size(self) -> int:
         """Number of robots."""
-        return int(self.robots) if self.robots.isdigit() else len(self.models)
+        return len(self.models) or int(self.robots)
 
     @property
     def models(self) -> tuple[str, ...]:
         """Names of the robots' models; none if all are alike."""
-        return () if self.robots.isdigit() else tuple(name.strip() for name in self.robots.split(","))
+        return (
+            () if _NUMBER.fullmatch(self.robots) else tuple(name.strip() for name in self.robots.split(","))
+        )
 
     @property
     def names(self) -> tuple[str, ...]:

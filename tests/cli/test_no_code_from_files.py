@@ -68,6 +68,11 @@ def config(**changes):
         ("suite.yaml", SUITE, "evaluate suite.yaml"),
         ("result.json", config(mapper="canary:sing"), "episode pair.yaml --config result.json"),
         ("result.json", config(goal={"part": "canary:sing"}), "episode pair.yaml --config result.json"),
+        (
+            "result.json",
+            config(team={"robots": "turtlebot,canary:sing"}),
+            "episode pair.yaml --config result.json",
+        ),
         ("robot.yaml", "odometry: canary:sing", "episode pair.yaml --robot robot.yaml"),
     ],
 )

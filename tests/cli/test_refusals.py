@@ -37,6 +37,12 @@ REJECTED = [
     ("episode flat --resolution nan", "resolution_m is nan, expected 0.001 to 10 m"),
     ("episode flat --unit 0", "unit_m is 0.0"),
     ("episode flat --floor-height inf", "floor_height_m is inf"),
+    (
+        "episode --robots jackal,turtlebot4 --image.width 32",
+        "--image.width is given, but the robots of --robots",
+    ),
+    ("evaluate --robots jackal,turtlebot4 --lidar=none", "Leave it out, or give their number"),
+    ("evaluate flat --robots jackal,jackl", "robots is 'jackl'"),
     ("calibrate --robots 2", "robots is 2: calibrate measures one robot. Give it by --robot"),
     ("replay {} --frames 0", "frames is 0, expected a whole number from 1 to 1000"),
     ("replay {} --frames 1001", "frames is 1001"),

@@ -81,7 +81,7 @@ def test_slam_team_rejects_what_is_no_team_in_one_line(logs, tmp_path, fails):
     assert "leave one away" in fails("slam", west, other, "--team", "--map", "flat")
     copy = tmp_path / "west.log"
     copy.write_text((logs / "west.log").read_text())
-    assert "Rename one" in fails("slam", west, copy, "--team")
+    assert f"{west}, {copy} have the same name" in fails("slam", west, copy, "--team")
     scans = tmp_path / "scans.txt"
     assert "belong to one log" in fails("slam", west, other, "--team", "--scans", scans)
     empty = tmp_path / "blind.log"

@@ -36,6 +36,7 @@ from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.installation import assets_dir, is_installed, shipped_network
 from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
+from robosim.team.team_config import TeamConfig
 from slam.grid import GridFrame, MapEstimate
 from tests import stored_episodes
 from tests.fuzz.bag_seeds import bags
@@ -197,8 +198,9 @@ def coloured(folder: Path) -> None:
 
 
 def configurations(folder: Path) -> None:
-    """The result of an episode, whose configuration another may start from."""
-    write_json(_into(folder, "config") / "result.json", {"config": to_dict(EpisodeConfig())})
+    """The result of an episode of a team, whose configuration another may start from."""
+    team = TeamConfig(robots="jackal,turtlebot4", lose=("2@9",))
+    write_json(_into(folder, "config") / "result.json", {"config": to_dict(EpisodeConfig(team=team))})
 
 
 def radio_tables(folder: Path) -> None:
@@ -278,10 +280,14 @@ def episode(folder: Path) -> None:
             )
         )
     row = stored_episodes.row("pair", 0, "fused", TARGET, steps=5)
-    content = writer.content(Head(row=row, seeks_target=True), np.ones(3), 0.5, _estimate(), np.arange(6.0))
-    write_whole(_into(folder, "episode") / EPISODE, content)
-    write_whole(_into(folder, "exported") / EPISODE, content)
-    write_json(folder / "exported" / "result.json", {"config": to_dict(EpisodeConfig()), "plan": "pair"})
+    of_one, of_team = (
+        writer.content(Head(row=each, seeks_target=True), np.ones(3), 0.5, _estimate(), np.arange(6.0))
+        for each in (row, {**row, "robots": 2})
+    )
+    write_whole(_into(folder, "episode") / EPISODE, of_one)
+    for name, content in (("exported", of_one), ("team/robot1", of_team), ("team/robot2", of_team)):
+        write_whole(_into(folder, name) / EPISODE, content)
+        write_json(folder / name / "result.json", {"config": to_dict(EpisodeConfig()), "plan": "pair"})
 
 
 def _episode(task: int, policy: str, steps: int) -> bytes:

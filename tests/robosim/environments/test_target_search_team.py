@@ -201,8 +201,27 @@ def test_reset_and_step_reject_what_they_do_not_know():
     env.reset(seed=1)
     with pytest.raises(ValueError, match="expected one of each of"):
         env.step({"robot1": FORWARD})
+    with pytest.raises(ValueError, match=r"actions are of \['2', 'robot1'\]"):
+        env.step({"robot1": FORWARD, 2: FORWARD})
     with pytest.raises(MapError, match="there is room for"):
         made(room(1.5, 1.5), ("pose",), robots=9).reset(seed=1)
+
+
+@pytest.mark.parametrize(
+    ("actions", "action"),
+    [
+        *(("discrete", action) for action in (-1, 4, 1.5, None, "left", np.nan, np.zeros(2))),
+        *(("velocity", action) for action in (0.5, [0.5], None, np.zeros((2, 2)), [np.nan, 0.0])),
+    ],
+)
+def test_step_rejects_what_is_no_action_before_a_robot_moves(actions, action):
+    env = made(observe=("pose",), actions=actions)
+    env.reset(seed=1)
+    good = env.action_space("robot1").sample()
+    with pytest.raises(ValueError, match=r"an action is .*, expected"):
+        env.step({"robot1": good, "robot2": action})
+    poses = [search.robot.pose for search in env._searches.robots.values()]
+    assert np.array_equal(poses, env._trails[0])
 
 
 def test_people_walk_among_robots_by_the_seed():

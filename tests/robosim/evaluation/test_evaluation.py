@@ -26,6 +26,7 @@ from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, r
 from robosim.plans.files import write_ros
 from robosim.simulator import SimulatorConfig
 from robosim.support.run_folder import FolderError
+from robosim.team.team_config import TeamConfig
 from tests.plans import two_rooms
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -286,6 +287,19 @@ def test_other_weights_under_the_same_name_make_other_episodes(suite, tmp_path):
     assert settings_of(suite, config) == before
     weights.write_bytes(b"second")
     assert settings_of(suite, config) != before
+
+
+def test_another_robot_in_the_same_file_makes_other_episodes(suite, tmp_path):
+    """Of a team whose robots are named; an unknown name is rejected before anything is run."""
+    file = tmp_path / "cart.yaml"
+    config = replace(CONFIG, team=TeamConfig(robots=f"{file},turtlebot"))
+    file.write_text("radius_m: 0.15\n")
+    before = settings_of(suite, config)
+    assert settings_of(suite, config) == before
+    file.write_text("radius_m: 0.2\n")
+    assert settings_of(suite, config) != before
+    with pytest.raises(ValueError, match="robots is 'jackl'"):
+        settings_of(suite, replace(CONFIG, team=TeamConfig(robots="jackl,turtlebot")))
 
 
 def test_an_episode_that_fails_stops_no_other(suite, tmp_path, tables_only):

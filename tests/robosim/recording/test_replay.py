@@ -1,5 +1,7 @@
 """Replays are drawn from the file of an episode alone."""
 
+from shutil import rmtree
+
 import cv2
 import numpy as np
 import pytest
@@ -8,15 +10,20 @@ from PIL import Image
 from robosim.drawing.picture import LEGEND
 from robosim.drawing.plan_view import HEIGHT
 from robosim.episode_config import EpisodeConfig
+from robosim.live.recordings import read_recording
 from robosim.movers.movers import MoversConfig
 from robosim.recording import replay as replaying
-from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head, read_episode
+from robosim.recording.bag_export import export_bag
+from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head, read_episode, read_team
 from robosim.recording.replay import replay
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
+from robosim.support.installation import is_installed
+from robosim.support.reading import FileError
 from robosim.team.team_config import TeamConfig
+from tests import stored_episodes
 from tests.plans import two_rooms
-from tests.steps import unknown_map
+from tests.steps import unknown_map, write_episode
 
 
 def test_a_replay_is_the_video_of_the_episode(recorded, tmp_path):
@@ -41,6 +48,39 @@ def test_a_replay_of_a_team_is_its_video(tmp_path):
     assert reader.get(cv2.CAP_PROP_FRAME_COUNT) == 4
     with Image.open(sheet) as picture:
         assert picture.size[0] <= 2400
+
+
+def write_robot(folder, seed=7):
+    """An episode of two steps of a robot of a team of three."""
+    row = {**stored_episodes.row("pair", 0, "fused", (5.0, 2.0), seed=seed), "robots": 3}
+    write_episode(folder / EPISODE, row, np.array([(1.0, 0.6, 0.1 * k) for k in range(3)]))
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda folder: rmtree(folder / "robot3"), "robot1, robot2, expected those of 3 robots"),
+        (
+            lambda folder: (folder / "robot2").rename(folder / "robot7"),
+            "robot1, robot3, robot7, expected those of 3",
+        ),
+        (
+            lambda folder: write_robot(folder / "robot2", seed=8),
+            "robot2/episode.npz: .*another run than robot1: seed is 8",
+        ),
+    ],
+)
+def test_a_team_that_is_not_whole_is_rejected_by_all_that_read_it(tmp_path, damage, message):
+    """Rather than drawn without the robot, or with one of another run."""
+    names = ["robot1", "robot2", "robot3"]
+    for name in names:
+        write_robot(tmp_path / name)
+    assert list(read_team(tmp_path)) == names
+    damage(tmp_path)
+    readers = [read_team, read_recording, lambda folder: replay(folder, tmp_path)]
+    for read in [*readers, export_bag] if is_installed("rosbags") else readers:
+        with pytest.raises(FileError, match=message):
+            read(tmp_path)
 
 
 def test_an_episode_of_an_evaluation_has_no_camera_pictures(recorded, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.movers.movers import Contact, MoversConfig
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from robosim.recording.episode_file import robots_of_team
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from robosim.step import Step
@@ -127,6 +129,16 @@ def test_team_of_lost_robots_ends(scene) -> None:
     assert [log.ended for log in team.robots.values()] == ["lost", "lost"]
 
 
+def test_robots_are_lost_by_their_order_whatever_their_names(scene) -> None:
+    building, places = scene
+    config = replace(_CONFIG, max_steps=2, team=TeamConfig(robots="2", lose=("2@1",)))
+    entrants = make_entrants(building, places, _TASK, config).values()
+    team = run_team(building, dict(zip(("anna", "bert"), entrants, strict=True)))
+    assert {name: log.ended for name, log in team.robots.items()} == {"anna": "out of steps", "bert": "lost"}
+    with pytest.raises(ValueError, match="entrants is empty"):
+        run_team(building, {})
+
+
 def test_team_of_one_is_the_episode_of_one(scene) -> None:
     building, places = scene
     config = replace(_CONFIG, team=TeamConfig())
@@ -204,6 +216,25 @@ def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
             p.name for p in folder.iterdir()
         }
         assert json.loads((folder / "result.json").read_text())["steps"] == 8
+
+
+def test_record_episode_replaces_robots_of_an_earlier_team(tmp_path) -> None:
+    """A robot of it would be drawn and exported with those of the new one; other episodes stay."""
+    for robots in ("3", "2"):
+        config = replace(_CONFIG, max_steps=1, team=TeamConfig(robots=robots))
+        record_episode(_plan(), config, tmp_path, start=_TASK.start, target=_TASK.target, video=False)
+        copytree(tmp_path / "robot2", tmp_path / "robot-of-mine", dirs_exist_ok=True)
+    assert robots_of_team(tmp_path) == ["robot1", "robot2"]
+    assert (tmp_path / "robot-of-mine" / "episode.npz").is_file()
+
+
+def test_first_robot_starts_where_its_own_hull_fits(tmp_path) -> None:
+    wide = tmp_path / "wide.yaml"
+    wide.write_text("radius_m: 0.8\n")
+    places = reach(make_building(_plan()), 0.8)
+    config = replace(_CONFIG, max_steps=1, team=TeamConfig(robots=f"{wide},turtlebot"))
+    result = record_episode(_plan(), config, tmp_path, video=False)
+    assert places.part_at(np.array(result["start"])[:2])
 
 
 @pytest.mark.parametrize("physics", ["kinematic", "dynamic"])
