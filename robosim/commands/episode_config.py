@@ -136,8 +136,6 @@ def read_config(path: Path) -> EpisodeConfig:
 
 #: Fields of a robot that are no options: they are in files only.
 _OF_FILES = ("outline_m", "model", "odometry")
-#: Beginnings of the options of a robot.
-_OF_ROBOT = ("--robot", "--lidar", "--image", "--laser", "--noise", "--depth-noise")
 #: Fields of a robot that are options without its name.
 _OF_SENSORS = {
     "camera": "image",
@@ -146,6 +144,8 @@ _OF_SENSORS = {
     "noise": "noise",
     "depth_noise": "depth-noise",
 }
+#: Beginnings of the options of a robot.
+_OF_ROBOT = ("--robot", *(f"--{option}" for option in _OF_SENSORS.values()))
 
 
 def command_options(config: EpisodeConfig) -> str:

@@ -285,7 +285,7 @@ class Search:
         """Return the robot's command for an action of the environment; ValueError if it is none."""
         numbers = np.asarray(action).tolist()
         if self.config.actions == "discrete":
-            if isinstance(numbers, list) or numbers not in range(len(self._actions)):
+            if numbers not in range(len(self._actions)):
                 raise ValueError(
                     f"an action is {shown(numbers)}, expected a number of 0 to {len(self._actions) - 1}."
                 )

@@ -26,7 +26,7 @@ from robosim.support.checks import Range, checked
 from slam.actions import MOVES, Action, Command, Velocity
 from slam.grid import MapEstimate, MovingThing
 from slam.planning.clearance import Clearance
-from slam.planning.cost_map import cut_box
+from slam.planning.cost_map import Box, cut_box
 from slam.poses import to_map
 from slam.robot import Robot
 
@@ -101,15 +101,17 @@ class Avoidance:
     def _has_room(self, estimate: MapEstimate, thing: MovingThing, radius_m: float) -> bool:
         """Whether a thing of a radius [m] leaves all the floor around it connected, for the hull."""
         box = cut_box(estimate, thing.xy - _AROUND_M, thing.xy + _AROUND_M)
-        regions = []
-        for _ in range(2):
-            space_m = Clearance(box.frame, box.obstacle, box.offset_m).cells(self._hull.radius_m)
-            free = (space_m >= self._hull.radius_m).astype(np.uint8)
-            areas = cv2.connectedComponentsWithStats(free, connectivity=4)[2][1:, cv2.CC_STAT_AREA]
-            regions.append(int((areas * box.frame.resolution_m**2 > _REGION_M2).sum()))
-            rows, columns, covered = box.frame.disc(thing.xy, radius_m)
-            box.obstacle[rows, columns][covered] = True
-        return regions[1] <= regions[0]
+        before = self._count_regions(box)
+        rows, columns, covered = box.frame.disc(thing.xy, radius_m)
+        box.obstacle[rows, columns][covered] = True
+        return self._count_regions(box) <= before
+
+    def _count_regions(self, box: Box) -> int:
+        """Number of connected regions of floor in which the hull can stand."""
+        space_m = Clearance(box.frame, box.obstacle, box.offset_m).cells(self._hull.radius_m)
+        free = (space_m >= self._hull.radius_m).astype(np.uint8)
+        areas = cv2.connectedComponentsWithStats(free, connectivity=4)[2][1:, cv2.CC_STAT_AREA]
+        return int((areas * box.frame.resolution_m**2 > _REGION_M2).sum())
 
     def checked(self, estimate: MapEstimate, action: Command) -> Command:
         """The action, or a wait if it would lead too near to a thing; a velocity as the chord of its arc."""

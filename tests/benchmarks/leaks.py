@@ -1,4 +1,4 @@
-"""What remains of hundreds of episodes in a process, and of visitors of a live page who come and go.
+"""Memory, descriptors and files that hundreds of episodes in a process, and visitors of a live page, leave.
 
 Episodes of several kinds take turns, each in a generated building of its own; each is written to disk and read back.
 Visitors of a page read all that it sends, some at once; whenever one leaves and another comes, the transmitter has
@@ -12,10 +12,11 @@ import os
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 from tyro.conf import OmitArgPrefixes
@@ -101,22 +102,27 @@ def run_episodes(out: Path, episodes: int, steps: int, seed: int, results: Resul
             record_episode(plan, replace(config, seed=seed + number), folder, video=False)
             decisions += sum(len(read_episode(file)) for file in folder.rglob(EPISODE))
             if (number + 1) * PARTS % episodes < PARTS:
-                add_remains("episodes", f"{number + 1:,}", results, ("decisions", decisions))
+                results.add("episodes", f"{number + 1:,}", "decisions", decisions, digits=0)
+                add_remains("episodes", f"{number + 1:,}", results)
 
 
 def receive(visits: int, at_once: int, seed: int, results: Results) -> None:
     """Open a page for visitors who come and go, and add what remains after each tenth of them."""
-    rng, present = np.random.default_rng(seed), list[AbstractContextManager[None]]()
-    with Page("127.0.0.1", 0, "bench") as page, tracked(range(visits), "visits", console) as numbers:
+    rng, present = np.random.default_rng(seed), list[ExitStack]()
+    with (
+        Page("127.0.0.1", 0, "bench") as page,
+        ExitStack() as everybody,
+        tracked(range(visits), "visits", console) as numbers,
+    ):
         radio = page.explore(read_plan("flat"))
         searches = page.search(EpisodeConfig(seed=seed, max_steps=DECISIONS))
         radio.settle(SETTLE_S)
         start = radio.places["transmitter"]
         for number in numbers:
             if len(present) == at_once:
-                present.pop(int(rng.integers(at_once))).__exit__(None, None, None)
-            visitor = reader(page)
-            visitor.__enter__()
+                present.pop(int(rng.integers(at_once))).close()
+            visitor = everybody.enter_context(ExitStack())
+            visitor.enter_context(reader(page))
             present.append(visitor)
             radio.move("transmitter", start + rng.uniform(-0.5, 0.5, 2))
             radio.settle(SETTLE_S)
@@ -125,26 +131,23 @@ def receive(visits: int, at_once: int, seed: int, results: Results) -> None:
                 wait(lambda: not any(search.is_alive for search in searches.searches))
             if (number + 1) * PARTS % visits < PARTS:
                 add_remains("visitors", f"{number + 1:,}", results)
-        for visitor in present:
-            visitor.__exit__(None, None, None)
     add_remains("visitors", "page closed", results)
 
 
-def add_remains(table: str, row: str, results: Results, *first: tuple[str, int]) -> None:
+def add_remains(table: str, row: str, results: Results) -> None:
     """Add a row with what this process holds now."""
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path("/proc/self/statm").read_text().split()[1])
-    results_of = [
-        *first,
-        ("resident memory", pages * os.sysconf("SC_PAGE_SIZE") / 1e6),
+    megabytes = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    results.add(table, row, "resident memory", megabytes, "MB", digits=0)
+    for name, count in (
         ("descriptors", len(os.listdir("/proc/self/fd"))),
         ("threads", threading.active_count()),
         ("processes", len(children())),
         ("temporary files", sum(len(files) for _, _, files in os.walk(tempfile.gettempdir()))),
-    ]
-    for name, value in results_of:
-        results.add(table, row, name, value, "MB" if name == "resident memory" else "", digits=0)
+    ):
+        results.add(table, row, name, count, digits=0)
 
 
 def children() -> list[str]:
@@ -158,13 +161,6 @@ def children() -> list[str]:
 def temporary_files(folder: Path) -> Iterator[None]:
     """Put temporary files of this process and its children into a folder of its own."""
     folder.mkdir(parents=True, exist_ok=True)
-    before = os.environ.get("TMPDIR")
-    os.environ["TMPDIR"], tempfile.tempdir = str(folder.resolve()), None
-    try:
+    place = str(folder.resolve())
+    with patch.dict(os.environ, TMPDIR=place), patch.object(tempfile, "tempdir", place):
         yield
-    finally:
-        tempfile.tempdir = None
-        if before is None:
-            del os.environ["TMPDIR"]
-        else:
-            os.environ["TMPDIR"] = before

@@ -290,7 +290,7 @@ def test_other_weights_under_the_same_name_make_other_episodes(suite, tmp_path):
 
 
 def test_another_robot_in_the_same_file_makes_other_episodes(suite, tmp_path):
-    """Of a team whose robots are named; an unknown name is rejected before anything is run."""
+    """Settings hold the robots of a team that are named; an unknown name is rejected before anything is run."""
     file = tmp_path / "cart.yaml"
     config = replace(CONFIG, team=TeamConfig(robots=f"{file},turtlebot"))
     file.write_text("radius_m: 0.15\n")

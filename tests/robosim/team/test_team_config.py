@@ -38,7 +38,7 @@ def test_team_config_rejects_losses(lose: Any, monkeypatch) -> None:
 
 
 def test_team_config_rejects_losses_that_mean_nothing() -> None:
-    """Of one robot without others, and of the same robot at two times."""
+    """The loss of the only robot, and two losses of the same robot."""
     with pytest.raises(ValueError, match="of a robot of a team"):
         TeamConfig(lose=("1@5",))
     with pytest.raises(ValueError, match="1@9 01@5, expected each robot once"):
