@@ -11,6 +11,10 @@ Rangan, IEEE GLOBECOM 2017). Antennas of that kind receive less of what passes t
 antennas do not; widths and speeds of these pedestrians are not known. At 60 GHz, losses of a person who stands between
 two antennas (Dieng, Zaharia and El Zein, 2025: 24 to 26 dB), and the median duration of fades among one to five people
 in 20 hours (Collonge, Zaharia and El Zein, 2004: about 100 ms, attenuation mostly above 20 dB).
+
+A body is no screen. Its loss is also that of an endless cylinder of dry skin (Gabriel, Lau and Gabriel, Phys. Med.
+Biol. 41, 1996) of the same width, exactly, next to screens that are as high, at distances from the transmitter down to
+that of a person who stands next to the antenna.
 """
 
 from functools import partial
@@ -19,15 +23,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.constants import speed_of_light
+from scipy.constants import epsilon_0, speed_of_light
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import make_building
 from tests.benchmarks.harness import DEFAULT, Options, alternate, figure_of, free_places, plans_of, quartiles
 from tests.benchmarks.results import Results
+from tests.wireless.em.cylinder import cylinder_field
 from wireless.em.screens import SCREEN_MODELS
 from wireless.motion.blockage import block, find_blockage
-from wireless.motion.bodies import Bodies, people
+from wireless.motion.bodies import PERSON_RADIUS_M, Bodies, people
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer
 
@@ -39,6 +44,10 @@ CROSSED_M = np.arange(0.5, 4.6, 0.5)
 APART_M, BEHIND_M = 1.0, 0.05
 #: A fade lasts while at least this is lost [dB].
 FADE_DB = 5.0
+#: Relative permittivity and conductivity [S/m] of dry skin by frequency, distances of a body from the transmitter, and
+#: its height where the upper edge does not count [m].
+SKIN = {28e9: (16.55, 25.82), 60e9: (7.98, 36.40)}
+NEAR_M, ENDLESS_M = (0.25, 0.5, 1.0, 2.5), 100.0
 #: How far to both sides of the link a person walks, and in which steps [m].
 ASIDE_M, STEP_M = 1.5, 0.002
 #: Mean duration [ms] and mean depth [dB] of published fades, by the antennas' width.
@@ -95,6 +104,9 @@ def main(
         results.add("fades", f"73.5 GHz, {row}", "duration", duration_ms, "ms", digits=0)
     results.add("fades", "60 GHz, published 2025", "loss behind", None, "dB", digits=0, spread=(24, 26))
     results.add("fades", "60 GHz, published 2004", "duration", 100, "ms", digits=0)
+    for hz, x in product(SKIN, NEAR_M):
+        for law, loss_db in behind_db(hz, x).items():
+            results.add("body", f"{hz / 1e9:g} GHz, {x:g} m", law, loss_db, "dB", digits=1)
     measure_time(plan, links, turns, options.seed, results)
     results.figures["blockage"] = draw(speed)
     return options.finish("blockage", results)
@@ -109,6 +121,27 @@ def crossing_db(hz: float, x: float, model: str, count: int = 1) -> Float[np.nda
     walkers = people(np.column_stack([APART_M * np.arange(count), np.zeros(count)]))
     factor = find_blockage(_direct(tx, rx, hz), walkers, model).factor
     return -20 * np.log10(np.abs(factor))
+
+
+def behind_db(hz: float, x: float) -> dict[str, float]:
+    """Median loss behind an endless body at a distance from the transmitter, of screens and of the exact cylinder."""
+    aside = np.arange(-BEHIND_M, BEHIND_M, STEP_M)
+    tx = np.column_stack([np.full(len(aside), -x), -aside, np.full(len(aside), ENDLESS_M / 2)])
+    rx = tx + np.array([LINK_M, 0.0, 0.0])
+    body = people(np.zeros((1, 2)), height_m=ENDLESS_M)
+    factors = {model: find_blockage(_direct(tx, rx, hz), body, model).factor for model in SCREEN_MODELS}
+    k, (eps, conductivity) = 2 * np.pi * hz / speed_of_light, SKIN[hz]
+    skin = eps - 1j * conductivity / (2 * np.pi * hz * epsilon_0)
+    for law, parallel in (("skin, upright electric field", True), ("skin, level electric field", False)):
+        fields = []
+        for source, observer in zip(tx[:, :2], rx[:, :2], strict=True):
+            away_m = np.hypot(*source)
+            along = source / away_m
+            turned = np.array([[observer @ along, along[0] * observer[1] - along[1] * observer[0]]])
+            field = cylinder_field(k * PERSON_RADIUS_M, skin, k * away_m, k * turned, parallel=parallel)
+            fields.append(field[0])
+        factors[law] = np.array(fields)
+    return {law: float(np.median(-20 * np.log10(np.abs(factor)))) for law, factor in factors.items()}
 
 
 def _direct(tx: Float[np.ndarray, "n 3"], rx: Float[np.ndarray, "n 3"], hz: float) -> Paths:
