@@ -43,7 +43,7 @@ _BOARD = Material("board", (Layer(thickness_m=0.02, material="wood"),))
 _BOOKS = Material("books", (Layer(thickness_m=0.12, relative_permittivity=3.0, conductivity_spm=0.05),))
 _MIRROR = Material("mirror", (Layer(thickness_m=0.001, material="metal"),))
 _MATERIALS = (_WALL, _BOARD, _BOOKS, _MIRROR)
-_CONFIG = TracerConfig(max_reflections=2, max_transmissions=8, max_paths=200, wall_passage="face")
+_CONFIG = TracerConfig(max_reflections=4, max_transmissions=8, max_paths=1000, wall_passage="face")
 #: Taps of noise before the first path, tap of the first path, and time of a tap [s].
 _NOISE_TAPS, _FIRST_TAP, _TAP_S = 20, 30, 1.0016e-9
 
@@ -67,7 +67,8 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         column("rsl_dbm"),
         np.array([link["label"] for link in links]),
     )
-    excess_m, spread_s = column("range_median_m") - true_m, measured_spreads(folder, links)
+    excess_m = column("range_median_m") - true_m
+    responses = [measured_response(folder, link["link"]) for link in links]
     _add_ranges(results, "true distance", excess_m, label, np.zeros(len(links)))
     _add_levels(results, "law of distance", level_dbm, -10 * np.log10(true_m), slope=True)
     for row, furnished in (("walls", False), ("walls and furniture", True)):
@@ -83,7 +84,12 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         results.add("states", row, "of three", 100 * float((state == label).mean()), "%", digits=0)
         right = (is_direct == (label == "LOS")).mean()
         results.add("states", row, "line of sight or not", 100 * float(right), "%", digits=0)
-        ratio = np.array([float(each.delay_spread_s()[0, 0]) for each in channels]) / spread_s
+        ratio = np.array(
+            [
+                received_spread_s(*pair) / measured_spread_s(pair[1])
+                for pair in zip(channels, responses, strict=True)
+            ]
+        )
         off = 100 * float(np.median(np.abs(ratio - 1)))
         results.add("delay spreads", row, "traced over measured, median", float(np.median(ratio)), digits=2)
         results.add("delay spreads", row, "median deviation", off, "%", digits=0, cases=len(links))
@@ -165,17 +171,22 @@ def _place(link: dict[str, str], end: str) -> list[list[float]]:
     return [[float(link[f"{end}_x_m"]), float(link[f"{end}_y_m"]), _HEIGHT_M]]
 
 
-def measured_spreads(folder: Path, links: list[dict[str, str]]) -> Float[np.ndarray, " n"]:
-    """Root mean square delay spread of each measured response, of taps above three times its noise [s]."""
-    spreads = []
-    for link in links:
-        power = measured_response(folder, link["link"])
-        noise = power[:_NOISE_TAPS].mean()
-        weight = np.where(power > 3 * noise, power - noise, 0.0)
-        time_s = _TAP_S * np.arange(len(weight))
-        mean_s = weight @ time_s / weight.sum()
-        spreads.append(np.sqrt(weight @ (time_s - mean_s) ** 2 / weight.sum()))
-    return np.array(spreads)
+def measured_spread_s(response: Float[np.ndarray, " taps"]) -> float:
+    """Root mean square delay spread of a measured response [s]."""
+    return _spread(response, response[:_NOISE_TAPS].mean()) * _TAP_S
+
+
+def received_spread_s(channel: Channel, response: Float[np.ndarray, " taps"]) -> float:
+    """Root mean square delay spread of a traced channel in the bandwidth and noise of a measured response [s]."""
+    power = np.abs(channel.taps(BANDWIDTH_HZ)[0, 0, 0, 0]) ** 2
+    noise = power.max() * response[:_NOISE_TAPS].mean() / response.max()
+    return _spread(power + noise, noise) / BANDWIDTH_HZ
+
+
+def _spread(power: Float[np.ndarray, " taps"], noise: float) -> float:
+    """Root mean square delay spread of the power of taps above three times the noise, in taps."""
+    weight, tap = np.where(power > 3 * noise, power - noise, 0.0), np.arange(len(power))
+    return float(np.sqrt(weight @ (tap - weight @ tap / weight.sum()) ** 2 / weight.sum()))
 
 
 def _left_out(
