@@ -2,7 +2,8 @@
 
 `TargetSearchVector` is what `gymnasium.make_vec("robosim/TargetSearch-v1", n)` makes. Robots share only the buildings
 with everything that is computed for them: robot i does step for step the same as a single environment of seed + i.
-Robots can be in different buildings.
+Robots can be in different buildings. With `robots=2` or more they search in teams, each in a world of its own: team i
+does step for step the same as `robosim.parallel_env` of seed + i.
 """
 
 from collections.abc import Sequence
@@ -23,6 +24,7 @@ from robosim.environments.sources import source_of
 from robosim.environments.target_search import TargetSearch, check_render_mode
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import check_number
+from robosim.team.team_config import MOST, robot_names
 from robosim.world import ROBOT
 
 if TYPE_CHECKING:
@@ -34,7 +36,10 @@ Batch = tuple[dict[str, np.ndarray], Float[np.ndarray, " n"], Flags, Flags, dict
 
 
 class TargetSearchVector(gymnasium.vector.VectorEnv):
-    """`TargetSearch` for many robots; after the end of a search, the next step starts a new one."""
+    """`TargetSearch` for many robots; after the end of a search, the next step starts a new one.
+
+    Robots of a team follow each other in all arrays, and their searches end together.
+    """
 
     metadata = {  # noqa: RUF012
         "render_modes": TargetSearch.metadata["render_modes"],
@@ -51,17 +56,19 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         max_episode_steps: int = 1000,
         render_mode: str | None = None,
         autoreset: bool = True,
+        robots: int = 1,
         **search: Any,
     ) -> None:
         """Nothing is built before the first reset.
 
         Args:
-            num_envs: Number of robots.
+            num_envs: Number of robots, of all teams together.
             plan: Source of plans: see `robosim.environments.sources`.
             config: Configuration of the simulator; by default the fastest with the needed sensors.
             max_episode_steps: Steps after which a search is truncated.
             render_mode: None, "rgb_array" or "ansi" (text).
             autoreset: Whether robots whose search has ended start another at the next step, or stand still.
+            robots: Number of robots in each team.
             search: Fields of `SearchConfig`.
 
         Raises:
@@ -70,6 +77,9 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             MapError: If there is no such plan.
         """
         check_number("num_envs", num_envs, 1, 65536, "robots", whole=True)
+        check_number("robots", robots, 1, MOST, "robots", whole=True)
+        if num_envs % robots:
+            raise ValueError(f"num_envs is {num_envs}, expected a multiple of the {robots} robots of a team.")
         check_number("max_episode_steps", max_episode_steps, 1, 10**9, "steps", whole=True)
         check_render_mode(render_mode, self.metadata["render_modes"])
         self.num_envs, self.render_mode, self._most = num_envs, render_mode, max_episode_steps
@@ -78,15 +88,16 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode.DISABLED}
         self.search = SearchConfig(**search)
         simulator, source = config or simulator_for(self.search), source_of(plan)
-        self._searches = [Searches(source, self.search, simulator) for _ in range(num_envs)]
-        self.searches = [searches.robots[ROBOT] for searches in self._searches]
+        names, count = (robot_names(robots) if robots > 1 else (ROBOT,)), num_envs // robots
+        self._teams = [Searches(source, self.search, simulator, names) for _ in range(count)]
+        self.searches = [search for team in self._teams for search in team.robots.values()]
         """The current search of each robot."""
-        self.single_observation_space, self.single_action_space = make_spaces(self.search, simulator)
+        self.single_observation_space, self.single_action_space = make_spaces(self.search, simulator, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(num_envs)]
-        self._steps = np.zeros(num_envs, int)
-        self._over = np.zeros(num_envs, bool)
+        self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(count)]
+        self._steps = np.zeros(count, int)
+        self._over = np.zeros(count, bool)
         self._seen: list[dict[str, np.ndarray]] = [{}] * num_envs
 
     def reset(
@@ -98,50 +109,53 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         """Start a new search with each robot.
 
         Args:
-            seed: Seed of robot 0, robot i has seed + i; or one for each robot. None continues the random numbers.
-            options: See `TargetSearch`; the same for all. `reset_mask` (n,) bool marks the searches that start again;
-                the observations of the others do not change.
+            seed: Seed of team 0, team i has seed + i; or one for each team. None continues the random numbers.
+            options: See `TargetSearch`; the same for all. `reset_mask` (n,) bool marks the robots whose searches start
+                again, all of a team or none; the observations of the others do not change.
         """
-        options = dict(options or {})
-        mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
-        if np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool or not np.any(mask):
+        options, count = dict(options or {}), len(self._teams)
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise ValueError(
                 f"reset_mask is {mask}, expected {self.num_envs} of True or False, one of them True."
             )
-        seeds: list[SupportsIndex | None] = [None] * self.num_envs
+        teams = mask.reshape(count, -1)
+        if (teams != teams[:, :1]).any():
+            raise ValueError(f"reset_mask is {mask}, expected the same for all robots of a team.")
+        seeds: list[SupportsIndex | None] = [None] * count
         if isinstance(seed, Sequence):
             seeds = list(seed)
         elif seed is not None:
-            seeds = [index(seed) + i for i in range(self.num_envs)]
-        if len(seeds) != self.num_envs:
-            raise ValueError(
-                f"seed has {len(seeds)} numbers, expected one for each of {self.num_envs} robots."
-            )
+            seeds = [index(seed) + i for i in range(count)]
+        if len(seeds) != count:
+            raise ValueError(f"seed has {len(seeds)} numbers, expected one for each of {count} searches.")
         infos: dict[str, Any] = {}
-        for i in np.flatnonzero(mask).tolist():
+        for i in np.flatnonzero(teams[:, 0]).tolist():
             if (new := seeds[i]) is not None:
                 self._rngs[i], _ = seeding.np_random(index(new))
-            self._seen[i], info = self._begin(i, options)
-            infos = self._add_info(infos, info, i)
+            infos = self._begin(i, options, infos)
         return self._stack(self._seen), infos
 
     def step(self, actions: np.ndarray) -> Batch:
         """Do one action with each robot; robots whose search has ended start a new one instead, or stand still."""
-        rewards = np.zeros(self.num_envs)
-        arrived, late = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, bool)
+        rewards, chosen = np.zeros(self.num_envs), list(iterate(self.action_space, actions))
+        arrived, late = np.zeros(len(self._teams), bool), np.zeros(len(self._teams), bool)
         infos: dict[str, Any] = {}
-        for i, action in enumerate(iterate(self.action_space, actions)):
+        for i, team in enumerate(self._teams):
             if not self._over[i]:
-                self._seen[i], rewards[i], arrived[i], info = self._searches[i].step({ROBOT: action})[ROBOT]
+                slots = self._slots(i)
+                outcomes = team.step(dict(zip(team.robots, chosen[slots.start : slots.stop], strict=True)))
+                for slot, outcome in zip(slots, outcomes.values(), strict=True):
+                    self._seen[slot], rewards[slot], _, info = outcome
+                    infos = self._add_info(infos, info, slot)
+                arrived[i] = any(outcome.arrived for outcome in outcomes.values())
                 self._steps[i] += 1
                 late[i] = self._steps[i] >= self._most
             elif self._autoreset:
-                self._seen[i], info = self._begin(i, {})
-            else:
-                continue
-            infos = self._add_info(infos, info, i)
+                infos = self._begin(i, {}, infos)
         self._over = arrived | late | (self._over & (not self._autoreset))
-        return self._stack(self._seen), rewards, arrived, late, infos
+        each = self.num_envs // len(self._teams)
+        return self._stack(self._seen), rewards, np.repeat(arrived, each), np.repeat(late, each), infos
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"] | str, ...] | None:
         """A picture of each search, as `TargetSearch.render` draws one."""
@@ -153,12 +167,22 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the cameras."""
-        for searches in self._searches:
-            searches.close()
+        for team in self._teams:
+            team.close()
 
-    def _begin(self, i: int, options: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    def _begin(self, i: int, options: dict[str, Any], infos: dict[str, Any]) -> dict[str, Any]:
+        """Start a search of team i; return the infos with those of its robots."""
         self._steps[i], self._over[i] = 0, False
-        return self._searches[i].reset(self._rngs[i], options)[ROBOT]
+        begun = self._teams[i].reset(self._rngs[i], options)
+        for slot, (observation, info) in zip(self._slots(i), begun.values(), strict=True):
+            self._seen[slot] = observation
+            infos = self._add_info(infos, info, slot)
+        return infos
+
+    def _slots(self, i: int) -> range:
+        """Places of the robots of team i in all arrays."""
+        each = self.num_envs // len(self._teams)
+        return range(i * each, (i + 1) * each)
 
     def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""

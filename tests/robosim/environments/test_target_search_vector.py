@@ -9,7 +9,7 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
-from robosim import sb3_vec_env
+from robosim import parallel_env, sb3_vec_env
 from robosim.environments.sources import shared_place
 from robosim.environments.target_search_vector import TargetSearchVector
 from robosim.robot.robots import RobotConfig
@@ -74,6 +74,55 @@ def test_a_robot_does_not_depend_on_how_many_there_are():
         env.close()
     assert np.array_equal(runs[0], runs[1])
     assert np.array_equal(runs[0], runs[2])
+
+
+def test_teams_do_step_for_step_what_lone_teams_do():
+    """Two teams of two, over searches that end and start again after 6 steps."""
+    ours = gymnasium.make_vec(ID, 4, robots=2, max_episode_steps=6, **OPTIONS)
+    lone = [parallel_env(robots=2, max_steps=6, **OPTIONS) for _ in range(2)]
+    names, rng, ended = lone[0].possible_agents, np.random.default_rng(0), 0
+    seen, _ = ours.reset(seed=3)
+    begun = [env.reset(seed=3 + i)[0] for i, env in enumerate(lone)]
+    assert_same(seen, batch(begun, names))
+    for _ in range(15):
+        actions = rng.choice([0, 0, 1, 2, 3], 4)
+        seen, reward, arrived, late, _ = ours.step(actions)
+        results = []
+        for env, pair in zip(lone, actions.reshape(2, 2), strict=True):
+            if env.agents:
+                results.append(env.step(dict(zip(names, pair, strict=True))))
+            else:
+                results.append(
+                    (env.reset()[0], *(dict.fromkeys(names, over) for over in (0.0, False, False)))
+                )
+        assert_same(seen, batch([result[0] for result in results], names))
+        for values, column in ((reward, 1), (arrived, 2), (late, 3)):
+            assert_same(values, np.array([result[column][name] for result in results for name in names]))
+        ended += int(late.sum())
+    assert ended == 8
+    ours.close()
+
+
+def batch(observations, names):
+    """Observations of the agents of all teams, one after the other."""
+    return {
+        key: np.stack([seen[name][key] for seen in observations for name in names])
+        for key in observations[0][names[0]]
+    }
+
+
+def test_teams_are_whole():
+    """Numbers of robots and masks that cut a team are rejected; a team starts again together."""
+    with pytest.raises(ValueError, match="multiple of the 2 robots"):
+        TargetSearchVector(3, plan=PLAN, robots=2)
+    env = TargetSearchVector(4, plan=PLAN, robots=2, observe=("pose",))
+    env.reset(seed=0)
+    before = env.step(np.zeros(4, int))[0]
+    with pytest.raises(ValueError, match="all robots of a team"):
+        env.reset(options={"reset_mask": np.array([True, False, False, False])})
+    after, _ = env.reset(options={"reset_mask": np.array([False, False, True, True])})
+    assert np.array_equal(after["pose"][:2], before["pose"][:2])
+    assert not after["pose"][2:].any()
 
 
 def test_few_buildings_with_a_radio_are_cached(monkeypatch):
