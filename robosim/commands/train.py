@@ -1,7 +1,5 @@
 """`robosim train`: networks that are trained on data, and policies that are trained in simulation."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
@@ -122,7 +120,11 @@ def mapper(
         smoke: Whether to try everything in a minute or two, with few frames and steps.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from robosim.training.mapper import train_mapper
+    if data is None and not smoke:
+        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    if data is not None and not data.is_dir():
+        raise ValueError(f"data is {str(data)!r}, which is not a folder. Make one with `robosim collect`.")
+    from robosim.training.mapper import smoke_frames, train_mapper
     from slam.learning.mapper import Recipe
     from slam.networks.map_network import NetworkConfig
 
@@ -130,8 +132,10 @@ def mapper(
     recipe = Recipe(
         network=NetworkConfig(widths=widths), steps=steps, batch=batch, seed=seed, every=20 if smoke else 250
     )
-    with _frames(data, smoke, out, "mapper", steps=steps, batch=batch, seed=seed) as (data, folder, about):
-        card = train_mapper(data, folder, recipe, threads=threads, console=console, about=about)
+    name = "frames" if data is None else data.name
+    with training(out, "mapper", data=name, steps=steps, batch=batch, seed=seed) as (folder, about):
+        frames = data or smoke_frames(folder / "frames", console)
+        card = train_mapper(frames, folder, recipe, threads=threads, console=console, about=about)
     emit_result(card, folder)
     for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
         console.print(
@@ -144,66 +148,6 @@ def mapper(
     console.print(
         f"Next: robosim episode flat --goal explore --mapper {quote(str(folder / 'mapper.safetensors'))}"
     )
-
-
-def pose(
-    *,
-    data: Path | None = None,
-    steps: int = 5000,
-    batch: int = 48,
-    seed: int = 0,
-    threads: Annotated[int, THREADS] = 2,
-    smoke: bool = False,
-    out: Path | None = None,
-) -> None:
-    """Train the pose network on collected frames: the error of a predicted pose, from map and frame.
-
-    Writes pose.safetensors with its card, and result.json. Every tenth home is held out for the scores. Takes minutes;
-    an interrupted run starts again.
-
-    Example: robosim train pose --data out/frames --out out/pose
-
-    Args:
-        data: Folder of frames (`robosim collect`); with --smoke a few are collected.
-        steps: Batches.
-        batch: Pairs of a batch.
-        seed: Seed of the first weights, of the order of frames and of predicted poses.
-        threads: Threads of the network.
-        smoke: Whether to try everything in less than a minute, with few frames and steps.
-        out: Output folder; by default a new one under runs/.
-    """
-    from robosim.training.mapper import train_pose_network
-    from slam.learning.pose import PoseRecipe
-
-    steps = min(steps, 60) if smoke else steps
-    recipe = PoseRecipe(steps=steps, batch=batch, seed=seed)
-    with _frames(data, smoke, out, "pose", steps=steps, batch=batch, seed=seed) as (data, folder, about):
-        card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=about)
-    emit_result(card, folder)
-    score = card["validation"]
-    console.print(
-        f"median error of the pose: {1000 * score['estimated_m']:.1f} mm and {score['estimated_deg']:.2f} degrees, "
-        f"from predictions {1000 * score['predicted_m']:.1f} mm and {score['predicted_deg']:.2f} degrees off; "
-        f"{card['single_call_ms']:.2f} ms a call",
-        highlight=False,
-    )
-    console.print(f"Wrote the pose network and its card in {folder}")
-
-
-@contextmanager
-def _frames(
-    data: Path | None, smoke: bool, out: Path | None, network: str, **options: Any
-) -> Iterator[tuple[Path, Path, str]]:
-    """Folder of frames, some collected to try if none is given; output folder, and the command as typed."""
-    if data is None and not smoke:
-        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
-    if data is not None and not data.is_dir():
-        raise ValueError(f"data is {str(data)!r}, which is not a folder. Make one with `robosim collect`.")
-    from robosim.training.mapper import smoke_frames
-
-    name = "frames" if data is None else data.name
-    with training(out, network, data=name, **options) as (folder, about):
-        yield data or smoke_frames(folder / "frames", console), folder, about
 
 
 def explorer(

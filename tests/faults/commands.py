@@ -66,11 +66,6 @@ COMMANDS = {
     "train mapper": Command(
         "train mapper --data {frames} --steps 20 --batch 4 --widths 4 8 --threads 1", needs=(FRAMES,)
     ),
-    "train pose": Command(
-        "train pose --data {frames} --steps 20 --batch 4 --threads 1",
-        goes_on=False,
-        needs=(FRAMES,),
-    ),
     "train explorer": Command(
         "train explorer --rounds 2 --homes 2 --decisions 6 --held-out 1 --workers 2", workers=True
     ),
