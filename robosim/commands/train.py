@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import ALL_CORES, THREADS, Work, training
@@ -14,7 +14,6 @@ def link_state(
     *,
     data: Path,
     test: Path | None = None,
-    model: Literal["ours", "reference"] = "ours",
     aod: bool = True,
     peak: bool = True,
     delay: bool = True,
@@ -39,13 +38,12 @@ def link_state(
     Args:
         data: Folder of measurements with a folder for each building, or the output of `robosim dataset`.
         test: Such a folder to score the final classifier on.
-        model: Network: ours, or the published one (reference).
         aod: Whether angles of departure are used; they need a transmitter whose beams are known.
         peak: Whether heights of peaks are used, where they were measured.
         delay: Whether delays are used, where they were measured; between beams they need a synchronised transmitter.
-        epochs: Passes over the links; by default 10 with generated homes, otherwise the number of the model.
+        epochs: Passes over the links; by default 10 with generated homes, otherwise 7.
         members: Networks whose probabilities are averaged.
-        homes: Additional generated homes, made first, two seconds each on two cores; by default 600 for ours on public
+        homes: Additional generated homes, made first, two seconds each on two cores; by default 600 on public
             measurements, otherwise none.
         folds: Folds that are held out, one after the other; by default all, 0 trains on all buildings only.
         n_folds: Folds that the buildings are divided into; by default 3, or the number of buildings if fewer.
@@ -59,22 +57,21 @@ def link_state(
         raise ValueError(f"test is {str(test)!r}, which is not a folder. Give one like --data.")
     from robosim.training.link_state import LinkStateTraining, train_link_state
     from wireless.linkstate.data import is_data_set
-    from wireless.linkstate.learning.training import default_recipe
+    from wireless.linkstate.learning.training import Recipe
 
     if homes is None:
-        homes = 600 if model == "ours" and not is_data_set(data) else 0
-    recipe = default_recipe(model)
+        homes = 0 if is_data_set(data) else 600
     if epochs is None:
-        epochs = 10 if homes and model == "ours" else recipe.epochs
+        epochs = 10 if homes else Recipe.epochs
     used = {"aoa": True, "aod": aod, "snr": True, "peak": peak, "delay": delay}
     inputs = tuple(name for name, is_used in used.items() if is_used)
-    options = {"data": data.name, "model": model, "aod": aod, "peak": peak, "delay": delay, "epochs": epochs}
+    options = {"data": data.name, "aod": aod, "peak": peak, "delay": delay, "epochs": epochs}
     options |= {"members": members, "homes": homes, "folds": folds, "n_folds": n_folds, "seed": seed}
     with training(out, "link-state", **options) as (folder, command):
         run = LinkStateTraining(
             data=data,
             test=test,
-            recipe=replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
+            recipe=Recipe(inputs=inputs, seed=seed, epochs=epochs),
             n_folds=n_folds,
             folds=folds,
             members=members,

@@ -59,7 +59,7 @@ COMMANDS = {
         differ=("*.png", "*.html", "timing.parquet", "suite.yaml"),
     ),
     "train link-state": Command(
-        "train link-state --data {links} --model reference --epochs 4 --folds 1 --n-folds 2 --workers 2",
+        "train link-state --data {links} --epochs 4 --folds 1 --n-folds 2 --workers 2",
         workers=True,
         needs=(LINKS,),
     ),
