@@ -26,7 +26,7 @@ class EpisodeConfig:
     controller: ControllerPart = "planned"
     """Controller: planned, a search over turns and runs; velocity commands speeds and turn rates."""
     mapper: MapperPart = "neural"
-    """Mapper: classical, neural, learned-pose, or a .safetensors file of a trained network."""
+    """Mapper: classical, neural, or a .safetensors file of a trained network."""
     known_map: Annotated[str | None, ADVANCED] = None
     """Floor plan that the robot knows, by name or file: it is located there, by the classical mapper."""
     seed: Annotated[int, SEED, tyro.conf.Suppress] = 0

@@ -28,7 +28,7 @@ from slam.control.controller import LocalPolicy
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import LEARNED, Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.grid import GridFrame
-from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
+from slam.mapping.classical import Mapper, MapperConfig
 from slam.mapping.known_map import KnownMap
 from slam.mapping.known_map_mapper import KnownMapMapper
 from slam.mapping.moving import MovingConfig
@@ -143,14 +143,6 @@ def mapper_of_file(path: Path, robot: Robot, config: MapperConfig) -> Mapper:
     from slam.networks.files import load_mapper
 
     return NeuralMapper(load_mapper(path)[0], robot, config)
-
-
-def learned_pose_mapper(robot: Robot, config: MapperConfig) -> Mapper:
-    """The classical mapper with the pose found by the shipped network instead of by scan matching."""
-    from slam.mapping.learned_matching import LearnedMatcher
-    from slam.networks.files import load_pose
-
-    return ClassicalMapper(robot, config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
 
 @cache

@@ -67,7 +67,6 @@ MAPPER = Kind(
     {
         "neural": "robosim.navigation:neural_mapper",
         "classical": "slam.mapping.classical:ClassicalMapper",
-        "learned-pose": "robosim.navigation:learned_pose_mapper",
     },
     has=("reset", "update"),
     made_from="a slam.robot.Robot and a slam.mapping.classical.MapperConfig",

@@ -48,8 +48,6 @@ FILES = (
     EPISODE,
     "episode.mp4",
 )
-#: Mappers that do not anticipate what they have not seen.
-_OBSERVERS = ("classical", "learned-pose")
 
 
 def record_episode(
@@ -101,7 +99,7 @@ def record_episode(
         steps = {name: EpisodeWriter(rings) for name in entrants}
         picture: Picture | TeamPicture
         if alone:
-            picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
+            picture = Picture(rings, task.target, title=title, anticipates=config.mapper != "classical")
         else:
             picture = TeamPicture(rings, task.target, list(entrants), title=title)
         ends = text_column("{task.description}"), text_column("{task.fields[note]}")

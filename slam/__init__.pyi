@@ -8,8 +8,6 @@ from slam.mapping.classical import MapperConfig as MapperConfig
 from slam.mapping.classical import Mapper as Mapper
 from slam.mapping.neural import NeuralMapper as NeuralMapper
 from slam.networks.files import load_mapper as load_mapper
-from slam.mapping.learned_matching import LearnedMatcher as LearnedMatcher
-from slam.networks.files import load_pose as load_pose
 from slam.grid import MapEstimate as MapEstimate
 from slam.grid import GridFrame as GridFrame
 from slam.sensing.projection import CameraModel as CameraModel

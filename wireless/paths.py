@@ -195,7 +195,6 @@ class Paths:
         *,
         tx_velocity: ArrayLike | None = None,
         rx_velocity: ArrayLike | None = None,
-        point_velocity: ArrayLike | None = None,
     ) -> Float[np.ndarray, " n"]:
         """Doppler shift of each path, positive where it becomes shorter.
 
@@ -205,8 +204,6 @@ class Paths:
         Args:
             tx_velocity: Velocity of the transmitters, 3 numbers, or of each, n_tx x 3 [m/s]; None for none.
             rx_velocity: Velocity of the receivers, or of each, likewise.
-            point_velocity: Velocity of what each path meets, such as a body, at each of its points; NaN or anything
-                beyond the last.
         """
         rate = np.zeros(len(self))
         for velocity, end, az, el in (
@@ -217,14 +214,6 @@ class Paths:
                 end_velocity = np.atleast_2d(to_array(velocity, "velocity"))
                 toward = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=1)
                 rate += (end_velocity[end if len(end_velocity) > 1 else 0] * toward).sum(axis=1)
-        if point_velocity is not None:
-            moves, corner = to_array(point_velocity, "point_velocity"), self.corners()
-            for i in range(self.point.shape[1]):
-                has_corner = self.order > i
-                for other in (i, i + 2):
-                    leg = corner[has_corner, other] - corner[has_corner, i + 1]
-                    length = np.maximum(np.linalg.norm(leg, axis=1), 1e-300)  # two reflections in one point
-                    rate[has_corner] += (moves[has_corner, i] * leg).sum(axis=1) / length
         return rate * self.frequency_hz / speed_of_light
 
     def corners(self) -> Float[np.ndarray, "n m2 3"]:

@@ -35,7 +35,6 @@ COMMANDS = {
     "warm-up": "machine:warm_up",
     "train link-state": "train:link_state",
     "train mapper": "train:mapper",
-    "train pose": "train:pose",
     "train explorer": "train:explorer",
     "train search": "train:search",
 }

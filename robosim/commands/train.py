@@ -1,11 +1,9 @@
 """`robosim train`: networks that are trained on data, and policies that are trained in simulation."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from robosim.commands.output import console, emit_result
 from robosim.commands.shared_options import ALL_CORES, THREADS, Work, training
@@ -16,7 +14,6 @@ def link_state(
     *,
     data: Path,
     test: Path | None = None,
-    model: Literal["ours", "reference"] = "ours",
     aod: bool = True,
     peak: bool = True,
     delay: bool = True,
@@ -41,13 +38,12 @@ def link_state(
     Args:
         data: Folder of measurements with a folder for each building, or the output of `robosim dataset`.
         test: Such a folder to score the final classifier on.
-        model: Network: ours, or the published one (reference).
         aod: Whether angles of departure are used; they need a transmitter whose beams are known.
         peak: Whether heights of peaks are used, where they were measured.
         delay: Whether delays are used, where they were measured; between beams they need a synchronised transmitter.
-        epochs: Passes over the links; by default 10 with generated homes, otherwise the number of the model.
+        epochs: Passes over the links; by default 10 with generated homes, otherwise 7.
         members: Networks whose probabilities are averaged.
-        homes: Additional generated homes, made first, two seconds each on two cores; by default 600 for ours on public
+        homes: Additional generated homes, made first, two seconds each on two cores; by default 600 on public
             measurements, otherwise none.
         folds: Folds that are held out, one after the other; by default all, 0 trains on all buildings only.
         n_folds: Folds that the buildings are divided into; by default 3, or the number of buildings if fewer.
@@ -61,22 +57,21 @@ def link_state(
         raise ValueError(f"test is {str(test)!r}, which is not a folder. Give one like --data.")
     from robosim.training.link_state import LinkStateTraining, train_link_state
     from wireless.linkstate.data import is_data_set
-    from wireless.linkstate.learning.training import default_recipe
+    from wireless.linkstate.learning.training import Recipe
 
     if homes is None:
-        homes = 600 if model == "ours" and not is_data_set(data) else 0
-    recipe = default_recipe(model)
+        homes = 0 if is_data_set(data) else 600
     if epochs is None:
-        epochs = 10 if homes and model == "ours" else recipe.epochs
+        epochs = 10 if homes else Recipe.epochs
     used = {"aoa": True, "aod": aod, "snr": True, "peak": peak, "delay": delay}
     inputs = tuple(name for name, is_used in used.items() if is_used)
-    options = {"data": data.name, "model": model, "aod": aod, "peak": peak, "delay": delay, "epochs": epochs}
+    options = {"data": data.name, "aod": aod, "peak": peak, "delay": delay, "epochs": epochs}
     options |= {"members": members, "homes": homes, "folds": folds, "n_folds": n_folds, "seed": seed}
     with training(out, "link-state", **options) as (folder, command):
         run = LinkStateTraining(
             data=data,
             test=test,
-            recipe=replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
+            recipe=Recipe(inputs=inputs, seed=seed, epochs=epochs),
             n_folds=n_folds,
             folds=folds,
             members=members,
@@ -122,7 +117,11 @@ def mapper(
         smoke: Whether to try everything in a minute or two, with few frames and steps.
         out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from robosim.training.mapper import train_mapper
+    if data is None and not smoke:
+        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    if data is not None and not data.is_dir():
+        raise ValueError(f"data is {str(data)!r}, which is not a folder. Make one with `robosim collect`.")
+    from robosim.training.mapper import smoke_frames, train_mapper
     from slam.learning.mapper import Recipe
     from slam.networks.map_network import NetworkConfig
 
@@ -130,8 +129,10 @@ def mapper(
     recipe = Recipe(
         network=NetworkConfig(widths=widths), steps=steps, batch=batch, seed=seed, every=20 if smoke else 250
     )
-    with _frames(data, smoke, out, "mapper", steps=steps, batch=batch, seed=seed) as (data, folder, about):
-        card = train_mapper(data, folder, recipe, threads=threads, console=console, about=about)
+    name = "frames" if data is None else data.name
+    with training(out, "mapper", data=name, steps=steps, batch=batch, seed=seed) as (folder, about):
+        frames = data or smoke_frames(folder / "frames", console)
+        card = train_mapper(frames, folder, recipe, threads=threads, console=console, about=about)
     emit_result(card, folder)
     for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
         console.print(
@@ -144,66 +145,6 @@ def mapper(
     console.print(
         f"Next: robosim episode flat --goal explore --mapper {quote(str(folder / 'mapper.safetensors'))}"
     )
-
-
-def pose(
-    *,
-    data: Path | None = None,
-    steps: int = 5000,
-    batch: int = 48,
-    seed: int = 0,
-    threads: Annotated[int, THREADS] = 2,
-    smoke: bool = False,
-    out: Path | None = None,
-) -> None:
-    """Train the pose network on collected frames: the error of a predicted pose, from map and frame.
-
-    Writes pose.safetensors with its card, and result.json. Every tenth home is held out for the scores. Takes minutes;
-    an interrupted run starts again.
-
-    Example: robosim train pose --data out/frames --out out/pose
-
-    Args:
-        data: Folder of frames (`robosim collect`); with --smoke a few are collected.
-        steps: Batches.
-        batch: Pairs of a batch.
-        seed: Seed of the first weights, of the order of frames and of predicted poses.
-        threads: Threads of the network.
-        smoke: Whether to try everything in less than a minute, with few frames and steps.
-        out: Output folder; by default a new one under runs/.
-    """
-    from robosim.training.mapper import train_pose_network
-    from slam.learning.pose import PoseRecipe
-
-    steps = min(steps, 60) if smoke else steps
-    recipe = PoseRecipe(steps=steps, batch=batch, seed=seed)
-    with _frames(data, smoke, out, "pose", steps=steps, batch=batch, seed=seed) as (data, folder, about):
-        card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=about)
-    emit_result(card, folder)
-    score = card["validation"]
-    console.print(
-        f"median error of the pose: {1000 * score['estimated_m']:.1f} mm and {score['estimated_deg']:.2f} degrees, "
-        f"from predictions {1000 * score['predicted_m']:.1f} mm and {score['predicted_deg']:.2f} degrees off; "
-        f"{card['single_call_ms']:.2f} ms a call",
-        highlight=False,
-    )
-    console.print(f"Wrote the pose network and its card in {folder}")
-
-
-@contextmanager
-def _frames(
-    data: Path | None, smoke: bool, out: Path | None, network: str, **options: Any
-) -> Iterator[tuple[Path, Path, str]]:
-    """Folder of frames, some collected to try if none is given; output folder, and the command as typed."""
-    if data is None and not smoke:
-        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
-    if data is not None and not data.is_dir():
-        raise ValueError(f"data is {str(data)!r}, which is not a folder. Make one with `robosim collect`.")
-    from robosim.training.mapper import smoke_frames
-
-    name = "frames" if data is None else data.name
-    with training(out, network, data=name, **options) as (folder, about):
-        yield data or smoke_frames(folder / "frames", console), folder, about
 
 
 def explorer(

@@ -102,12 +102,7 @@ class Movers:
     def radio_bodies(self) -> Bodies:
         """The bodies that are there, as the radio meets them."""
         there = np.isfinite(self.poses[:, 0])
-        return people(
-            self.poses[there, :2],
-            radius_m=self.radius_m[there],
-            height_m=self.height_m[there],
-            velocity=self.velocity[there],
-        )
+        return people(self.poses[there, :2], radius_m=self.radius_m[there], height_m=self.height_m[there])
 
     def advance(self, duration_s: float, robot: Float[np.ndarray, "3"]) -> None:
         """Let time pass, in which the robot went to a pose."""

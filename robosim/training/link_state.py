@@ -196,7 +196,6 @@ def _classifier(recipe: Recipe, networks: list[Any], links: Links) -> LinkStateC
     """Return the classifier of trained networks, for the states in their data."""
     return LinkStateClassifier(
         [weights_of(network) for network in networks],
-        model=recipe.model,
         inputs=recipe.inputs,
         options=recipe.options,
         states=tuple(int(s) for s in np.unique(links.state[reached(links.tokens)])),

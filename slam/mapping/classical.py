@@ -123,14 +123,6 @@ class Mapper(Protocol):
         return None
 
 
-@runtime_checkable
-class PoseMatcher(Protocol):
-    """Finds the pose from a scan and the map."""
-
-    def match(self, scan: Scan, occupancy: OccupancyGrid, predicted: Pose, covariance: Covariance) -> Match:
-        """The pose, given the prediction of odometry and its covariance, axes of `map`."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Frame:
     """Data needed to enter a frame again at another pose."""
@@ -148,21 +140,14 @@ class _Frame:
 class ClassicalMapper:
     """Builds a map and estimates the pose of the robot."""
 
-    def __init__(
-        self,
-        robot: Robot = Robot(),
-        config: MapperConfig = MapperConfig(),
-        matcher: PoseMatcher | None = None,
-    ):
+    def __init__(self, robot: Robot = Robot(), config: MapperConfig = MapperConfig()):
         """Make a mapper.
 
         Args:
             robot: Its hull, height, camera and errors of odometry.
             config: Settings.
-            matcher: Finds the pose; scan matching if None.
         """
         self.robot, self.config, self.hull, self.camera = robot, config, robot.hull, robot.optics
-        self._matcher = matcher
         self.reset(np.zeros(3))
 
     def reset(self, pose: Pose) -> None:
@@ -240,7 +225,7 @@ class ClassicalMapper:
             )
             beams = _ahead(beams, laser.ahead_m)
             points, drawn, view = points.with_more(beams), drawn.with_more(beams), view_of_laser(laser)
-        match = self._match(scan, points, view, predicted, prior)
+        match = self.tracker.match(points, view)
         match, doubted = self.relocalizer.judge(
             match,
             drawn,
@@ -305,12 +290,6 @@ class ClassicalMapper:
     def tracked_map(self) -> TrackedMap:
         """Return the tracker: submaps, which grow, and their graph."""
         return self.tracker
-
-    def _match(self, scan: Scan, points: ScanPoints, view: View, predicted: Pose, prior: Covariance) -> Match:
-        """Fit a scan near the predicted pose."""
-        if self._matcher is not None:
-            return self._matcher.match(scan, self.occupancy, predicted, prior)
-        return self.tracker.match(points, view)
 
     def _measured(self, action: Command | None, odometry: Pose | None) -> tuple[Pose, Covariance]:
         """Displacement without bias, and its covariance; zero if odometry is missing or not finite."""

@@ -67,16 +67,15 @@ class NeuralMapper:
         robot: Robot = Robot(),
         config: MapperConfig = MapperConfig(),
         fusion: FusionConfig | None = None,
-        patch: GridFrame = AHEAD,
     ) -> None:
         """Make a mapper."""
         self.classical = ClassicalMapper(robot, config)
         self.fusion = fusion or FusionConfig()
         self.network = network
-        self._predictor = MapPredictor(network, patch)
+        self._predictor = MapPredictor(network)
         # Predictions of the network lie ahead of the camera; from here on, in the robot's frame.
-        x, y = patch.origin_xy
-        self.patch = replace(patch, origin_xy=(x + robot.optics.ahead_m, y))
+        x, y = AHEAD.origin_xy
+        self.patch = replace(AHEAD, origin_xy=(x + robot.optics.ahead_m, y))
         self.reset(np.zeros(3))
 
     def reset(self, pose: Pose) -> None:

@@ -1,1 +1,1 @@
-"""Networks of the learned mapper and the learned pose: inputs, layers, files, scores."""
+"""The network of the learned mapper: inputs, layers, files, scores."""

@@ -18,9 +18,8 @@ surface lies, and what is behind.
 import numpy as np
 from jaxtyping import Float, Float32
 
-from slam.grid import GridFrame
 from slam.sensing.egocentric import AHEAD
-from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth, surface_points
+from slam.sensing.projection import CameraModel, Scan, scan_from_depth, surface_points
 
 CLEARANCE, SURFACE, IN_VIEW, POINTS, BELIEF, PLACE_AHEAD, PLACE_LEFT = range(7)
 N_CHANNELS = 7
@@ -32,29 +31,26 @@ RANGE_M = 4.5
 
 
 class Features:
-    """Lays out depth images of one camera on one patch."""
+    """Lays out scans on the patch ahead."""
 
-    def __init__(
-        self, camera: CameraModel | None = None, band: Band | None = None, patch: GridFrame = AHEAD
-    ) -> None:
+    def __init__(self) -> None:
         """Fix the geometry."""
-        self.camera, self.band, self.patch = camera or CameraModel(), band or Band(), patch
-        centres = patch.centres(np.ones(patch.shape, bool)).reshape(*patch.shape, 2)
+        centres = AHEAD.centres(np.ones(AHEAD.shape, bool)).reshape(*AHEAD.shape, 2)
         self._ahead = centres[..., 0].astype(np.float32)
         self._slope = (centres[..., 1] / np.maximum(centres[..., 0], 1e-6)).astype(np.float32)
-        low = np.array(patch.origin_xy)
-        size = np.array(patch.shape[::-1]) * patch.resolution_m
+        low = np.array(AHEAD.origin_xy)
+        size = np.array(AHEAD.shape[::-1]) * AHEAD.resolution_m
         self._place = np.moveaxis(2 * (centres - low) / size - 1, -1, 0).astype(np.float32)
 
     def of(
         self, depth: Float32[np.ndarray, "h w"], belief: Float32[np.ndarray, "ny nx"]
     ) -> Float32[np.ndarray, "7 ny nx"]:
-        """Channels of one depth image."""
-        return self.of_scan(scan_from_depth(depth, self.camera, self.band), belief)
+        """Channels of one depth image of the default camera."""
+        return self.of_scan(scan_from_depth(depth, CameraModel()), belief)
 
     def of_scan(self, scan: Scan, belief: Float32[np.ndarray, "ny nx"]) -> Float32[np.ndarray, "7 ny nx"]:
         """Channels of one scan; see `of`."""
-        out = np.empty((N_CHANNELS, *self.patch.shape), np.float32)
+        out = np.empty((N_CHANNELS, *AHEAD.shape), np.float32)
         per_column = (scan.left[0] - scan.left[-1]) / (len(scan.left) - 1)
         column = np.rint((scan.left[0] - self._slope) / per_column)
         inside = (column >= 0) & (column < len(scan.left)) & (self._ahead > 0)
@@ -71,8 +67,8 @@ class Features:
 
     def _splat(self, points: Float[np.ndarray, "n 2"]) -> Float32[np.ndarray, "ny nx"]:
         """Points shared among the four cells whose centres are nearest."""
-        ny, nx = self.patch.shape
-        cells = self.patch.to_cells(points) - 0.5
+        ny, nx = AHEAD.shape
+        cells = AHEAD.to_cells(points) - 0.5
         # A rim of one cell takes what falls off the edge.
         cells = cells[((cells > -1) & (cells < (nx, ny))).all(axis=1)] + 1
         corner = np.floor(cells).astype(np.intp)

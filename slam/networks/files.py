@@ -1,4 +1,4 @@
-"""Networks of the learned mapper and the learned pose in files, each with its card."""
+"""The network of the learned mapper in a file, with its card."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -6,10 +6,9 @@ from typing import Any
 
 from robosim.support.weights import load_network, network_files
 from slam.networks.map_network import MapNetwork, NetworkConfig
-from slam.networks.pose_network import PoseNetwork, PoseNetworkConfig
 
 
-def files_of(network: MapNetwork | PoseNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
+def files_of(network: MapNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
     """The contents of NAME.safetensors and of its card, NAME.json."""
     return network_files(name, network.weights, asdict(network.config), card)
 
@@ -27,18 +26,5 @@ def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
         "Train it again with `robosim train mapper`.",
         lambda weights, card: MapNetwork(
             weights, NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"])
-        ),
-    )
-
-
-def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
-    """A network of the pose from its weights, and its card; errors as of `load_mapper`."""
-    return load_network(
-        path,
-        "weights of a pose",
-        "a pose",
-        "Train it again with `robosim train pose`.",
-        lambda weights, card: PoseNetwork(
-            weights, PoseNetworkConfig(widths=tuple(card["widths"]), hidden=card["hidden"])
         ),
     )

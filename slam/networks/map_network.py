@@ -17,11 +17,9 @@ from jaxtyping import Float32
 
 from robosim.support.checks import Range, checked
 from robosim.support.weights import Weights, check_weights, trained_numbers
-from slam.grid import GridFrame
 from slam.networks.features import N_CHANNELS, Features
 from slam.networks.onnx_graph import OnnxGraph, OnnxRunner
 from slam.networks.weights import convolution_shapes, merged
-from slam.sensing.egocentric import AHEAD
 from slam.sensing.projection import Scan
 
 #: Index of each logit.
@@ -116,9 +114,9 @@ class Prediction:
 class MapPredictor:
     """A trained network, ready to be asked."""
 
-    def __init__(self, network: MapNetwork, patch: GridFrame = AHEAD) -> None:
+    def __init__(self, network: MapNetwork) -> None:
         """Take a network."""
-        self.features = Features(patch=patch)
+        self.features = Features()
         self._network = network
 
     def predict(self, scan: Scan, belief: Float32[np.ndarray, "ny nx"]) -> Prediction:

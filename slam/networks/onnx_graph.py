@@ -10,7 +10,6 @@ decisions this changes the trajectory. The networks here are too small to gain f
 """
 
 import os
-import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,11 +19,11 @@ from jaxtyping import Float32
 #: Versions that the messages and operators below are of.
 IR_VERSION, OPERATOR_SET = 8, 13
 #: `TensorProto.FLOAT`, and `AttributeProto.AttributeType` of what attributes hold.
-_FLOAT, _FLOAT_ATTRIBUTE, _INT_ATTRIBUTE, _TEXT_ATTRIBUTE, _INTS_ATTRIBUTE = 1, 1, 2, 3, 7
+_FLOAT, _INT_ATTRIBUTE, _TEXT_ATTRIBUTE, _INTS_ATTRIBUTE = 1, 2, 3, 7
 #: Disables telemetry of ONNX Runtime, which would also store an identifier of the machine; read at its import.
 SILENT = "ORT_DISABLE_TELEMETRY"
 
-Attribute = int | float | str | Sequence[int]
+Attribute = int | str | Sequence[int]
 
 
 class OnnxGraph:
@@ -65,8 +64,6 @@ def _attribute(name: str, value: Attribute) -> bytes:
     """AttributeProto."""
     if isinstance(value, int):
         return _text(1, name) + _number(3, value) + _number(20, _INT_ATTRIBUTE)
-    if isinstance(value, float):
-        return _text(1, name) + _key(2, 5) + struct.pack("<f", value) + _number(20, _FLOAT_ATTRIBUTE)
     if isinstance(value, str):
         return _text(1, name) + _text(4, value) + _number(20, _TEXT_ATTRIBUTE)
     return _text(1, name) + b"".join(_number(8, item) for item in value) + _number(20, _INTS_ATTRIBUTE)

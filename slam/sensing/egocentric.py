@@ -33,16 +33,15 @@ def cut_ahead(
     frame: GridFrame,
     pose: Float[np.ndarray, "3"],
     patch: GridFrame = AHEAD,
-    beyond: float = 0.5,
 ) -> Float32[np.ndarray, "my mx"]:
-    """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells."""
+    """Values of a map at the centres of a patch's cells, linear between centres of map cells; 0.5 beyond the map."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     if isinstance(values, ComputedGrid):
         (x, y), (rows, columns) = patch.origin_xy, np.multiply(patch.shape, patch.resolution_m)
         corners = to_map(pose, np.array([(x + i * columns, y + j * rows) for i in (0, 1) for j in (0, 1)]))
         low, high = corners.min(axis=0) - 2 * frame.resolution_m, corners.max(axis=0) + 2 * frame.resolution_m
         window = frame.window((low[0], low[1]), (high[0], high[1]))
-        return cut_ahead(values[window[:2]], window[2], pose, patch, beyond)
+        return cut_ahead(values[window[:2]], window[2], pose, patch)
     step = patch.resolution_m / frame.resolution_m
     first = np.array(patch.origin_xy) + 0.5 * patch.resolution_m
     at = frame.to_cells(
@@ -52,4 +51,4 @@ def cut_ahead(
     ny, nx = patch.shape
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     border = cv2.BORDER_CONSTANT
-    return cv2.warpAffine(values, place, (nx, ny), flags=flags, borderMode=border, borderValue=beyond)
+    return cv2.warpAffine(values, place, (nx, ny), flags=flags, borderMode=border, borderValue=0.5)

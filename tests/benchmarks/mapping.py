@@ -269,7 +269,6 @@ class _Observer:
         self._tracks: dict[str, Track | MapperTrack] = {
             "raw odometry": Track(Odometry(), task.start),
             "odometry without its constant errors": Track(Odometry(less=config.robot.noise), task.start),
-            "network": MapperTrack(make_navigator(config, mapper="learned-pose").mapper, task.start),
         }
         if OpenCVOdometry.available():
             self._tracks["RGB-D odometry of OpenCV"] = Track(

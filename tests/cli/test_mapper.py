@@ -1,4 +1,4 @@
-"""`robosim collect`, `train mapper` and `train pose`, each option at least once."""
+"""`robosim collect` and `train mapper`, each option at least once."""
 
 import json
 
@@ -33,17 +33,3 @@ def test_smoke_needs_no_data(tmp_path):
     assert (tmp_path / "mapper.safetensors").exists()
     with pytest.raises(SystemExit):
         main(["train", "mapper", "--out", str(tmp_path / "other")])
-
-
-def test_train_pose(tmp_path, capsys):
-    """From frames and, with --smoke, from nothing: weights and a card that says by which command they were made."""
-    frames, out = tmp_path / "frames", tmp_path / "pose"
-    main(f"collect --homes 2 --steps 6 --seed 4 --workers 1 --out {frames}".split())
-    main(f"train pose --data {frames} --steps 2 --batch 4 --seed 3 --threads 1 --out {out}".split())
-    card = json.loads((out / "pose.json").read_text())
-    assert "train pose --data frames --steps 2 --batch 4 --seed 3" in card["command"]
-    assert "error of the pose" in capsys.readouterr().out
-    assert (out / "pose.safetensors").exists()
-    main(f"train pose --smoke --data {frames} --steps 2 --threads 1 --out {tmp_path / 'b'}".split())
-    with pytest.raises(SystemExit):
-        main(["train", "pose", "--out", str(tmp_path / "other")])

@@ -94,8 +94,6 @@ REJECTED = [
     ("train mapper --smoke --widths 8 8 8 8 8 8 8 8", "expected one to seven numbers of channels"),
     ("train mapper --smoke --threads 0", "threads is 0, expected a whole number from 1 to 1024 threads"),
     ("train mapper --smoke --seed -1", "seed is -1"),
-    ("train pose --smoke --steps -1", "steps is -1"),
-    ("train pose", "data is missing"),
     ("train explorer --rounds 0", "rounds is 0"),
     ("train explorer --held-out 10001", "held_out is 10001, expected a whole number from 1 to 10000 homes"),
     ("train explorer --decisions 0", "decisions is 0"),
@@ -141,7 +139,6 @@ FRUITLESS = [
     ("dataset {}/damaged.yaml", "no.pgm"),
     ("train link-state --data {}", "{}"),
     ("train mapper --data {}", "holds 0 homes"),
-    ("train pose --data {}", "holds 0 homes"),
 ]
 
 

@@ -88,19 +88,17 @@ def test_the_whole_run(folders, tmp_path, capsys):
 
 def test_workers_and_interruptions_change_nothing(folders, tmp_path, capsys):
     """Weights byte for byte: by two processes, and again by one from what an interruption left."""
-    run(folders, tmp_path, "--workers", "2", "--model", "reference")
+    run(folders, tmp_path, "--workers", "2")
     assert "validation accuracy" in capsys.readouterr().out.strip().splitlines()[-1]
     weights = (tmp_path / "link-state.safetensors").read_bytes()
     for lost in ("link-state.safetensors", "jobs/all-1.pt", "jobs/fold0-0.pt"):
         (tmp_path / lost).unlink()
-    run(folders, tmp_path, "--workers", "1", "--model", "reference")
+    run(folders, tmp_path, "--workers", "1")
     assert (tmp_path / "link-state.safetensors").read_bytes() == weights
 
 
 def test_a_baseline_without_departures(folders, tmp_path):
-    run(
-        folders, tmp_path, "--model", "reference", "--no-aod", "--no-peak", "--workers", "1", "--members", "1"
-    )
+    run(folders, tmp_path, "--no-aod", "--no-peak", "--workers", "1", "--members", "1")
     classifier = load_classifier(tmp_path / "link-state.safetensors")
     assert classifier.inputs == ("aoa", "snr")
     assert classifier.predict(np.zeros((1, 5)), np.full((1, 5), -np.inf)).tolist() == [[1, 0, 0, 0]]

@@ -59,17 +59,12 @@ COMMANDS = {
         differ=("*.png", "*.html", "timing.parquet", "suite.yaml"),
     ),
     "train link-state": Command(
-        "train link-state --data {links} --model reference --epochs 4 --folds 1 --n-folds 2 --workers 2",
+        "train link-state --data {links} --epochs 4 --folds 1 --n-folds 2 --workers 2",
         workers=True,
         needs=(LINKS,),
     ),
     "train mapper": Command(
         "train mapper --data {frames} --steps 20 --batch 4 --widths 4 8 --threads 1", needs=(FRAMES,)
-    ),
-    "train pose": Command(
-        "train pose --data {frames} --steps 20 --batch 4 --threads 1",
-        goes_on=False,
-        needs=(FRAMES,),
     ),
     "train explorer": Command(
         "train explorer --rounds 2 --homes 2 --decisions 6 --held-out 1 --workers 2", workers=True

@@ -230,7 +230,7 @@ def searches(folder: Path) -> None:
 
 def weights(folder: Path) -> None:
     """Those that come with the package."""
-    for name in ("mapper", "pose", "explorer"):
+    for name in ("mapper", "explorer"):
         home = _into(folder, f"weights-{name}")
         for suffix in (".safetensors", ".json"):
             shutil.copyfile(shipped_network(name).with_suffix(suffix), home / f"a{suffix}")

@@ -46,7 +46,7 @@ from robosim.training.mapper import read_frames, read_pairs
 from robosim.training.policy_weights import Checkpoint
 from robosim.training.search import Training as SearchTraining
 from slam.exploration.choosing import initial_weights, load_chooser
-from slam.networks.files import load_mapper, load_pose
+from slam.networks.files import load_mapper
 from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from tests.fuzz.seeds import COLLECTED, SEARCHES, small_plan
 from tests.fuzz.small_files import COMMANDS, STOPS
@@ -357,7 +357,6 @@ TARGETS: dict[str, Target] = {
     "settings of searches": Target("searches", "settings.json", _collect_searches, 0.5, names="results of"),
     "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf"), names="a.gltf"),
     "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
-    "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),
     "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
     "search": Target("weights-search", "*.s*", lambda folder, file: load_search(file), 0.5),
     "link states": Target("weights-link-state", "*", lambda folder, file: classifier_of_file(folder / "a.safetensors")),

@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32
 
 from robosim.support.weights import Weights, check_weights, load_network, network_files, trained_numbers
 from wireless.linkstate.calibration import scaled
-from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, softmax
+from wireless.linkstate.forward import N_STATES, WIDEST, relation_logits, relation_shapes, softmax
 from wireless.linkstate.tokens import COLUMNS, is_path, make_tokens
 from wireless.paths import LinkState
 
@@ -32,7 +32,6 @@ class LinkStateClassifier:
         self,
         networks: Sequence[Weights],
         *,
-        model: str,
         inputs: Sequence[str],
         options: dict[str, Any] | None = None,
         states: Sequence[int] = (1, 2, 3),
@@ -42,8 +41,7 @@ class LinkStateClassifier:
         """Make a classifier.
 
         Args:
-            networks: Weights of trained networks of one kind, by their names.
-            model: Its name in `wireless.linkstate.forward.KINDS`.
+            networks: Weights of trained networks, by their names.
             inputs: Columns of tokens that they use.
             options: What they were made with besides the inputs.
             states: States possible of links with paths.
@@ -51,12 +49,12 @@ class LinkStateClassifier:
             card: Record of the training and the scores.
 
         Raises:
-            ValueError: If weights do not fit the model, or one is no number.
+            ValueError: If weights do not fit the inputs and options, or one is no number.
         """
         self.networks = [dict(weights) for weights in networks]
-        self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
+        self.inputs, self.options = tuple(inputs), dict(options or {})
         self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
-        shapes = KINDS[model].shapes(self.inputs, **self.options)
+        shapes = relation_shapes(self.inputs, **self.options)
         for weights in self.networks:
             check_weights(weights, shapes)
 
@@ -119,10 +117,10 @@ class LinkStateClassifier:
 
     def _mean(self, tokens: Float32[np.ndarray, "n 5 5"]) -> Float32[np.ndarray, "n 4"]:
         """Mean probabilities of the networks."""
-        allowed, logits = list(self.states), KINDS[self.model].logits
+        allowed = list(self.states)
         total = np.zeros((len(tokens), N_STATES), np.float32)
         for weights in self.networks:
-            total[:, allowed] += softmax(logits(weights, tokens, self.inputs)[:, allowed])
+            total[:, allowed] += softmax(relation_logits(weights, tokens, self.inputs)[:, allowed])
         return total / np.float32(len(self.networks))
 
     def files(self, name: str) -> dict[str, bytes]:
@@ -131,7 +129,6 @@ class LinkStateClassifier:
             f"{i}.{key}": array for i, network in enumerate(self.networks) for key, array in network.items()
         }
         head = {
-            "model": self.model,
             "inputs": list(self.inputs),
             "options": self.options,
             "networks": len(self.networks),
@@ -151,7 +148,7 @@ def load_classifier(path: Path) -> LinkStateClassifier:
     def make(weights: Weights, card: dict[str, Any]) -> LinkStateClassifier:
         card = _checked(card)
         networks = [_part(weights, str(i)) for i in range(card["networks"])]
-        arguments = {name: card[name] for name in ("model", "inputs", "options", "states", "temperature")}
+        arguments = {name: card[name] for name in ("inputs", "options", "states", "temperature")}
         return LinkStateClassifier(networks, card=card, **arguments)
 
     what = "classifier of link states"
@@ -163,7 +160,6 @@ def _checked(card: dict[str, Any]) -> dict[str, Any]:
     options, states = card["options"], card["states"]
     limits = {"width": (2, WIDEST), "rounds": (1, 16)}
     good = {
-        "model": card["model"] in KINDS,
         "inputs": "aoa" in card["inputs"] and "snr" in card["inputs"] and set(card["inputs"]) <= set(COLUMNS),
         "networks": _is_whole(card["networks"], 1, 100),
         "options": set(options) <= {*limits, "dropout"}

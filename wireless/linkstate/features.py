@@ -61,21 +61,6 @@ def feature_counts(inputs: Sequence[str]) -> tuple[int, int]:
     return path.shape[-1], pair.shape[-1]
 
 
-def scaled_estimates(
-    tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
-) -> Float32[np.ndarray, "n f"]:
-    """Raw estimates, scaled as published, one input after the other. Reference: Yin et al., arXiv 2110.14789."""
-    x = np.nan_to_num(tokens, nan=0.0)
-    scaled = {
-        "aoa": x[..., AOA] / math.pi,
-        "aod": x[..., AOD] / math.pi,
-        "snr": ((x[..., SNR] - 5) / 45).clip(0, 1) * np.isfinite(tokens[..., SNR]),
-        "peak": x[..., PEAK] / 30,
-        "delay": (x[..., DELAY] - x[:, :1, DELAY]) / DELAY_UNIT_S,
-    }
-    return np.concatenate([scaled[name] for name in inputs], -1)
-
-
 def _departure_features(
     a: Float32[np.ndarray, "n 5"], d: Float32[np.ndarray, "n 5"], arrival: Float32[np.ndarray, "n 5 5"]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:

@@ -7,14 +7,13 @@ the other links of a call.
 Reference: Ba et al., "Layer normalization", arXiv 1607.06450.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float32
 
 from robosim.support.weights import Weights
-from wireless.linkstate.features import feature_counts, path_and_pair_features, scaled_estimates
+from wireless.linkstate.features import feature_counts, path_and_pair_features
 from wireless.linkstate.tokens import N_PATHS
 
 Shapes = dict[str, tuple[int, ...]]
@@ -24,16 +23,6 @@ N_STATES = 4
 WIDEST = 512
 #: Constant that normalisation adds to variances, as in PyTorch.
 _EPSILON = np.float32(1e-5)
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of network."""
-
-    logits: Callable[[Weights, Float32[np.ndarray, "n 5 5"], Sequence[str]], Float32[np.ndarray, "n 4"]]
-    """From weights, tokens and the columns that are used of them."""
-    shapes: Callable[..., Shapes]
-    """Shapes of the weights, from the columns and the options that a network was made with."""
 
 
 def relation_logits(
@@ -79,32 +68,6 @@ def relation_shapes(
     for name, before, after in zip(("head.1", "head.4", "head.7"), sizes, sizes[1:], strict=False):
         shapes |= _dense_shapes(name, before, after)
     return shapes
-
-
-def reference_logits(
-    weights: Weights, tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
-) -> Float32[np.ndarray, "n 4"]:
-    """The published network on the raw estimates, scaled as published."""
-    x = scaled_estimates(tokens, inputs)
-    for name in ("layers.0", "layers.2"):
-        x = _relu(_dense(weights, name, x))
-    return _dense(weights, "layers.4", x)
-
-
-def reference_shapes(inputs: Sequence[str]) -> Shapes:
-    """Shapes of its weights."""
-    return (
-        _dense_shapes("layers.0", N_PATHS * len(inputs), 8)
-        | _dense_shapes("layers.2", 8, 6)
-        | _dense_shapes("layers.4", 6, N_STATES)
-    )
-
-
-#: Networks by name.
-KINDS = {
-    "ours": Kind(relation_logits, relation_shapes),
-    "reference": Kind(reference_logits, reference_shapes),
-}
 
 
 def softmax(logits: Float32[np.ndarray, "n k"]) -> Float32[np.ndarray, "n k"]:

@@ -1,4 +1,4 @@
-"""People and other upright bodies among the paths of a link: where they stand, their size, and how they move."""
+"""People and other upright bodies among the paths of a link: where they stand, and their size."""
 
 from dataclasses import dataclass
 
@@ -22,11 +22,9 @@ class Bodies:
     """Half of the width that each path sees."""
     height_m: Float[np.ndarray, " n"]
     """Height above the feet."""
-    velocity: Float[np.ndarray, "n 3"]
-    """Velocity [m/s]."""
 
     def __post_init__(self) -> None:
-        for name in ("position", "radius_m", "height_m", "velocity"):
+        for name in ("position", "radius_m", "height_m"):
             object.__setattr__(self, name, values := to_array(getattr(self, name), name))
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} of bodies has NaN or infinite values, expected finite ones.")
@@ -42,7 +40,6 @@ def people(
     *,
     radius_m: ArrayLike = PERSON_RADIUS_M,
     height_m: ArrayLike = PERSON_HEIGHT_M,
-    velocity: ArrayLike | None = None,
 ) -> Bodies:
     """Bodies of one size or of many, by default persons who stand still.
 
@@ -50,26 +47,24 @@ def people(
         position: Position of the feet [m], n x 2 or n x 3; on the height 0 if there are two columns.
         radius_m: Half of the width [m], of all or of each.
         height_m: Height above the feet [m], likewise.
-        velocity: Velocity [m/s], level if there are two columns; None for none.
 
     Raises:
         ValueError: If a value is not finite, or a size is not positive.
     """
-    feet = _with_height(position, "position")
+    feet = _with_height(position)
     n = len(feet)
     return Bodies(
         position=feet,
         radius_m=np.broadcast_to(np.asarray(radius_m, float), n),
         height_m=np.broadcast_to(np.asarray(height_m, float), n),
-        velocity=np.zeros((n, 3)) if velocity is None else _with_height(velocity, "velocity"),
     )
 
 
-def _with_height(values: ArrayLike, name: str) -> Float[np.ndarray, "n 3"]:
-    """Vectors with a third column, of zeros if there is none."""
-    level = to_array(values, name)
+def _with_height(position: ArrayLike) -> Float[np.ndarray, "n 3"]:
+    """Positions with a third column, of zeros if there is none."""
+    level = to_array(position, "position")
     if not level.size:
         return np.empty((0, 3))
     if level.ndim != 2 or level.shape[1] not in (2, 3):
-        raise ValueError(f"{name} of bodies has shape {level.shape}, expected (n, 2) or (n, 3).")
+        raise ValueError(f"position of bodies has shape {level.shape}, expected (n, 2) or (n, 3).")
     return np.pad(level, ((0, 0), (0, 3 - level.shape[1])))

@@ -8,7 +8,7 @@ import torch
 
 from robosim.support.torch_training import weights_of
 from wireless.linkstate import LinkStateClassifier, load_classifier, make_tokens
-from wireless.linkstate.learning.networks import NETWORKS
+from wireless.linkstate.learning.networks import RelationNetwork
 from wireless.linkstate.tokens import AOA, AOD, DELAY, SNR
 
 FULL = ("aoa", "aod", "snr", "peak", "delay")
@@ -27,20 +27,19 @@ def links(n=64, seed=0, paths=5):
     }
 
 
-def classifier(model="ours", inputs=FULL, states=(1, 2, 3), count=2):
+def classifier(inputs=FULL, states=(1, 2, 3), count=2):
     torch.manual_seed(0)
-    networks = [weights_of(NETWORKS[model](inputs)) for _ in range(count)]
-    return LinkStateClassifier(networks, model=model, inputs=inputs, states=states, temperature=0.7)
+    networks = [weights_of(RelationNetwork(inputs)) for _ in range(count)]
+    return LinkStateClassifier(networks, inputs=inputs, states=states, temperature=0.7)
 
 
-@pytest.mark.parametrize("model", NETWORKS)
-def test_the_order_of_paths_changes_nothing(model):
+def test_the_order_of_paths_changes_nothing():
     """Exactly: paths are put into an order of their own. Half have equal SNR, so that ties are met."""
     given = links()
     given["snr_db"][:, 1] = given["snr_db"][:, 3]
     order = np.random.default_rng(1).permuted(np.tile(np.arange(5), (64, 1)), axis=1)
     mixed = {name: np.take_along_axis(values, order, 1) for name, values in given.items()}
-    model = classifier(model)
+    model = classifier()
     assert np.array_equal(model.predict(**given), model.predict(**mixed))
 
 
@@ -70,19 +69,18 @@ def test_without_departures_a_third_of_a_turn_changes_nothing(sign):
     assert np.abs(model.predict(**given) - model.predict(**turned(given, 1, 0.5))).max() > 1e-3
 
 
-@pytest.mark.parametrize("model", NETWORKS)
-def test_a_missing_path_may_hold_anything(model):
+def test_a_missing_path_may_hold_anything():
     """What lies in the places of a path with SNR -inf or NaN, or all zero, is not looked at; nor how many there are."""
     given = links()
     missing = ~np.isfinite(given["snr_db"])
-    clean = classifier(model).predict(**given)
+    clean = classifier().predict(**given)
     assert np.isfinite(clean).all()
     for rubbish in (np.nan, 1e9, 0.0):
         dirty = {name: np.where(missing, rubbish, values) for name, values in given.items()}
         dirty["snr_db"] = np.where(missing, 0.0 if rubbish == 0 else np.nan, given["snr_db"])
-        assert np.array_equal(classifier(model).predict(**dirty), clean)
+        assert np.array_equal(classifier().predict(**dirty), clean)
     more = {name: np.pad(values, ((0, 0), (0, 2))) for name, values in given.items()}
-    assert np.array_equal(classifier(model).predict(**more), clean)
+    assert np.array_equal(classifier().predict(**more), clean)
 
 
 def test_a_link_without_paths_is_an_outage():
@@ -124,10 +122,9 @@ def write(made, folder):
         (folder / name).write_bytes(content)
 
 
-@pytest.mark.parametrize("model", NETWORKS)
-def test_files_keep_a_classifier(model, tmp_path):
+def test_files_keep_a_classifier(tmp_path):
     """Read back it answers the same, bit for bit."""
-    made = classifier(model)
+    made = classifier()
     made.card["note"] = "stored"
     write(made, tmp_path)
     read = load_classifier(tmp_path / "some.safetensors")

@@ -1,23 +1,18 @@
-"""Networks that classify the link state from estimated paths, as PyTorch trains them.
+"""The network that classifies the link state from estimated paths, as PyTorch trains it.
 
-Ours and the published one; `wireless.linkstate.forward` is what is used of them, with weights of
-the same names and shapes, and a test compares their results.
-
-`RelationNetwork` lets every path look at every other: a message from each pair's geometry, summed over partners,
-twice; then the paths, from the strongest, go through a small dense head. `ReferenceNetwork` is the published
-network on scaled raw estimates, 8 and 6 hidden units. Both take tokens (`wireless.linkstate.tokens`) and give logits
-of the four states.
-
-Reference: Yin et al., arXiv 2110.14789.
+`wireless.linkstate.forward` runs the trained network, with weights of the same names and shapes, and a test compares
+their results. The network lets every path look at every other: a message from each pair's geometry, summed over
+partners, twice; then the paths, from the strongest, go through a small dense head. It takes tokens
+(`wireless.linkstate.tokens`) and gives logits of the four states.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from wireless.linkstate.features import feature_counts, path_and_pair_features, scaled_estimates
+from wireless.linkstate.features import feature_counts, path_and_pair_features
 from wireless.linkstate.forward import N_STATES
 from wireless.linkstate.tokens import N_PATHS
 
@@ -76,26 +71,3 @@ class _Round(nn.Module):
             * present[:, None]
         )
         return (state + self.update(torch.cat([seen, self.message(sent.mean(2))], -1))) * present
-
-
-class ReferenceNetwork(nn.Module):
-    """The published network on the raw estimates, scaled as published."""
-
-    def __init__(self, inputs: Sequence[str]) -> None:
-        super().__init__()
-        self.inputs = tuple(inputs)
-        n_inputs = N_PATHS * len(self.inputs)
-        self.layers = nn.Sequential(
-            nn.Linear(n_inputs, 8), nn.ReLU(), nn.Linear(8, 6), nn.ReLU(), nn.Linear(6, N_STATES)
-        )
-
-    def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
-        """Logits of the states."""
-        return self.layers(torch.from_numpy(scaled_estimates(tokens.numpy(), self.inputs)))
-
-
-#: Networks by name.
-NETWORKS: dict[str, Callable[..., nn.Module]] = {
-    "ours": RelationNetwork,
-    "reference": ReferenceNetwork,
-}

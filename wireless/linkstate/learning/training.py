@@ -9,7 +9,7 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -20,7 +20,7 @@ from robosim.support.checks import Range, checked
 from robosim.support.torch_training import Store, restore_network, restore_optimiser, torch_threads
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.forward import WIDEST
-from wireless.linkstate.learning.networks import NETWORKS
+from wireless.linkstate.learning.networks import RelationNetwork
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, is_path
 
 #: Gradients longer than this are shortened to it.
@@ -32,8 +32,6 @@ _CLIP = 1.0
 class Recipe:
     """How a network is trained."""
 
-    model: Literal["ours", "reference"] = "ours"
-    """Kind of network."""
     inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
     """Columns of tokens that it uses."""
     epochs: Annotated[int, Range(1, 100_000)] = 7
@@ -53,9 +51,9 @@ class Recipe:
     averaging: Annotated[float, Range(0, 0.99999)] = 0.995
     """Share of the averaged weights that a step keeps; 0 for no averaging."""
     width: Annotated[int, Range(2, WIDEST, "units")] = 64
-    """Units of the states of paths (ours)."""
+    """Units of the states of paths."""
     dropout: Annotated[float, Range(0, 0.999)] = 0.1
-    """Share of units dropped in the head (ours)."""
+    """Share of units dropped in the head."""
     seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     """Seed of the first weights, the order of the links, and dropout."""
 
@@ -68,25 +66,7 @@ class Recipe:
     @property
     def options(self) -> dict[str, Any]:
         """Return the arguments of the network in addition to its inputs."""
-        return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
-
-
-def default_recipe(model: Literal["ours", "reference"]) -> Recipe:
-    """Default training of each kind of network.
-
-    The published network had 300 epochs of Adam at a steady 0.001; a third of them, slowing down, end no worse.
-    """
-    if model == "ours":
-        return Recipe()
-    return Recipe(
-        model=model,
-        epochs=100,
-        learning_rate=3e-3,
-        weight_decay=0.0,
-        label_smoothing=0.0,
-        jitter_deg=0.0,
-        averaging=0.99,
-    )
+        return {"width": self.width, "dropout": self.dropout}
 
 
 def train(
@@ -131,8 +111,8 @@ class _Run:
     def __init__(self, x: Tensor, y: Tensor, recipe: Recipe) -> None:
         self.x, self.y, self.recipe = x, y, recipe
         torch.manual_seed(recipe.seed)
-        self.network = NETWORKS[recipe.model](recipe.inputs, **recipe.options)
-        self.averaged = NETWORKS[recipe.model](recipe.inputs, **recipe.options)
+        self.network = RelationNetwork(recipe.inputs, **recipe.options)
+        self.averaged = RelationNetwork(recipe.inputs, **recipe.options)
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), recipe.learning_rate, weight_decay=recipe.weight_decay
