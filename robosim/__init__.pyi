@@ -80,5 +80,7 @@ from robosim.datasets.links import make_dataset as make_dataset
 from robosim.datasets.link_units import LinkSetConfig as LinkSetConfig
 from robosim.datasets.collect import collect as collect
 from robosim.datasets.collect import CollectConfig as CollectConfig
+from robosim.datasets.torch_data import LinkDataset as LinkDataset
+from robosim.datasets.torch_data import FrameDataset as FrameDataset
 
 __version__: str

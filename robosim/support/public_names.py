@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from importlib import import_module
 from pathlib import Path
 
@@ -10,13 +10,16 @@ _IMPORT = re.compile(r"^from ([\w.]+) import (\w+) as \2$", re.MULTILINE)
 
 
 def public_names(
-    package: str, file: str
+    package: str, file: str, hidden: Container[str] = ()
 ) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
-    """`__getattr__`, `__dir__` and `__all__` of a package, from the stub next to its file."""
+    """`__getattr__`, `__dir__` and `__all__` of a package, from the stub next to its file.
+
+    Names from `hidden` modules are not in `__all__`.
+    """
     stub = Path(file).with_suffix(".pyi").read_text("utf-8")
     modules = {name: module for module, name in _IMPORT.findall(stub)}
     listed = ["__version__"] if "\n__version__: str\n" in stub else []
-    listed += modules
+    listed += [name for name, module in modules.items() if module not in hidden]
 
     def get(name: str) -> object:
         if name == "__version__" and name in listed:

@@ -1,4 +1,4 @@
-"""Sweeps on a dask cluster: memory of each process over time, scheduling and transfer.
+"""Sweeps on a dask cluster: memory of each process over time, scheduling, transfer, and streaming to PyTorch.
 
 Scheduler, workers and the command run as processes of their own, as they do on several machines. One worker is killed
 when half of the data set is made; all tables are compared byte for byte with those of one process.
@@ -6,6 +6,7 @@ when half of the data set is made; all tables are compared byte for byte with th
 
 import hashlib
 import math
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -51,7 +53,7 @@ def main(
     tasks: int = 100_000,
     options: OmitArgPrefixes[Options] = DEFAULT,
 ) -> Results:
-    """Memory, scheduling and transfer of a large data set, and what they make of a billion links.
+    """Memory, scheduling, transfer and streaming of a large data set, and what they make of a billion links.
 
     Args:
         homes: Generated homes.
@@ -67,6 +69,7 @@ def main(
         add_run(
             results, made, homes, digest(made.folder) == digest(make_alone(folder, homes, tx_per_plan, grid))
         )
+        add_streams(results, made.folder)
         add_load(results, folder, tasks)
         add_extrapolation(results, bytes_a_link(folder), made)
     return options.finish("clusters", results)
@@ -210,6 +213,37 @@ def add_load(results: Results, folder: Path, tasks: int) -> None:
             peak = max(megabytes for _, megabytes in curves["scheduler"] or [(0, first_mb)])
             results.add("load", row, "scheduler's memory, first", first_mb, "MB", digits=0)
             results.add("load", row, "scheduler's memory, largest", peak, "MB", digits=0)
+
+
+def add_streams(results: Results, folder: Path) -> None:
+    """Add rate and memory of an epoch of `LinkDataset`, in order and shuffled."""
+    for row, seed, workers in (
+        ("in order", None, 0),
+        ("shuffled", 0, 0),
+        ("shuffled, 2 workers", 0, 2),
+    ):
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            links, seconds, more_mb = pool.submit(_stream, folder, seed, workers).result()
+        results.add("stream", row, "links", links, digits=0)
+        results.add("stream", row, "links a second", links / seconds, digits=0)
+        results.add("stream", row, "memory, largest of a process", more_mb, "MB", digits=0)
+
+
+def _stream(folder: Path, seed: int | None, workers: int) -> tuple[int, float, float]:
+    """Links of an epoch, its time [s], and the most memory that it adds to a process [MB]."""
+    from torch.utils.data import DataLoader
+
+    from robosim import LinkDataset
+
+    me, links = psutil.Process(), 0
+    before, begin = me.memory_info().rss / 1e6, time.monotonic()
+    data = LinkDataset(folder, seed=seed)
+    loader = DataLoader(data, batch_size=None, num_workers=workers)
+    with memory({"stream": me.pid}) as curves:
+        for batch in loader:
+            links += len(batch["state"])
+    peak_mb = max((megabytes for _, megabytes in curves["stream"]), default=math.nan)
+    return links, time.monotonic() - begin, peak_mb - before
 
 
 def bytes_a_link(folder: Path) -> float:

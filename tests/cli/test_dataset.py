@@ -152,6 +152,13 @@ def test_blocks_of_links_make_the_table_of_all_links(tmp_path, monkeypatch):
             assert flat[0].offsets.equals(flat[1].offsets), name
             flat = [c.flatten() for c in flat]
         np.testing.assert_array_equal(*(c.to_numpy(zero_copy_only=False) for c in flat), err_msg=name)
+    for span in (range(0, 1), range(CHUNK_LINKS - 1, 2 * CHUNK_LINKS + 1), range(CHUNK_LINKS, rows)):
+        links = read_links(blocks, span)
+        np.testing.assert_array_equal(
+            links.rx_position, read_links(whole).rx_position[span.start : span.stop]
+        )
+    with pytest.raises(ValueError, match=rf"room_Tx_2\.parquet.*it has {rows} rows, expected {rows + 1}"):
+        read_links(blocks, range(rows, rows + 1))
 
 
 def test_buildings_of_earlier_units_are_released(tmp_path):

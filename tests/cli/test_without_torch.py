@@ -53,7 +53,7 @@ def test_what_trains_says_what_to_install(tmp_path):
 
 
 def test_libraries_say_what_to_install():
-    for name in ("slam.learning.mapper", "wireless.linkstate.Recipe"):
+    for name in ("robosim.LinkDataset", "slam.learning.mapper", "wireless.linkstate.Recipe"):
         package, _, attribute = name.rpartition(".")
         output = run(f"from {package} import {attribute}")
         assert output.returncode == 1

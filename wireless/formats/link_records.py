@@ -177,15 +177,15 @@ def write_links(path: str | PathLike[str] | BytesIO, blocks: Iterable[pa.Table])
             writer.write_table(table)
 
 
-def read_links(path: str | PathLike[str]) -> LinkRecords:
-    """Read a file of links, without the true paths.
+def read_links(path: str | PathLike[str], rows: range | None = None) -> LinkRecords:
+    """Read a file of links, or some of its rows, without the true paths.
 
     Raises:
         FileError: If the file is of another kind, or damaged.
     """
     names = [name for name in COLUMNS if not name.startswith("path_")]
     with reading(Path(path), _WHAT, _REMEDY) as file:
-        table = _table(file, names)
+        table = _table(file, names, rows)
         column = {name: values(table, name, COLUMNS[name][0]) for name in names}
         check_within(column["link_state"], "link_state", 0, max(LinkState))
         check_within(column["n_estimates"], "n_estimates", 0, N_ESTIMATES)
@@ -265,8 +265,8 @@ def read_rays(path: str | PathLike[str]) -> Rays:
         )
 
 
-def _table(file: BinaryIO, names: Sequence[str]) -> pa.Table:
-    table = parquet_table(file, names)
+def _table(file: BinaryIO, names: Sequence[str], rows: range | None = None) -> pa.Table:
+    table = parquet_table(file, names, rows=rows)
     if not len(table):
         raise ValueError("it has no rows")
     return table

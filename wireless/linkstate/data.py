@@ -10,12 +10,12 @@ import os
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
-from robosim.support.reading import reading
+from robosim.support.reading import FileError, reading, shown
 from wireless.estimates import measured
 from wireless.formats.link_records import LinkRecords
 from wireless.formats.link_records import read_links as read_records
@@ -24,7 +24,7 @@ from wireless.linkstate.tokens import COLUMNS, make_tokens
 
 _MOST_MANIFEST = 500_000_000
 #: Columns that tables of several transmitters have in common.
-_COLUMNS = ("tokens", "state")
+_COLUMNS = ("tokens", "state", "position", "tx_position")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +39,10 @@ class Links:
     """Building of each link, as a number into the names."""
     transmitter: Int[np.ndarray, " n"]
     """Number of the transmitter of each link, different between buildings."""
+    position: Float32[np.ndarray, "n 2"]
+    """Where the receiver of each link is [m]."""
+    tx_position: Float32[np.ndarray, "n 2"]
+    """Where its transmitter is [m]."""
     names: tuple[str, ...]
     """Names of the buildings, sorted."""
 
@@ -56,6 +60,49 @@ class Links:
     def within(self, buildings: tuple[int, ...]) -> Bool[np.ndarray, " n"]:
         """Which links are in some buildings."""
         return np.isin(self.building, buildings)
+
+
+class LinkTable(NamedTuple):
+    """Links of one transmitter that are read when they are needed."""
+
+    building: str
+    """Name of the building."""
+    rows: int
+    """Number of links."""
+    file: Path
+    """File of a data set, or folder of public measurements."""
+    number: int | None = None
+    """Number of the transmitter in public measurements."""
+
+    def read(self, rows: range) -> Links:
+        """Read the links of some rows; FileError if the file is damaged, or is not as the manifest says."""
+        if self.number is not None:
+            return _measured(self.file, self.building, self.number)[slice(rows.start, rows.stop)]
+        links = _recorded(self.file, rows)
+        if links.names != (self.building,):
+            raise FileError(
+                f"{shown(self.file)}: links of {links.names[0]!r}, but manifest.json lists {self.building!r}. Make the "
+                "data set again."
+            )
+        return links
+
+
+def link_tables(data: Path) -> list[LinkTable]:
+    """Tables of a data set by its manifest, or of a folder of public measurements, which are read to be counted.
+
+    Raises:
+        ValueError: If a file is missing or damaged.
+    """
+    if not is_data_set(data):
+        return [
+            LinkTable(name, len(_measured(data, name, number).state), data, number)
+            for name, number in find_measurements(data)
+        ]
+    with _manifest(data) as file:
+        units = _units(data, file)
+        if wrong := [unit for unit in units if not (isinstance(unit["rows"], int) and unit["rows"] > 0)]:
+            raise ValueError(f"rows of {wrong[0]['file']} is {wrong[0]['rows']!r}, expected 1 or more")
+        return [LinkTable(str(unit["plan"]), unit["rows"], data / unit["file"]) for unit in units]
 
 
 def read_links(data: Path) -> Links:
@@ -118,8 +165,8 @@ def _measured(data: Path, name: str, number: int) -> Links:
     )
 
 
-def _recorded(file: Path) -> Links:
-    links = read_records(file)
+def _recorded(file: Path, rows: range | None = None) -> Links:
+    links = read_records(file, rows)
     paths = links.estimates
     resolved = measured(aod_rad=paths.aod_rad, delay_s=paths.delay_s)
     return _unit(links, make_tokens(paths.aoa_rad, paths.snr_db, **resolved))
@@ -133,5 +180,7 @@ def _unit(links: LinkRecords | Measurements, tokens: Float32[np.ndarray, "n 5 5"
         state=links.state,
         building=np.zeros(len(tokens), int),
         transmitter=np.zeros(len(tokens), int),
+        position=links.rx_position[:, :2].astype(np.float32),
+        tx_position=np.tile(links.tx_position[:2].astype(np.float32), (len(tokens), 1)),
         names=(name,),
     )

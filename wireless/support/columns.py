@@ -20,11 +20,12 @@ def parquet_table(
     file: BinaryIO,
     names: Sequence[str] | None = None,
     filters: list[tuple[str, str, Any]] | None = None,
+    rows: range | None = None,
 ) -> pa.Table:
-    """A table from a Parquet file.
+    """A table from a Parquet file; of `rows`, only the groups that hold them are read.
 
     Raises:
-        ValueError: If a column is missing, or there are more rows than any table has.
+        ValueError: If a column or a row is missing, or there are more rows than any table has.
         Exception: Whatever damage makes its reader raise.
     """
     metadata = pq.read_metadata(file)
@@ -38,7 +39,16 @@ def parquet_table(
     if filters is not None:
         file.seek(0)
         return pq.read_table(file, columns=names, filters=filters)
-    return parquet.read(columns=names)
+    if rows is None:
+        return parquet.read(columns=names)
+    if rows.stop > metadata.num_rows:
+        raise ValueError(f"it has {metadata.num_rows} rows, expected {rows.stop} or more")
+    ends = np.cumsum([metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)])
+    first, last = np.searchsorted(ends, (rows.start, rows.stop - 1), side="right")
+    before = int(ends[first - 1]) if first else 0
+    return parquet.read_row_groups(list(range(first, last + 1)), columns=names).slice(
+        rows.start - before, len(rows)
+    )
 
 
 def values(table: pa.Table, name: str, kind: pa.DataType) -> np.ndarray:

@@ -44,6 +44,8 @@ def test_a_data_set_is_read_as_links(folder):
     assert links.building.tolist() == [1, 1, 1, 1, 0, 0]
     assert links.transmitter.tolist() == [0, 0, 1, 1, 2, 2]
     assert links.state.tolist() == [1] * 6
+    np.testing.assert_allclose(links.position, np.tile(RX[:, :2], (3, 1)))
+    np.testing.assert_allclose(links.tx_position, TX[[0, 0, 1, 1, 0, 0], :2])
     assert np.isnan(links.tokens[::2]).all()
     np.testing.assert_allclose(links.tokens[1::2, 0, AOA], [0.1, 0.2, 0.1], rtol=1e-6)
     np.testing.assert_allclose(links.tokens[1::2, 0, AOD], [-0.1, -0.2, -0.1], rtol=1e-6)
