@@ -26,6 +26,7 @@ from wireless.antennas.elements import element_named as element_named
 # Moving people
 from wireless.motion.bodies import Bodies as Bodies
 from wireless.motion.bodies import people as people
+from wireless.motion.blockage import Blockage as Blockage
 from wireless.motion.blockage import block as block
 from wireless.motion.impulse_responses import ImpulseResponses as ImpulseResponses
 from wireless.motion.impulse_responses import sample_channel as sample_channel

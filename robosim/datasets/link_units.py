@@ -265,7 +265,7 @@ def _among_people(
         places = places[np.hypot(*(places - receivers[k])[:, :2].T) > _FROM_RECEIVER_M]
         if last > first and len(places):
             link = paths.select(np.arange(first, last))
-            factor[first:last] = find_blockage(link, people(places, radius_m=Body.radius_m))
+            factor[first:last] = find_blockage(link, people(places, radius_m=Body.radius_m)).factor
     return weaken(paths, factor)[0]
 
 

@@ -26,7 +26,7 @@ from typing import Annotated, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 from scipy.constants import speed_of_light
 
 import wireless
@@ -40,7 +40,7 @@ from robosim.support.parts import Part
 from wireless.bands import band_named
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
-from wireless.motion.blockage import block
+from wireless.motion.blockage import Blockage, block
 from wireless.motion.bodies import Bodies
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
@@ -131,8 +131,8 @@ class RadioLink:
         self.tables = RadioTables(building, self._tracer, self.config.tables)
         self.paths: Paths | None = None
         """True paths of the last measurement, weakened by people."""
-        self.blockage: Complex[np.ndarray, " n"] | None = None
-        """Factor of the gain of each path by people; None without people."""
+        self.blockage: Blockage | None = None
+        """Blockage of each path by people; None without people."""
         self.range_m = math.nan
         """Measured range [m]; NaN without ranging or reception."""
         self._unblocked: Paths | None = None
@@ -181,7 +181,7 @@ class RadioLink:
         """Loss of the direct path by people at the last measurement [dB]; NaN without a direct path, or people."""
         if self.paths is None or self.blockage is None or not (self.paths.order == 0).any():
             return math.nan
-        return float(-20 * np.log10(np.abs(self.blockage[self.paths.order == 0][0]) + 1e-15))
+        return float(-20 * np.log10(np.abs(self.blockage.factor[self.paths.order == 0][0]) + 1e-15))
 
     @property
     def bearing(self) -> float:

@@ -119,7 +119,7 @@ def crossing_db(hz: float, x: float, model: str, count: int = 1) -> Float[np.nda
     tx = np.column_stack([np.full(n, -x), -aside, np.full(n, HEIGHT_M)])
     rx = tx + np.array([LINK_M, 0.0, 0.0])
     walkers = people(np.column_stack([APART_M * np.arange(count), np.zeros(count)]))
-    factor = find_blockage(_direct(tx, rx, hz), walkers, model)
+    factor = find_blockage(_direct(tx, rx, hz), walkers, model).factor
     return -20 * np.log10(np.abs(factor))
 
 

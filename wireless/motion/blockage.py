@@ -17,6 +17,7 @@ closes the gap below the feet; bodies straight above or below a terminal, as ver
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int, UInt8
@@ -32,11 +33,22 @@ from wireless.paths import Paths
 
 #: The effect of an edge at these distances from the path begins to fade, and ends, in first Fresnel radii.
 FADES_AT, ENDS_AT = 5.0, 10.0
+#: Amplitudes below this are not distinguished (300 dB).
+_LEAST = 1e-15
 
 
-def block(
-    paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges"
-) -> tuple[Paths, Complex[np.ndarray, " n"]]:
+class Blockage(NamedTuple):
+    """Blockage of paths by bodies."""
+
+    factor: Complex[np.ndarray, " n"]
+    """By which the gain of each path is multiplied."""
+    body: Int[np.ndarray, " n"]
+    """Body that weakens each path most; -1 if none does."""
+    loss_db: Float[np.ndarray, " n"]
+    """Loss by that body [dB]; 0 if there is none."""
+
+
+def block(paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges") -> tuple[Paths, Blockage]:
     """Return the paths attenuated by bodies, strongest first again.
 
     Paths that no body affects keep every bit. Link states follow the powers: `link_state` of the given
@@ -48,16 +60,16 @@ def block(
         model: A key of `wireless.em.screens.SCREEN_MODELS`.
 
     Returns:
-        Paths, and by which factor the gain of each has been multiplied, in the same order.
+        Paths, and what the bodies do to each of them, in the same order.
 
     Raises:
         ValueError: If there is no such model.
     """
-    factor = find_blockage(paths, bodies, model)
-    if not (factor != 1).any():
-        return paths, factor
-    weaker, by_power = weaken(paths, factor)
-    return weaker, factor[by_power]
+    blockage = find_blockage(paths, bodies, model)
+    if not (blockage.factor != 1).any():
+        return paths, blockage
+    weaker, by_power = weaken(paths, blockage.factor)
+    return weaker, Blockage(*(column[by_power] for column in blockage))
 
 
 def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[np.ndarray, " n"]]:
@@ -71,14 +83,13 @@ def weaken(paths: Paths, factor: Complex[np.ndarray, " n"]) -> tuple[Paths, Int[
     return weaker.select(by_power), by_power
 
 
-def find_blockage(
-    paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges"
-) -> Complex[np.ndarray, " n"]:
-    """Compute by which factor bodies multiply the gain of each path, in the order of the paths; see `block`."""
+def find_blockage(paths: Paths, bodies: Bodies | ArrayLike, model: str = "knife-edges") -> Blockage:
+    """Compute the blockage of each path by bodies, in the order of the paths; see `block`."""
     check_choice("model", model, tuple(SCREEN_MODELS))
     bodies = bodies if isinstance(bodies, Bodies) else people(bodies)
-    factor = np.ones(len(paths), complex)
-    if len(paths) and len(bodies):
+    n = len(paths)
+    blockage = Blockage(np.ones(n, complex), np.full(n, -1), np.zeros(n))
+    if n and len(bodies):
         _find(
             paths.corners(),
             paths.order,
@@ -86,9 +97,11 @@ def find_blockage(
             (bodies.position, bodies.radius_m, bodies.height_m),
             speed_of_light / paths.frequency_hz,
             SCREEN_MODELS[model],
-            factor,
+            blockage.factor,
+            blockage.body,
+            blockage.loss_db,
         )
-    return factor
+    return blockage
 
 
 @compiled
@@ -100,8 +113,10 @@ def _find(
     wavelength_m: float,
     phases: bool,
     factor: Complex[np.ndarray, " n"],
+    body: Int[np.ndarray, " n"],
+    loss_db: Float[np.ndarray, " n"],
 ) -> None:
-    """Multiply the factors of paths by those of all bodies at all segments."""
+    """Fill the columns of a `Blockage`."""
     before, after = np.empty(corners.shape[1]), np.empty(corners.shape[1])
     for i in range(len(order)):
         last, corner = int(order[i]), corners[i]
@@ -118,6 +133,9 @@ def _find(
                 product *= _factor(
                     corner[j], corner[j + 1], ends_m, feet, radius_m, height_m, wavelength_m, phases
                 )
+            loss = -20 * np.log10(max(abs(product), _LEAST))
+            if loss > loss_db[i]:
+                loss_db[i], body[i] = loss, k
             factor[i] *= product
 
 

@@ -77,7 +77,7 @@ def sample_channel(
     if bodies is not None:
         links = [paths.between(0, k) for k in range(len(rx))]
         for i, k in enumerate(pose):
-            factor[i, : len(links[k])] *= find_blockage(links[k], bodies(sample[i]), model)
+            factor[i, : len(links[k])] *= find_blockage(links[k], bodies(sample[i]), model).factor
     return ImpulseResponses(
         time_s=sample,
         gain=gain[pose] * factor[:, :, None, None],

@@ -57,7 +57,7 @@ def direct(rx=(5, 0, 1.2), tx=(0, 0, 1.2), hz=HZ):
 
 
 def factor(paths, *feet, model="knife-edges", **size):
-    return find_blockage(paths, people(np.array(feet, float), **size), model)
+    return find_blockage(paths, people(np.array(feet, float), **size), model).factor
 
 
 def kirchhoff(tx, rx, foot, radius_m, height_m, wavelength_m, step):
@@ -218,27 +218,27 @@ def test_a_body_never_adds_more_than_the_ripple():
 def test_far_bodies_change_no_byte():
     """The same object, whatever the model; a body on one path changes only the paths it is near."""
     paths = lines([(0, 0, 1), (5, 0, 1)], [(0, 0, 1), (2.5, 4, 1), (5, 0, 1)])
-    blocked, met = block(paths, people(np.array([[2.5, 60.0], [-30, 1]])))
-    assert blocked is paths and (met == 1).all()
+    blocked, found = block(paths, people(np.array([[2.5, 60.0], [-30, 1]])))
+    assert blocked is paths and (found.factor == 1).all() and (found.body == -1).all()
     none, _ = block(paths, people(np.empty((0, 2))))
     assert none is paths
-    blocked, met = block(paths, people(np.array([[1.25, 2.0]])))
-    assert blocked.gain[0].tobytes() == paths.gain[0].tobytes() and (met == 1).tolist() == [True, False]
+    blocked, found = block(paths, people(np.array([[1.25, 2.0]])))
+    assert blocked.gain[0].tobytes() == paths.gain[0].tobytes() and found.body.tolist() == [-1, 0]
 
 
 def test_paths_are_sorted_again_and_keep_what_geometry_says():
     """The direct path falls behind the reflected one; rows of the record move with it, other columns are unchanged."""
     paths = lines([(0, 0, 1), (5, 0, 1)], [(0, 0, 1), (2.5, 4, 1), (5, 0, 1)])
-    blocked, met = block(paths, people(np.array([[9.0, 9], [2.0, 0.3], [2.5, 0.0]])))
-    assert blocked.order.tolist() == [1, 0]
-    assert met[0] == 1 and 8 < -20 * np.log10(abs(met[1])) < 28
+    blocked, found = block(paths, people(np.array([[9.0, 9], [2.0, 0.3], [2.5, 0.0]])))
+    assert blocked.order.tolist() == [1, 0] and found.body.tolist() == [-1, 2]
+    assert found.loss_db[0] == 0 and 8 < found.loss_db[1] < 14
     for field in fields(Paths):
         if field.name not in ("gain", "power"):
             before, after = getattr(paths, field.name), getattr(blocked, field.name)
             again = after if field.name.endswith(("position", "hz")) else after[::-1]
             np.testing.assert_array_equal(before, again)
     np.testing.assert_allclose(blocked.power, np.abs(blocked.gain[:, 0, 0]) ** 2)
-    assert blocked.power_db[1] - paths.power_db[0] == pytest.approx(20 * np.log10(abs(met[1])))
+    assert blocked.power_db[1] - paths.power_db[0] == pytest.approx(20 * np.log10(abs(found.factor[1])))
 
 
 @pytest.mark.parametrize("model", ["knife-edges", "model-b"])
@@ -299,9 +299,9 @@ def test_any_bodies_and_paths_give_finite_factors(line, bodies, kinds, hz, model
     """Terminals in bodies, bodies on corners, and legs without length included: finite, and each below the ripple."""
     feet, radius_m, height_m = (np.array(column, float) for column in zip(*bodies, strict=True))
     path = lines(line, hz=hz, kinds=[kinds[: len(line) - 2]])
-    met = find_blockage(path, people(feet, radius_m=radius_m, height_m=height_m), model)
-    assert np.isfinite(met).all()
-    assert abs(met[0]) < 1.38 ** (len(bodies) * (len(line) - 1))
+    found = find_blockage(path, people(feet, radius_m=radius_m, height_m=height_m), model)
+    assert np.isfinite(found.factor).all() and np.isfinite(found.loss_db).all()
+    assert abs(found.factor[0]) < 1.38 ** (len(bodies) * (len(line) - 1))
 
 
 def test_traced_paths_are_blocked_alike_by_both_engines(extruded, ring):
@@ -313,6 +313,6 @@ def test_traced_paths_are_blocked_alike_by_both_engines(extruded, ring):
     for scene in ("plan", "space"):
         tracer = Tracer(mesh, config=TracerConfig(scene=scene, max_reflections=2, diffraction=False))
         paths = tracer.trace(*ends)
-        losses.append(20 * np.log10(np.abs(find_blockage(paths, crowd))))
+        losses.append(20 * np.log10(np.abs(find_blockage(paths, crowd).factor)))
     np.testing.assert_allclose(losses[0], losses[1], atol=1e-6)
     assert losses[0].min() < -10
