@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robosim.plans.floorplan import FloorPlan
-from tests.benchmarks.first_path import hann_pulse
 from tests.benchmarks.harness import figure_of
 from wireless.channel import Channel
+from wireless.sounding.first_path import hann_pulse
 
 #: Colours by what stands there.
 _COLOURS = {"wall": "black", "board": "tab:brown", "books": "tab:olive", "mirror": "tab:cyan"}

@@ -3,7 +3,7 @@
 Walls are sheets of 5 cm of concrete; furniture stands as sheets around its corners, up to the ceiling. Its materials
 are assumed, not fitted: boards of wood, books (and the folded bed) as 12 cm of relative permittivity 3 and 0.05 S/m,
 mirrors as metal on both long sides. A range is the delay of the first detected peak
-(`first_path`) and the device's offset; a level is the traced power and an offset, compressed towards
+(`wireless.sounding.first_path`) and the device's offset; a level is the traced power and an offset, compressed towards
 a largest one. Each link is predicted with offset and largest level of all other links. The simplest law, too: true
 distance and an offset for ranges, a law of distance, compressed alike, for levels.
 Data: Kolakowski, Zenodo 4742391 (CC BY 4.0).
@@ -22,13 +22,13 @@ from scipy.optimize import least_squares
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.support.reading import reading
-from tests.benchmarks.first_path import detect_first_path
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.measured_figures import draw_apartment, draw_responses
 from tests.benchmarks.results import Results
 from wireless.channel import Channel
 from wireless.em.materials import Layer, Material
 from wireless.paths import Paths
+from wireless.sounding.first_path import detect_first_path
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: Channel 2 of the device, and the least gain that exceeds noise [dB]: sent at -14 dBm, noise of the band at -87 dBm,

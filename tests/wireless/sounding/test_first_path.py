@@ -4,19 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 
-from tests.benchmarks.first_path import detect_first_path
 from wireless.channel import Channel
+from wireless.sounding.first_path import detect_first_path
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 BANDWIDTH_HZ = 500e6
 
 
 @pytest.fixture(scope="module")
-def direct():
+def direct(extruded):
     """The direct path of 5 m next to a far wall."""
-    mesh = trimesh.creation.box((0.1, 2, 3), trimesh.transformations.translation_matrix((50, 0, 1.5)))
+    mesh = extruded(np.array([[(50.0, -1.0), (50.0, 1.0)]]))
     config = TracerConfig(max_reflections=0, diffraction=False)
     return Tracer(mesh, frequency_hz=4e9, config=config).trace([[0, 0, 1]], [[5, 0, 1]])
 
