@@ -1,7 +1,7 @@
 """Searches among people: arrivals, steps, contacts and poses over those of the same tasks without people.
 
 Read from folders of `robosim evaluate` with the same plans, tasks and seed and different numbers of people, the first
-one without. Intervals are of 95 %, by bootstrap over tasks.
+one without. Intervals are of 95 %, by bootstrap over homes.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.evaluation.episodes import read_job_head
-from robosim.evaluation.search_scores import bootstrap
+from robosim.evaluation.search_scores import bootstrap, by_plan
 from robosim.support.reading import FileError, shown
 from robosim.support.run_folder import SETTINGS
 from robosim.support.text_in import read_json
@@ -70,18 +70,20 @@ def add(
     arrived = 100 * float(np.mean([row["arrived"] for row in own.values()]))
     results.add("arrived", label, policy, arrived, "%", digits=0, cases=n)
     results.add("SPL", label, policy, float(np.mean([row["spl"] for row in own.values()])), digits=2, cases=n)
-    both = [
-        np.log(row["steps"] / alone[key]["steps"])
+    both = {
+        key: np.log(row["steps"] / alone[key]["steps"])
         for key, row in own.items()
         if key in alone
         and row["arrived"]
         and alone[key]["arrived"]
         and min(row["steps"], alone[key]["steps"]) > 0
-    ]
+    }
     if both:
-        value, low, high = np.exp(bootstrap(np.array(both)[:, None], None))
+        ratios = np.array(list(both.values()))
+        value, low, high = np.exp(bootstrap(by_plan(ratios[:, None], [plan for plan, _, _ in both]), None))
         results.add("steps", label, policy, value, digits=2, spread=(low, high), cases=len(both))
-        results.add("steps, median", label, policy, float(np.exp(np.median(both))), digits=2, cases=len(both))
+        median = float(np.exp(np.median(ratios)))
+        results.add("steps, median", label, policy, median, digits=2, cases=len(both))
     for name in ("contacts_by_robot", "contacts_by_others"):
         count = sum(row.get(name, 0) for row in own.values())
         title = name.replace("_", " ") + " per km"
