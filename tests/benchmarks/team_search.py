@@ -2,14 +2,15 @@
 
 Of campus floors two tasks each are searched, of homes the hard ones, by the steps of the oracle among all tasks of the
 suite. Robots start next to each other, move without dynamics, and follow `fused`. Ratios are geometric means over
-tasks; intervals draw floors and homes again. A search that is given up counts with all its steps.
+tasks; intervals draw floors and homes again. A search that is given up counts with all its steps. What a robot takes
+that knows the target, the oracle, says how much is to be gained.
 
 Memory is the largest of the process over all tasks. Decisions of a team are those of all its robots.
 """
 
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -79,13 +80,15 @@ def main(
 
     suite = read_suite(campus)
     chosen = [task for task in suite.tasks if task.number in tasks]
-    _compare(results, "campus", chosen, sizes, lambda size: searched(suite, chosen, size))
+    oracle = searched(suite, chosen, 1, "oracle")
+    _compare(results, "campus", chosen, sizes, oracle.values(), lambda size: searched(suite, chosen, size))
     suite = read_suite(homes)
     oracle = searched(suite, list(suite.tasks), 1, "oracle")
     steps = {(t.plan, t.number): run["steps"] for t, run in zip(suite.tasks, oracle.values(), strict=True)}
     classes = difficulty(steps)
     hard = [task for task in suite.tasks if classes[task.plan, task.number] == "hard"][:hard_tasks]
-    _compare(results, "homes", hard, sizes, lambda size: searched(suite, hard, size))
+    known = searched(suite, hard, 1, "oracle").values()
+    _compare(results, "homes", hard, sizes, known, lambda size: searched(suite, hard, size))
     return options.finish("team_search", results)
 
 
@@ -132,22 +135,17 @@ def _compare(
     table: str,
     tasks: list[SuiteTask],
     sizes: tuple[int, ...],
+    oracle: Iterable[Any],
     searched: Callable[[int], Mapping[str, Any]],
 ) -> None:
-    """Add rows of one robot and of teams."""
+    """Add rows of one robot, of one that knows the target, and of teams."""
     alone = list(searched(1).values())
+    _add_ratio(results, table, "oracle", tasks, list(oracle), alone)
     for size in (1, *sizes):
         runs = alone if size == 1 else list(searched(size).values())
         row = f"{size} robots" if size > 1 else "1 robot"
         if size > 1:
-            ratios = _column(runs, "steps") / _column(alone, "steps")
-            values = by_plan(np.log(ratios)[:, None], [task.plan for task in tasks])
-            mean, *ends = np.exp(bootstrap(values, None))
-            bar = BARS[table].get(size)
-            spread = (float(ends[0]), float(ends[1]))
-            results.add(
-                table, row, "steps over one", float(mean), digits=2, spread=spread, cases=len(tasks), bar=bar
-            )
+            _add_ratio(results, table, row, tasks, runs, alone, BARS[table].get(size))
         km = _column(runs, "km").sum()
         results.add(table, row, "arrived", 100 * _column(runs, "arrived").mean(), "%", digits=0, bar=100)
         results.add(table, row, "driven", km, "km", digits=2)
@@ -161,6 +159,23 @@ def _compare(
             results.add(table, row, "memory of a robot more", more_mb, "MB", digits=0, bar=MEMORY_MB)
             speed = _speed(runs) / _speed(alone)
             results.add(table, row, "decisions per CPU second over one", speed, digits=2, bar=SPEED)
+
+
+def _add_ratio(
+    results: Results,
+    table: str,
+    row: str,
+    tasks: list[SuiteTask],
+    runs: list[Any],
+    alone: list[Any],
+    bar: float | None = None,
+) -> None:
+    """Add the steps of runs over those of one robot."""
+    ratios = _column(runs, "steps") / _column(alone, "steps")
+    values = by_plan(np.log(ratios)[:, None], [task.plan for task in tasks])
+    mean, *ends = np.exp(bootstrap(values, None))
+    spread = (float(ends[0]), float(ends[1]))
+    results.add(table, row, "steps over one", float(mean), digits=2, spread=spread, cases=len(tasks), bar=bar)
 
 
 def _column(runs: list[Any], name: str) -> Float[np.ndarray, " n"]:
