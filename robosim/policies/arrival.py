@@ -19,6 +19,9 @@ from robosim.radio.measurement import Measurement
 from robosim.support.checks import Range, checked
 from wireless.paths import LinkState
 
+#: Places nearer to each other are the same, and a robot comes nearer to one by this much at least [m].
+_SAME_M, _NEARER_M = 1.0, 0.1
+
 
 @dataclass(frozen=True, kw_only=True)
 @checked
@@ -62,6 +65,23 @@ class StuckDetector:
     def reset(self) -> None:
         """Remove all places."""
         self._places.clear()
+
+
+class Approach:
+    """Detects that a robot comes no nearer to a place, as to one behind a wall without a door."""
+
+    def __init__(self, steps: int) -> None:
+        """Detect `steps` decisions after the nearest one to a place."""
+        self._steps = steps
+        self._place, self._nearest_m, self._at = np.full(2, np.inf), math.inf, 0
+
+    def is_vain(self, place: Float[np.ndarray, "2"], away_m: float, decision: int) -> bool:
+        """Record how far the robot is from a place [m] at a decision, and check whether it comes no nearer."""
+        is_other = not math.hypot(*(place - self._place)) < _SAME_M
+        if is_other or away_m < self._nearest_m - _NEARER_M:
+            self._place = place.copy() if is_other else self._place
+            self._nearest_m, self._at = away_m, decision
+        return decision - self._at >= self._steps
 
 
 class FollowArrival:

@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from robosim.policies.arrival import FollowArrival, FollowConfig, StuckDetector
+from robosim.policies.arrival import Approach, FollowArrival, FollowConfig, StuckDetector
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.reason import GoalKind, Reason
@@ -72,6 +72,8 @@ class FusedConfig:
     """Decisions within `stuck_m` of one place after which a goal is given up."""
     stuck_m: Annotated[float, Range(0, 100, "m")] = 0.5
     """See `stuck_steps` [m]."""
+    vain_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 60
+    """Decisions without coming nearer to where the belief is concentrated, after which the target is not there."""
 
 
 class Fused:
@@ -105,6 +107,7 @@ class Fused:
         self._goal: np.ndarray | None = None
         self._age = 0
         self._stuck = StuckDetector(self.config.stuck_steps, self.config.stuck_m)
+        self._approach = Approach(self.config.vain_steps)
         self._given_up: list[np.ndarray] = []
         self._seen: np.ndarray | None = None
 
@@ -167,10 +170,10 @@ class Fused:
         self._mass = mass
         away_m = math.hypot(*(place - estimate.pose[:2]))
         if mass >= self.config.sure and not _is_left(place, estimate):
-            if away_m > 0.2:
+            if away_m > 0.2 and not self._approach.is_vain(place, away_m, self._decisions):
                 self._set_reason(GoalKind.BELIEVED, f"{mass:.0%} of the belief lies within 0.5 m of it")
                 return place
-            belief.rule_out(place, 0.3)
+            belief.rule_out(place, 0.6 if away_m > 0.2 else 0.3)
         region = self._best_region(estimate, belief)
         if region is not None:
             behind = f"{region.belief:.0%} of the belief is behind it, {region.decisions:.0f} decisions away"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.policies.arrival import FollowArrival, FollowConfig, StuckDetector
+from robosim.policies.arrival import Approach, FollowArrival, FollowConfig, StuckDetector
 from robosim.radio.measurement import Measurement
 from wireless.paths import LinkState
 
@@ -84,3 +84,12 @@ def test_a_robot_that_advances_continues_to_follow():
     follow = FollowArrival(BOTH)
     path = np.column_stack([0.05 * np.arange(200), np.zeros(200), np.zeros(200)])
     assert all(follow.goal(measurement(aoa=0.0), pose) is not None for pose in path)
+
+
+def test_an_approach_is_vain_where_the_robot_comes_no_nearer():
+    """Ten decisions after the nearest one; any progress, or another place, begins again."""
+    place, approach = np.zeros(2), Approach(10)
+    assert not any(approach.is_vain(place, 9.0 - 0.2 * i, i) for i in range(30))
+    vain = [approach.is_vain(place + 0.3, 4.0, i) for i in range(30, 45)]
+    assert vain == [i - 29 >= 10 for i in range(30, 45)]
+    assert not approach.is_vain(place + 2.0, 4.0, 45)

@@ -8,6 +8,7 @@ import pytest
 from robosim.agent import check_weights
 from robosim.episode_config import EpisodeConfig
 from robosim.navigation import make_navigator
+from robosim.policies.belief import TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
@@ -88,6 +89,18 @@ def test_an_empty_position_of_the_graph_is_given_up(fused):
     estimated = replace(estimated, locate_transmitters=lambda: {"target": found})
     goals = np.array([fused.goal(sensed, estimated) for _ in range(60)])
     assert np.hypot(*goals[-1]) > 1.0
+
+
+def test_a_place_that_the_robot_comes_no_nearer_to_is_ruled_out(fused, monkeypatch):
+    """Circling 2 m around a place 4 m away, to which the belief holds: 60 decisions after the nearest one, the first."""
+    ruled_out = []
+    monkeypatch.setattr(TargetBelief, "peak", lambda _: (TARGET, 0.9))
+    monkeypatch.setattr(TargetBelief, "rule_out", lambda _, *place: ruled_out.append(place))
+    for decision, angle in enumerate(0.125 * np.arange(66)):
+        place = (2.0 * np.cos(angle) - 1.0, 2.0 * np.sin(angle) + 2.0)
+        fused.goal(*at(place, LinkState.HIGHER_ORDER))
+        assert bool(ruled_out) is (decision >= 60)
+    assert ruled_out[0] == (pytest.approx(TARGET), 0.6)
 
 
 def test_a_free_wave_of_a_metre_has_the_assumed_power():
