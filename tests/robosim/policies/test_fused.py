@@ -92,7 +92,7 @@ def test_an_empty_position_of_the_graph_is_given_up(fused):
 
 
 def test_a_place_that_the_robot_comes_no_nearer_to_is_ruled_out(fused, monkeypatch):
-    """Circling 2 m around a place 4 m away, to which the belief holds: 60 decisions after the nearest one, the first."""
+    """Circling 2 m around a place 4 m away, to which the belief holds: 60 decisions after the first, the nearest."""
     ruled_out = []
     monkeypatch.setattr(TargetBelief, "peak", lambda _: (TARGET, 0.9))
     monkeypatch.setattr(TargetBelief, "rule_out", lambda _, *place: ruled_out.append(place))
