@@ -33,7 +33,7 @@ def test_what_is_written_is_read_again(tmp_path, monkeypatch):
     some().write(tmp_path / "speed.json", "python -m tests.benchmarks tracing flat")
     again = read_results("speed")
     assert again.rows == some().rows
-    assert again.about["recorded"] is False and again.about["command"].endswith("tracing flat")
+    assert again.about["command"].endswith("tracing flat")
     assert resolved("{speed/speed/flat/steps} and more") == "0.97 (0.84 to 1.07) and more"
     with pytest.raises(KeyError, match="no result speed / villa / steps"):
         resolved("{speed/speed/villa/steps}")
@@ -49,7 +49,7 @@ def test_a_command_names_no_folders_of_a_machine(tmp_path):
 def test_published_files_say_how_they_were_measured(path):
     """Command, commit, date and processor; each result has a place of its own and a number or a range."""
     about = json.loads(path.read_text())
-    assert {"command", "commit", "date", "processor", "recorded"} <= set(about)
+    assert {"command", "commit", "date", "processor"} <= set(about)
     places = [(row["table"], row["row"], row["name"]) for row in about["results"]]
     assert len(set(places)) == len(places) > 0
     assert all(text(row) for row in about["results"])

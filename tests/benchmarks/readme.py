@@ -1,12 +1,8 @@
-"""The README's table of numbers, with values from docs/results/data.
+"""The README's table of numbers, with values from docs/results/data."""
 
-Rows whose numbers were recorded with an earlier version say which.
-"""
-
-import re
 from pathlib import Path
 
-from tests.benchmarks.results import ROOT, read_results, resolved
+from tests.benchmarks.results import ROOT, resolved
 
 BEGIN, END = "<!-- numbers: python -m tests.benchmarks readme -->", "<!-- end of numbers -->"
 #: What is measured, its numbers by {file/table/row/name}, and the page with more.
@@ -92,17 +88,7 @@ def with_numbers(page: str) -> str:
     _, ended, after = rest.partition(END)
     if not marked or not ended:
         raise ValueError(f"README has no {BEGIN} or no {END}.")
-    lines = [f"| {what} | {resolved(numbers)}{_recorded(numbers)} | {more} |" for what, numbers, more in ROWS]
+    lines = [f"| {what} | {resolved(numbers)} | {more} |" for what, numbers, more in ROWS]
     return "\n".join(
         [before + BEGIN, "", "| capability | measured | details |", "|---|---|---|", *lines, "", END + after]
     )
-
-
-def _recorded(numbers: str) -> str:
-    """The version that measured a row, if an earlier one did; what others published has none."""
-    files = re.findall(r"\{([^{}/]+)/[^{}/]+/(?!published, )", numbers)
-    about = [read_results(name).about for name in dict.fromkeys(files)]
-    versions = dict.fromkeys(
-        re.sub(r".*\((.*)\)", r"\1", each["commit"]) for each in about if each["recorded"]
-    )
-    return f" ({', '.join(versions)})" if versions else ""

@@ -1,9 +1,8 @@
 """Results of benchmarks: what a run measured, as tables, and as the JSON file that pages take their numbers from.
 
-A file of docs/results/data holds one object: `command`, `commit`, `date`, `processor`, `recorded` (true where the
-numbers come from an earlier version and have not been measured again) and `results`, a list of objects with `table`,
-`row`, `name`, `value`, `unit` and, where they are known, `spread` (two ends of an interval or quartiles), `cases` and
-`bar` (a value to compare with), and `digits` (decimals to show).
+A file of docs/results/data holds one object: `command`, `commit`, `date`, `processor` and `results`, a list of objects
+with `table`, `row`, `name`, `value`, `unit` and, where they are known, `spread` (two ends of an interval or quartiles),
+`cases` and `bar` (a value to compare with), and `digits` (decimals to show).
 """
 
 import json
@@ -110,7 +109,6 @@ class Results:
             "commit": _output("git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"),
             "date": f"{date.today():%Y-%m-%d}",
             "processor": processor(),
-            "recorded": False,
             **self.about,
         }
         lines = ",\n".join(f"  {json.dumps(row, ensure_ascii=False, allow_nan=False)}" for row in self.rows)
