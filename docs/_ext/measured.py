@@ -49,7 +49,9 @@ class Measured(SphinxDirective):
             return self.parse_text_to_nodes("\n".join(markdown(cells)))
         document.measured = name
         about = results.about
-        source = f"`{about['command']}`, measured at {about['commit']}, {about['date']}; {about['processor']}."
+        source = (
+            f"`{about['command']}`, measured at {about['commit']}, {about['date']}; {about['processor']}."
+        )
         text = "\n".join([*markdown(cells), "", source])
         return self.parse_text_to_nodes(text)
 
