@@ -42,7 +42,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
 from robosim.training.explorer import resume
 from robosim.training.generated_links import read_homes
-from robosim.training.mapper import read_frames, read_pairs
+from robosim.training.mapper import read_frames
 from robosim.training.policy_weights import Checkpoint
 from robosim.training.search import Training as SearchTraining
 from slam.exploration.choosing import initial_weights, load_chooser
@@ -179,7 +179,6 @@ def _settings(folder: Path, file: Path) -> None:
 
 def _shard(folder: Path, file: Path) -> None:
     read_frames([file])
-    read_pairs([file])
 
 
 def _collected(folder: Path, file: Path) -> None:
