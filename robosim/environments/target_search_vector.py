@@ -89,6 +89,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         self.search = SearchConfig(**search)
         simulator, source = config or simulator_for(self.search), source_of(plan)
         names, count = (robot_names(robots) if robots > 1 else (ROBOT,)), num_envs // robots
+        self._robots = robots
         self._teams = [Searches(source, self.search, simulator, names) for _ in range(count)]
         self.searches = [search for team in self._teams for search in team.robots.values()]
         """The current search of each robot."""
@@ -154,8 +155,8 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             elif self._autoreset:
                 infos = self._begin(i, {}, infos)
         self._over = arrived | late | (self._over & (not self._autoreset))
-        each = self.num_envs // len(self._teams)
-        return self._stack(self._seen), rewards, np.repeat(arrived, each), np.repeat(late, each), infos
+        ends = np.repeat(arrived, self._robots), np.repeat(late, self._robots)
+        return self._stack(self._seen), rewards, *ends, infos
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"] | str, ...] | None:
         """A picture of each search, as `TargetSearch.render` draws one."""
@@ -181,8 +182,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
 
     def _slots(self, i: int) -> range:
         """Places of the robots of team i in all arrays."""
-        each = self.num_envs // len(self._teams)
-        return range(i * each, (i + 1) * each)
+        return range(i * self._robots, (i + 1) * self._robots)
 
     def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""

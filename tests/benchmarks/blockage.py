@@ -132,15 +132,14 @@ def behind_db(hz: float, x: float) -> dict[str, float]:
     factors = {model: find_blockage(_direct(tx, rx, hz), body, model).factor for model in SCREEN_MODELS}
     k, (eps, conductivity) = 2 * np.pi * hz / speed_of_light, SKIN[hz]
     skin = eps - 1j * conductivity / (2 * np.pi * hz * epsilon_0)
+    # Turned about the body until the transmitter is on the x axis.
+    source, observer = tx[:, 0] + 1j * tx[:, 1], rx[:, 0] + 1j * rx[:, 1]
+    turned = observer * np.conj(source) / np.abs(source)
+    places = k * np.column_stack([turned.real, turned.imag])
     for law, parallel in (("skin, upright electric field", True), ("skin, level electric field", False)):
-        fields = []
-        for source, observer in zip(tx[:, :2], rx[:, :2], strict=True):
-            away_m = np.hypot(*source)
-            along = source / away_m
-            turned = np.array([[observer @ along, along[0] * observer[1] - along[1] * observer[0]]])
-            field = cylinder_field(k * PERSON_RADIUS_M, skin, k * away_m, k * turned, parallel=parallel)
-            fields.append(field[0])
-        factors[law] = np.array(fields)
+        factors[law] = cylinder_field(
+            k * PERSON_RADIUS_M, skin, k * np.abs(source), places, parallel=parallel
+        )
     return {law: float(np.median(-20 * np.log10(np.abs(factor)))) for law, factor in factors.items()}
 
 

@@ -84,11 +84,11 @@ def main(
     _compare(results, "campus", chosen, sizes, oracle.values(), lambda size: searched(suite, chosen, size))
     suite = read_suite(homes)
     oracle = searched(suite, list(suite.tasks), 1, "oracle")
-    steps = {(t.plan, t.number): run["steps"] for t, run in zip(suite.tasks, oracle.values(), strict=True)}
-    classes = difficulty(steps)
+    known = {(t.plan, t.number): run for t, run in zip(suite.tasks, oracle.values(), strict=True)}
+    classes = difficulty({key: run["steps"] for key, run in known.items()})
     hard = [task for task in suite.tasks if classes[task.plan, task.number] == "hard"][:hard_tasks]
-    known = searched(suite, hard, 1, "oracle").values()
-    _compare(results, "homes", hard, sizes, known, lambda size: searched(suite, hard, size))
+    of_hard = [known[task.plan, task.number] for task in hard]
+    _compare(results, "homes", hard, sizes, of_hard, lambda size: searched(suite, hard, size))
     return options.finish("team_search", results)
 
 

@@ -86,8 +86,8 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         results.add("states", row, "line of sight or not", 100 * float(right), "%", digits=0)
         ratio = np.array(
             [
-                received_spread_s(*pair) / measured_spread_s(pair[1])
-                for pair in zip(channels, responses, strict=True)
+                received_spread_s(channel, response) / measured_spread_s(response)
+                for channel, response in zip(channels, responses, strict=True)
             ]
         )
         off = 100 * float(np.median(np.abs(ratio - 1)))
@@ -102,13 +102,13 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
             "level, measured less traced [dB]": (level_rest_db, 10.0),
         },
     )
-    results.figures["impulse_responses"] = _draw_responses(folder, links, excess_m, true_m, channels)
+    results.figures["impulse_responses"] = _draw_responses(links, responses, excess_m, true_m, channels)
     return options.finish("uwb_apartment", results)
 
 
 def _draw_responses(
-    folder: Path,
     links: list[dict[str, str]],
+    responses: list[Float[np.ndarray, " taps"]],
     excess_m: Float[np.ndarray, " n"],
     true_m: Float[np.ndarray, " n"],
     channels: list[Channel],
@@ -121,9 +121,8 @@ def _draw_responses(
         of = np.flatnonzero(label == name)
         i = int(of[np.argsort(excess_m[of])[len(of) // 2]])
         begin_s = (excess_m[i] - offset_m) / speed_of_light - _FIRST_TAP * _TAP_S
-        power = measured_response(folder, links[i]["link"])
         title = f"{name}, link {links[i]['link']}, {true_m[i]:.1f} m"
-        shown.append((title, power, begin_s, channels[i], true_m[i] / speed_of_light))
+        shown.append((title, responses[i], begin_s, channels[i], true_m[i] / speed_of_light))
     return draw_responses(shown, BANDWIDTH_HZ, _TAP_S)
 
 

@@ -18,22 +18,27 @@ MORE, LEAST = 12.0, 20
 
 
 def cylinder_field(
-    radius: float, eps: complex, source: float, observers: Float[np.ndarray, "n 2"], *, parallel: bool
+    radius: float,
+    eps: complex,
+    source: float | Float[np.ndarray, " n"],
+    observers: Float[np.ndarray, "n 2"],
+    *,
+    parallel: bool,
 ) -> Complex[np.ndarray, " n"]:
     """Field over that without the cylinder, lengths as 2 pi / wavelength times metres.
 
     Args:
         radius: Radius of the cylinder.
         eps: Relative permittivity, with a negative imaginary part for losses.
-        source: Distance of the source from the axis, on the positive x axis.
+        source: Distance of the source from the axis, on the positive x axis, for all observers or for each.
         observers: Places outside of the cylinder.
         parallel: Whether the electric field is parallel to the axis, instead of the magnetic one.
     """
     b = coefficients(radius, eps, parallel=parallel)
     n = np.arange(len(b))
     r, phi = np.hypot(*observers.T), np.arctan2(observers[:, 1], observers[:, 0])
-    terms = np.where(n, 2.0, 1.0) * b * hankel2(n, source)
-    scattered = (hankel2(n, r[:, None]) * np.cos(n * phi[:, None])) @ terms
+    terms = np.where(n, 2.0, 1.0) * b * hankel2(n, np.asarray(source)[..., None])
+    scattered = (hankel2(n, r[:, None]) * np.cos(n * phi[:, None]) * terms).sum(axis=1)
     return 1 - scattered / hankel2(0, np.hypot(observers[:, 0] - source, observers[:, 1]))
 
 
