@@ -23,6 +23,7 @@ from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap
 from wireless.paths import LinkState
+from wireless.tracing.tracer import OPAQUE_HZ
 
 #: Largest number of cells along a side of the grid, by memory.
 MOST_CELLS = 4000
@@ -196,10 +197,21 @@ class TargetBelief:
         self._weigh(measurement, survey, around)
         if math.isfinite(measurement.range_m):
             sigma_m = math.hypot(measurement.range_sigma_m, 0.5 * c.cell_m)
-            density = range_density(distance, measurement.range_m, sigma_m, measurement.probability)
+            density = range_density(measurement, sigma_m, distance, self._wave_m(survey, place, distance))
             self._factor += (c.weight * np.log(density)).astype(np.float32)
         # No cell is excluded permanently.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
+
+    def _wave_m(
+        self, survey: MapSurvey, place: Float[np.ndarray, "2"], distance: Float[np.ndarray, "ny nx"]
+    ) -> Float[np.ndarray, "ny nx"] | None:
+        """Length of the route from each cell where walls are opaque [m]: the distance where no route is known."""
+        if self.config.frequency_hz < OPAQUE_HZ:
+            return None
+        length_m, routes = distance.copy(), survey.routes(place)
+        part = length_m[routes.rows, routes.columns]
+        np.maximum(part, routes.length_m, out=part, where=np.isfinite(routes.length_m))
+        return length_m
 
     def _weigh(self, measurement: Measurement, survey: MapSurvey, around: Around) -> None:
         """Multiply the belief by the likelihood of a measurement."""

@@ -38,18 +38,18 @@ from robosim.radio.table_reader import read_paths, states_of
 from robosim.support.checks import ADVANCED, FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
 from wireless.bands import band_named
+from wireless.channel import Channel
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.motion.blockage import Blockage, block
 from wireless.motion.bodies import Bodies
 from wireless.paths import LinkState, Paths
+from wireless.sounding.first_path import NOISE_MARGIN_DB, detect_first_path
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 RadioEngine = Literal["live", "cached", "table"]
 BlockageModel = Literal["knife-edges", "model-b", "none"]
-#: A first path is missed if it is weaker than the strongest by more than this [dB].
-_FIRST_DB = 20.0
 #: Tables that are cached in memory: 5 MB each in a flat, 40 MB in an office.
 _CACHED = 16
 
@@ -79,8 +79,8 @@ class RadioLinkConfig:
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths there are."""
     range_sigma_m: Annotated[float | None, Range(1e-3, 100, "m"), ADVANCED] = None
-    """Standard deviation of ranges by round-trip time (Wi-Fi, ultra-wideband), of the first path that is received [m];
-    None without ranging."""
+    """Standard deviation of a device's ranges by round-trip time (Wi-Fi, ultra-wideband) to the first path that its
+    bandwidth shows [m]; None without ranging."""
     blockage: BlockageModel = "knife-edges"
     """How people weaken paths: by Fresnel integrals with phases, by model B of 3GPP TR 38.901, or not at all."""
 
@@ -96,11 +96,13 @@ class RadioLinkConfig:
         )
 
 
-def first_path_m(paths: Paths) -> float:
-    """Length of the first path of one link that ranging finds [m]; NaN in outage."""
-    strongest = paths.power.max(initial=0.0)
-    delays_s = paths.delay_s[paths.power >= strongest * 10 ** (-_FIRST_DB / 10)]
-    return float(speed_of_light * delays_s.min()) if len(delays_s) else math.nan
+def first_path_m(paths: Paths, sounding: SoundingConfig) -> float:
+    """Length of the first path of one link that a receiver of one antenna detects [m]; NaN if there is none."""
+    if not len(paths):
+        return math.nan
+    least_db = NOISE_MARGIN_DB - sounding.snr_per_gain_db
+    delay_s, _ = detect_first_path(Channel.from_paths(paths), 1e6 * sounding.bandwidth_mhz, least_db)
+    return speed_of_light * float(delay_s[0, 0])
 
 
 @cache
@@ -166,7 +168,8 @@ class RadioLink:
         if self.config.range_sigma_m is not None:
             self.range_m = math.nan
             if estimates.count[0]:
-                self.range_m = first_path_m(self.paths) + float(rng.normal(0, self.config.range_sigma_m))
+                length_m = first_path_m(self.paths, self.config.sounding)
+                self.range_m = length_m + float(rng.normal(0, self.config.range_sigma_m))
         return estimates
 
     @property

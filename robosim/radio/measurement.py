@@ -32,6 +32,7 @@ from slam.poses import compose, wrap
 from slam.sensing.bearings import Bearing
 from wireless.estimates import PathEstimates, measured
 from wireless.paths import LinkState
+from wireless.sounding.first_path import range_merged_m
 from wireless.tracing.tracer import OPAQUE_HZ
 
 logger = logging.getLogger(__name__)
@@ -63,7 +64,9 @@ class Measurement:
     range_m: float = math.nan
     """Range by round-trip time of the first path [m]; NaN if not measured."""
     range_sigma_m: float = math.nan
-    """Its standard deviation [m]."""
+    """Its standard deviation [m]: of the device, and of paths that its bandwidth does not separate."""
+    range_merged_m: float = 0.0
+    """The latter alone [m], by which ranges out of sight are longer, too."""
 
     @property
     def state(self) -> LinkState:
@@ -165,6 +168,7 @@ class Interpreter:
             raise ValueError("There is no measurement to interpret: the simulator was made without a radio.")
         n = int(paths.count[0])
         turned = paths.turned(rx_heading_rad=float(pose[2]))
+        merged_m = range_merged_m(1e6 * self._radio.config.sounding.bandwidth_mhz)
         return Measurement(
             pose=np.array(pose),
             aoa_rad=turned.aoa_rad[0, :n],
@@ -174,7 +178,8 @@ class Interpreter:
             delay_s=turned.delay_s[0, :n],
             probability=self._probability(turned, radio or self._radio),
             range_m=(radio or self._radio).range_m,
-            range_sigma_m=self._radio.config.range_sigma_m or math.nan,
+            range_sigma_m=math.hypot(self._radio.config.range_sigma_m or math.nan, merged_m),
+            range_merged_m=merged_m,
         )
 
     def probability(self, paths: PathEstimates) -> Float[np.ndarray, "4"]:

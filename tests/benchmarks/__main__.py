@@ -19,7 +19,7 @@ BENCHMARKS = (
     "measured_hall", "endurance", "environment", "live", "plans", "start", "tracer_peer", "map_errors",
     "mapex", "senses", "people", "blockage", "robots", "learning", "readme", "clusters",
     "large_buildings", "uwb_apartment", "outlines", "team_logs", "team_frame", "indoor_office", "full_wave",
-    "compare", "team_coverage", "team_search", "silence", "link_states", "leaks",
+    "compare", "team_coverage", "team_search", "silence", "link_states", "leaks", "ranging",
 )  # fmt: skip
 PROGRAM = "python -m tests.benchmarks"
 

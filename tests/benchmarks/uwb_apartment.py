@@ -21,14 +21,15 @@ from scipy.constants import speed_of_light
 from scipy.optimize import least_squares
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.policies.likelihood import BEYOND_DISTANCE_M
 from robosim.support.reading import reading
 from tests.benchmarks.harness import DEFAULT, Options
 from tests.benchmarks.measured_figures import draw_apartment, draw_responses
 from tests.benchmarks.results import Results
 from wireless.channel import Channel
 from wireless.em.materials import Layer, Material
-from wireless.paths import Paths
-from wireless.sounding.first_path import detect_first_path
+from wireless.paths import LinkState, Paths
+from wireless.sounding.first_path import detect_first_path, range_merged_m
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: Channel 2 of the device, and the least gain that exceeds noise [dB]: sent at -14 dBm, noise of the band at -87 dBm,
@@ -70,6 +71,11 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
     excess_m = column("range_median_m") - true_m
     responses = [measured_response(folder, link["link"]) for link in links]
     _add_ranges(results, "true distance", excess_m, label, np.zeros(len(links)))
+    for name, state in (("NLOS", LinkState.FIRST_ORDER), ("NDP NLOS", LinkState.HIGHER_ORDER)):
+        own_m = excess_m[label == name] - np.median(excess_m[label == "LOS"])
+        results.add("excess", name, "measured", float(own_m.mean()), "m", digits=2, cases=len(own_m))
+        law_m = BEYOND_DISTANCE_M[state] + range_merged_m(BANDWIDTH_HZ)
+        results.add("excess", name, "in the belief", law_m, "m", digits=2)
     _add_levels(results, "law of distance", level_dbm, -10 * np.log10(true_m), slope=True)
     for row, furnished in (("walls", False), ("walls and furniture", True)):
         traced = trace_links(folder, links, furnished)
@@ -77,6 +83,8 @@ def main(folder: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAUL
         delay_s = [detect_first_path(each, BANDWIDTH_HZ, LEAST_GAIN_DB)[0][0, 0] for each in channels]
         later_m = np.array(delay_s) * speed_of_light - true_m
         range_rest_m = _add_ranges(results, row, excess_m, label, later_m)
+        for name in ("NLOS", "NDP NLOS"):
+            results.add("excess", name, f"traced, {row}", float(later_m[label == name].mean()), "m", digits=2)
         gain_db = np.array([10 * np.log10(p.power.sum()) for p in traced])
         level_rest_db = _add_levels(results, row, level_dbm, gain_db)
         is_direct = np.array([(paths.order == 0).any() for paths in traced])

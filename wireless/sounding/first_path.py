@@ -3,13 +3,15 @@
 The response is that of a receiver of a bandwidth between its points of -6 dB, whose spectrum is a raised cosine (Hann):
 its pulse sinc(2 W t) / (1 - (2 W t)^2), of W half of that bandwidth, has side lobes of -31 dB, so that a threshold
 relative to the strongest peak keeps them from being detected. A second threshold is the least amplitude that exceeds
-noise. A weak direct path is missed, and two paths within a pulse are one peak: both make ranges long.
+noise. A weak direct path is missed, and two paths within a pulse are one peak: both make ranges long. Peaks are
+interpolated between samples by a parabola of their level in decibels.
 
 Left out: noise itself, errors of clocks, antennas that delay directions differently.
 """
 
 import numpy as np
 from jaxtyping import Float
+from scipy.constants import speed_of_light
 
 from wireless.channel import Channel
 
@@ -17,6 +19,11 @@ from wireless.channel import Channel
 _SAMPLES, _MARGIN = 16, 2
 #: Peaks so far below the strongest may be side lobes [dB].
 SIDE_LOBES_DB = 28.0
+#: Peaks of noise are rarely so far above its mean [dB].
+NOISE_MARGIN_DB = 10.0
+#: Error of ranges by paths within a pulse, over its width c / W, and the most in rooms [m]: of lines of sight at 2.4 to
+#: 60 GHz, traced in eight scanned homes and two generated offices.
+_MERGED, _MOST_MERGED_M = 0.13, 1.0
 
 
 def detect_first_path(
@@ -53,8 +60,17 @@ def detect_first_path(
         is_peak = np.r_[False, (level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:]), False]
         is_peak &= level >= max(least_gain_db, level.max() - SIDE_LOBES_DB)
         if is_peak.any():
-            delay[link], gain[link] = times[is_peak.argmax()], level[is_peak.argmax()]
+            k = int(is_peak.argmax())
+            before, after = level[k - 1] - level[k], level[k + 1] - level[k]
+            beyond = 0.5 * (before - after) / (before + after)
+            delay[link] = times[k] + beyond * (times[1] - times[0])
+            gain[link] = level[k] - 0.25 * (before - after) * beyond
     return delay, gain
+
+
+def range_merged_m(bandwidth_hz: float) -> float:
+    """Standard deviation of ranges [m] that other paths within the pulse of the first one cause indoors."""
+    return min(_MERGED * speed_of_light / bandwidth_hz, _MOST_MERGED_M)
 
 
 def hann_pulse(u: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
