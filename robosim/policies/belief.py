@@ -209,8 +209,8 @@ class TargetBelief:
         if self.config.frequency_hz < OPAQUE_HZ:
             return None
         length_m, routes = distance.copy(), survey.routes(place)
-        part = length_m[routes.rows, routes.columns]
-        np.maximum(part, routes.length_m, out=part, where=np.isfinite(routes.length_m))
+        around = length_m[routes.rows, routes.columns]
+        np.maximum(around, routes.length_m, out=around, where=np.isfinite(routes.length_m))
         return length_m
 
     def _weigh(self, measurement: Measurement, survey: MapSurvey, around: Around) -> None:
