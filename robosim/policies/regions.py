@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from robosim.policies.route_directions import MapSurvey
+from robosim.policies.route_directions import BLOCKING, MapSurvey
 from slam.actions import FORWARD_M
 from slam.exploration.claims import auctioned, costs_from
 from slam.exploration.frontiers import Frontier
@@ -37,6 +37,9 @@ _PASSING_M = 1.5
 FADES_M = (4.0, 40.0)
 #: Behind a narrower frontier, mostly a gap in a wall, there is hardly any floor [m] (decision record 41).
 _WIDE_M = 1.0
+#: With less of the belief behind all frontiers together, walls of the map close a gap that is there: cells then count
+#: as blocked only if obstacles fill a larger share of them.
+_ENCLOSED, _BLOCKING_WHERE_ENCLOSED = 0.01, 0.4
 
 
 class Region(NamedTuple):
@@ -82,6 +85,8 @@ def find_regions(
     if not frontiers:
         return []
     cells = cells_of_regions(frontiers, survey, pose[:2])
+    if probability[cells.rows, cells.columns][cells.region >= 0].sum() < _ENCLOSED:
+        cells = cells_of_regions(frontiers, survey, pose[:2], _BLOCKING_WHERE_ENCLOSED)
     is_inside = cells.region >= 0
     region = cells.region[is_inside]
     belief = probability[cells.rows, cells.columns][is_inside]
@@ -95,10 +100,16 @@ def find_regions(
 
 
 def cells_of_regions(
-    frontiers: Sequence[Frontier], survey: MapSurvey, here: Float[np.ndarray, "2"]
+    frontiers: Sequence[Frontier],
+    survey: MapSurvey,
+    here: Float[np.ndarray, "2"],
+    blocking: float = BLOCKING,
 ) -> RegionCells:
-    """Assign unseen cells of the survey's grid to frontiers, at least one, for a robot at a place [m]."""
-    routes = survey.routes_past_frontiers(here)
+    """Assign unseen cells of the survey's grid to frontiers, at least one, for a robot at a place [m].
+
+    Obstacles block a cell if they fill this share of it.
+    """
+    routes = survey.routes_past_frontiers(here, blocking)
     # The cells in which routes enter, and the frontier there.
     entries = np.flatnonzero(np.bincount(routes.entry[routes.entry >= 0], minlength=1))
     rows, columns = np.divmod(entries, routes.entry.shape[1])

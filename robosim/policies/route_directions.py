@@ -24,7 +24,7 @@ _NEXT_TO_M = 0.2
 #: Anticipated obstacles count from this probability on: with less, unseen doors would be closed.
 _SURE = 0.9
 #: Share of a cell that obstacles must fill to block it: less than a wall of one cell of the map, anywhere in it, fills.
-_FILLED = 0.12
+BLOCKING = 0.12
 #: Share of a cell that must be explored for the cell to count as explored.
 _SEEN = 0.5
 #: Speed in explored cells of routes that are measured in unexplored ones only.
@@ -93,9 +93,11 @@ class MapSurvey:
             self._routes = key, route_directions(self, place)
         return self._routes[1]
 
-    def routes_past_frontiers(self, place: Float[np.ndarray, "2"]) -> RouteDirections:
+    def routes_past_frontiers(
+        self, place: Float[np.ndarray, "2"], blocking: float = BLOCKING
+    ) -> RouteDirections:
         """Routes that are nearly free through explored cells: they enter others at the frontier next to their end."""
-        return route_directions(self, place, explored_speed=_NEARLY_FREE)
+        return route_directions(self, place, explored_speed=_NEARLY_FREE, blocking=blocking)
 
     def shares(self, frame: GridFrame) -> Float32[np.ndarray, "2 ny nx"]:
         """Explored share and filled share of each cell of a part of the grid; those of the last part are cached."""
@@ -110,18 +112,21 @@ class MapSurvey:
 
 
 def route_directions(
-    survey: MapSurvey, place: Float[np.ndarray, "2"], explored_speed: float = 1.0
+    survey: MapSurvey,
+    place: Float[np.ndarray, "2"],
+    explored_speed: float = 1.0,
+    blocking: float = BLOCKING,
 ) -> RouteDirections:
     """Routes between a place [m] and the cells of the survey's grid, on the map and some metres beyond its edge.
 
-    Explored cells count as so many times shorter than others.
+    Explored cells count as so many times shorter than others; obstacles block a cell if they fill this share of it.
     """
     frame = survey.estimate.frame
     low = np.array(frame.origin_xy) - survey.beyond_m
     high = frame.to_points(np.array([frame.shape[1], frame.shape[0]])) + survey.beyond_m
     rows, columns, frame = survey.frame.window((low[0], low[1]), (high[0], high[1]))
     explored, filled = survey.shares(frame)
-    blocked = filled >= _FILLED
+    blocked = filled >= blocking
     # A robot beyond the largest grid of a belief counts as at its edge.
     iy, ix = (min(max(int(i), 0), n - 1) for i, n in zip(frame.index(place), frame.shape, strict=True))
     # The robot's own cells are free, whatever the map contains.

@@ -1,6 +1,7 @@
 """Regions: the belief behind each frontier, and the order in which regions are searched."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,16 @@ def test_walls_of_one_cell_close_a_region():
     """Beyond the wall on the left the route leads through the door on the right, 12 m at least."""
     door, gap = beliefs([frontier(2.0, 0.0), frontier(-2.0, 0.0)], at(-2.5, 0.1), seen_room(2.0, walls=True))
     assert gap == 0 and 0 < door < math.exp(-8 / 15)
+
+
+def test_belief_that_walls_enclose_is_behind_a_gap_narrower_than_the_cells():
+    """A gap of 0.1 m in the walls around: it closes cells of 0.2 m, and counts if no belief is behind a frontier."""
+    room = seen_room(2.0, walls=True)
+    probability = room.obstacle_probability.copy()
+    probability[110:130, 160] = 0.9
+    probability[118:120, 160] = 0.1
+    closed, door = replace(room, obstacle_probability=probability), [frontier(2.0, 0.0)]
+    assert beliefs(door, at(3.1, 0.1), closed)[0] > 0.5
 
 
 def test_a_gap_narrower_than_a_door_counts_little():
