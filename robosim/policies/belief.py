@@ -205,7 +205,7 @@ class TargetBelief:
     def _wave_m(
         self, survey: MapSurvey, place: Float[np.ndarray, "2"], distance: Float[np.ndarray, "ny nx"]
     ) -> Float[np.ndarray, "ny nx"] | None:
-        """Length of the route from each cell where walls are opaque [m]: the distance where no route is known."""
+        """Length of the route from each cell [m], its distance if no route is known; None where waves pass walls."""
         if self.config.frequency_hz < OPAQUE_HZ:
             return None
         length_m, routes = distance.copy(), survey.routes(place)

@@ -48,29 +48,32 @@ def main(*plans: Positional[Path], options: OmitArgPrefixes[Options] = DEFAULT) 
         options: Of every benchmark.
     """
     results = Results()
-    units = {f"{plan.stem} {band}": (str(plan), band) for plan in plans for band in BANDS}
+    units = {f"{plan.stem} {band}": (str(plan), band, options.seed) for plan in plans for band in BANDS}
     measured = run_units(measure, units, options.folder("ranging"), workers=options.workers)
     for band in BANDS:
         links = np.concatenate([measured[f"{plan.stem} {band}"] for plan in plans])
         for name, state in _STATES.items():
             of = links[links[:, 0] == state]
             detected = of[np.isfinite(of[:, 1])]
-            excess_m = detected[:, 1] - detected[:, 2]
+            excess_m, log_density, log_one_law = detected[:, 1:].T
             results.add(band, name, "mean excess", float(excess_m.mean()), "m", digits=2, cases=len(detected))
             results.add(band, name, "standard deviation", float(excess_m.std()), "m", digits=2)
             results.add(band, name, "detected", 100 * len(detected) / len(of), "%", digits=0)
-            results.add(band, name, "log density", float(detected[:, 4].mean()), digits=2)
-            results.add(band, name, "the same in all bands", float(detected[:, 5].mean()), digits=2)
+            results.add(band, name, "log density", float(log_density.mean()), digits=2)
+            results.add(band, name, "the same in all bands", float(log_one_law.mean()), digits=2)
     return options.finish("ranging", results)
 
 
-def measure(path: str, band: str) -> Float[np.ndarray, "n 6"]:
-    """Links: state, range, distance and route [m], logarithms of the belief's density and of that of one law."""
+def measure(path: str, band: str, seed: int) -> Float[np.ndarray, "n 4"]:
+    """Links: state, excess of the range [m], logarithms of the belief's density and of that of one law for all bands.
+
+    The excess is NaN where no peak is detected.
+    """
     plan = read_plan(path)
     link = RadioLink(make_building(plan), RadioLinkConfig().in_band(band))
     sounding, is_opaque = link.config.sounding, link.config.frequency_hz >= OPAQUE_HZ
     merged_m = range_merged_m(1e6 * sounding.bandwidth_mhz)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     cells = np.argwhere(plan.free)
     centre = plan.to_map(cells[:, ::-1] + 0.5)
     nothing = Measurement(np.zeros(3), *(np.zeros(0) for _ in range(5)), np.zeros(4), range_merged_m=merged_m)
@@ -86,19 +89,19 @@ def measure(path: str, band: str) -> Float[np.ndarray, "n 6"]:
                 continue
             state = int(paths.link_state()[0, 0])
             range_m = first_path_m(paths, sounding)
-            wave_m = max(float(route_m[tuple(cells[k])]), distance_m)
-            one = replace(nothing, range_m=range_m, probability=np.eye(len(LinkState))[state])
-            routes = np.array([wave_m]) if is_opaque else None
-            own = float(np.log(range_density(one, sigma_m, np.array([distance_m]), routes))[0])
-            rows.append([state, range_m, distance_m, wave_m, own, log_one_law(one, sigma_m, distance_m)])
+            measurement = replace(nothing, range_m=range_m, probability=np.eye(len(LinkState))[state])
+            lengths_m = np.maximum([route_m[tuple(cells[k])]], distance_m) if is_opaque else None
+            density = range_density(measurement, sigma_m, np.array([distance_m]), lengths_m)
+            one_law = one_law_density(measurement, sigma_m, distance_m)
+            rows.append([state, range_m - distance_m, *np.log(density), np.log(one_law)])
     return np.array(rows)
 
 
-def log_one_law(measured: Measurement, sigma_m: float, distance_m: float) -> float:
-    """Logarithm of the density of a range with the excess that is the same in all bands [1/m]."""
-    state, rest_m = measured.state, measured.range_m - distance_m
+def one_law_density(measurement: Measurement, sigma_m: float, distance_m: float) -> float:
+    """Density of a range with the excess that is the same in all bands [1/m]."""
+    state, rest_m = measurement.state, measurement.range_m - distance_m
     if state == LinkState.LOS:
         density = norm.pdf(rest_m, 0, sigma_m)
     else:
         density = exponnorm.pdf(rest_m, _ONE_LAW_M[state] / sigma_m, 0, sigma_m)
-    return float(np.log(_WRONG * _UNIFORM + (1 - _WRONG) * density))
+    return float(_WRONG * _UNIFORM + (1 - _WRONG) * density)

@@ -103,8 +103,8 @@ def ranged(range_m, state, merged_m=0.0):
 def test_the_density_of_a_range_is_normal_and_exponential(state, route_m, merged_m, law):
     route = None if route_m is None else np.array([route_m])
     for range_m in (2.0, 3.5, 4.0, 4.4, 6.0, 20.0):
-        found = range_density(ranged(range_m, state, merged_m), 0.3, np.array([4.0]), route)
-        assert found == pytest.approx([0.05 / 50 + 0.95 * law.pdf(range_m)], rel=1e-6)
+        density = range_density(ranged(range_m, state, merged_m), 0.3, np.array([4.0]), route)
+        assert density == pytest.approx([0.05 / 50 + 0.95 * law.pdf(range_m)], rel=1e-6)
 
 
 def test_in_outage_a_range_carries_no_information():
