@@ -51,9 +51,10 @@ ROWS: tuple[tuple[str, str, str], ...] = (
         "[radio](docs/results/radio.md)",
     ),
     (
-        "explore scanned homes",
-        "{exploration/driving/gain/seen after 250} / {exploration/driving/gain/seen after 500} / "
-        "{exploration/driving/gain/seen after 1000} of the floor after 250 / 500 / 1000 steps",
+        "explore scanned homes that nothing was trained on",
+        "{exploration_learned_map/driving/learned/seen after 250} / "
+        "{exploration_learned_map/driving/learned/seen after 500} / "
+        "{exploration_learned_map/driving/learned/seen after 1000} of the floor after 250 / 500 / 1000 steps",
         "[mapping](docs/results/mapping.md)",
     ),
     (
