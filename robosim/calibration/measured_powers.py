@@ -7,6 +7,7 @@ read with that number as an option only: powers are more than -127 dBm and less 
 place and heading are averaged.
 """
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from jaxtyping import Bool, Float
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.reading import reading
 from robosim.support.text_in import csv_number, csv_rows
+
+logger = logging.getLogger(__name__)
 
 #: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
@@ -29,6 +32,8 @@ _POWERS_DBM = (-127.0, 0.0)
 _MARGIN_M = 1.0
 #: Side of the squares of floor that alternately belong to the fit and are held out [m].
 BLOCK_M = 1.0
+#: A lowest power that is often there, so far below the others, may mean that nothing was received [dB].
+_GAP_DB = 10.0
 #: Fewest readings of a beacon in either half.
 _LEAST_READINGS = 10
 
@@ -105,6 +110,7 @@ def read_measured_powers(path: Path, height_m: float, not_received: float | None
                         f"expected {_LEAST_READINGS} or more"
                     )
             check_varying(name, power[received])
+        warn_of_lowest(path, measured.power_dbm[~np.isnan(measured.power_dbm)])
         return measured
 
 
@@ -112,6 +118,16 @@ def check_varying(name: str, power_dbm: Float[np.ndarray, " n"]) -> None:
     """Raise ValueError for powers of a beacon [dBm] that are all the same, as no receiver measures them."""
     if np.ptp(power_dbm) == 0:
         raise ValueError(f"all {len(power_dbm)} powers of beacon {name!r} are {power_dbm[0]:g} dBm")
+
+
+def warn_of_lowest(path: Path, power_dbm: Float[np.ndarray, " n"]) -> None:
+    """Warn of a lowest power [dBm] that is often there, far below the others."""
+    lowest, is_lowest = power_dbm.min(), power_dbm == power_dbm.min()
+    if 0.05 < is_lowest.mean() < 1 and power_dbm[~is_lowest].min() > lowest + _GAP_DB:
+        logger.warning(
+            f"{path}: {100 * is_lowest.mean():.0f} % of power_dbm are {lowest:g}, far below the others. If it means "
+            f"that nothing was received, give --not-received {lowest:g}"
+        )
 
 
 def check_on_plan(plan: FloorPlan, beacons: Mapping[str, Float[np.ndarray, " d"]]) -> None:

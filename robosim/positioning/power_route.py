@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.calibration.measured_powers import beacon_name, check_varying, number_of
+from robosim.calibration.measured_powers import beacon_name, check_varying, number_of, warn_of_lowest
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
 from robosim.logs.robot_log import RobotLog
@@ -32,8 +32,6 @@ _REMEDY = (
 )
 #: Fewest readings of a beacon.
 _LEAST_READINGS = 10
-#: A lowest power that is often there, so far below the others, may mean that nothing was received [dB].
-_GAP_DB = 10.0
 _OPTIONAL = ("time_s", "x_m", "y_m", "heading_rad", "beacon_x_m", "beacon_y_m")
 
 
@@ -102,12 +100,7 @@ def read_power_route(path: Path, *, needs_time: bool, not_received: float | None
         table = np.array(values)
         for name in dict.fromkeys(beacons):
             check_varying(name, table[np.array(beacons) == name, 4])
-        lowest, is_lowest = table[:, 4].min(), table[:, 4] == table[:, 4].min()
-        if 0.05 < is_lowest.mean() < 1 and table[~is_lowest, 4].min() > lowest + _GAP_DB:
-            logger.warning(
-                f"{path}: {100 * is_lowest.mean():.0f} % of power_dbm are {lowest:g}, far below the others. If it "
-                f"means that nothing was received, give --not-received {lowest:g}"
-            )
+        warn_of_lowest(path, table[:, 4])
         order = np.argsort(table[:, 0], kind="stable")
         table, beacons = table[order], [beacons[i] for i in order]
         return PowerRoute(

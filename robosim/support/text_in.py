@@ -94,7 +94,16 @@ def csv_rows(
         raise ValueError(f"column {missing[0]!r} is missing")
     if twice := [name for name in columns if name and columns.count(name) > 1]:
         raise ValueError(f"column {twice[0]!r} is there twice, expected once")
-    return ((table.line_num, row) for row in table), columns
+    return ((table.line_num, _whole_row(row, table.line_num, columns)) for row in table), columns
+
+
+def _whole_row(row: dict[Any, Any], line: int, columns: Sequence[str]) -> dict[str, str]:
+    """A row without empty cells after the last column; ValueError if there is a value in them."""
+    if any(text.strip() for text in row.pop(None, ())):
+        raise ValueError(
+            f"line {line} has more than {len(columns)} values; decimals have a point, not a comma"
+        )
+    return row
 
 
 def csv_number(row: dict[str, str], column: str, line: int, low: float, high: float) -> float:

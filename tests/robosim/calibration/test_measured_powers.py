@@ -122,6 +122,25 @@ def test_what_is_not_understood_is_rejected(plan, tmp_path, column, value, messa
     assert "\n" not in str(error.value)
 
 
+def test_read_measured_powers_rejects_values_after_the_last_column(plan, tmp_path):
+    """A decimal comma makes two values of one; commas at the end of rows make none."""
+    lines, path = lines_of(measured_in(plan, 0)), tmp_path / "powers.csv"
+    path.write_text("\n".join([lines[0], *(f"{line},, " for line in lines[1:])]))
+    read_measured_powers(path, 1.3)
+    path.write_text("\n".join([*lines[:4], lines[4].replace(".", ",", 1), *lines[5:]]))
+    with pytest.raises(FileError, match="line 5 has more than 9 values; decimals have a point"):
+        read_measured_powers(path, 1.3)
+
+
+def test_read_measured_powers_warns_of_a_power_far_below_the_others(plan, tmp_path, caplog):
+    rows, path = [line.split(",") for line in lines_of(measured_in(plan, 0))], tmp_path / "powers.csv"
+    for row in rows[1::4]:
+        row[6] = "-120"
+    path.write_text("\n".join(map(",".join, rows)))
+    read_measured_powers(path, 1.3)
+    assert "25 % of power_dbm are -120" in caplog.text and "--not-received -120" in caplog.text
+
+
 def test_tables_of_other_forms_are_rejected(plan, tmp_path):
     """No rows, and a missing column."""
     lines, path = lines_of(measured_in(plan, 0)), tmp_path / "powers.csv"
