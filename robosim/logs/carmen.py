@@ -19,6 +19,7 @@ import gzip
 import io
 import logging
 import math
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -36,6 +37,8 @@ logger = logging.getLogger(__name__)
 
 #: Largest log, unpacked [bytes], and most beams of a scan.
 _MOST_BYTES, _MOST_BEAMS = 500_000_000, 10_000
+#: Numbers of beams of a SICK laser, which FLASER lines are of, in half a turn at 1 or 1/2 degree.
+_FLASER_BEAMS = (180, 181, 360, 361)
 #: Ranges of this part of the longest, or farther than this [m], hit nothing. Nearer than this is the robot itself.
 _LONGEST, _FARTHEST_M, _NEAREST_M = 0.99, 79.0, 0.05
 #: Coordinates are no larger [m, rad].
@@ -93,6 +96,11 @@ def read_carmen(path: Path) -> RobotLog:
         scans, readings, resets = _parse(packed.decode("ascii", "replace"))
         if len(scans) < 2:
             raise ValueError(f"{len(scans)} scans in it, expected two at least")
+        if (n := len(scans[0].ranges)) not in _FLASER_BEAMS and re.search(rb"^FLASER", packed, re.MULTILINE):
+            logger.warning(
+                f"{path}: FLASER lines state no angles, and those of {n} beams count as over 180 degrees. If the laser "
+                "sees another angle, give ROBOTLASER1 lines."
+            )
         return _log(path, scans, readings, resets)
 
 

@@ -86,7 +86,7 @@ def _read_scans(
             )
         check_bearings(lines, values[:, 1:3])
         ranges = values[:, 3:]
-        ranges = np.where((ranges > 0.05) & (ranges < 1e3), ranges, np.inf)
+        ranges = np.where((ranges > 0.05) & (ranges < 1e3) | np.isnan(ranges), ranges, np.inf)
         turn = 2 * np.pi if first < -np.pi - 1e-6 else 0.0
         return times, turn + np.linspace(first, last, ranges.shape[1]), ranges
 

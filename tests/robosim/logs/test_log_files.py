@@ -276,6 +276,29 @@ def test_tables_of_scans_name_the_line(tmp_path, row, column, word, said):
         read_log(odometry, scans)
 
 
+def test_beams_of_tables_hit_nothing_or_are_not_measured(tmp_path):
+    odometry, scans = DRIVE.write_tum(tmp_path)
+    lines = [line.split() for line in scans.read_text().splitlines()]
+    for words in lines:
+        words[3:5] = "nan", "inf"
+    scans.write_text("\n".join(map(" ".join, lines)))
+    log = read_log(odometry, scans)
+    assert np.isnan(log.range_m[:, 0]).all() and (log.range_m[:, 1] == np.inf).all()
+
+
+@pytest.mark.parametrize(("count", "is_stated"), [(180, True), (361, True), (401, False), (541, False)])
+def test_read_carmen_warns_of_beams_without_angles(count, is_stated, tmp_path, caplog):
+    """Lasers of FLASER lines see half a turn; other numbers of beams are those of lasers that see more or less."""
+    path = tmp_path / "room.log"
+    path.write_text(Drive(count=count).raw())
+    read_log(path)
+    assert (f"those of {count} beams count as over 180 degrees" not in caplog.text) == is_stated
+    path.write_text("# FLASER n ranges\n" + Drive(count=count).newer())
+    caplog.clear()
+    read_log(path)
+    assert "FLASER" not in caplog.text
+
+
 def test_bearings_make_one_turn_at_most(tmp_path):
     """Those of a whole turn that ends at 0 begin at 0; those of more than a turn are an error."""
     odometry, scans = DRIVE.write_tum(tmp_path)
