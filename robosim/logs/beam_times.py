@@ -21,9 +21,9 @@ from slam.poses import between, wrap
 
 #: A reading is late if it comes so long after the one before, and after so many times the usual step [s].
 _LATE_S, _LATE_STEPS = 0.5, 5.0
-#: Odometry restarts where it jumps by more than this [m, rad] at more than this speed [m/s, rad/s], to a place as near
-#: to its first, or to (0, 0).
-_JUMP_M, _JUMP_RAD, _JUMP_M_S, _JUMP_RAD_S = 0.5, 0.5, 10.0, 20.0
+#: Odometry restarts where it jumps by more than this [m, rad] at more than this speed [m/s, rad/s], and than so many
+#: times the speed that it rarely exceeds.
+_JUMP_M, _JUMP_RAD, _JUMP_M_S, _JUMP_RAD_S, _JUMP_TIMES = 0.5, 0.5, 10.0, 20.0, 5.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,14 +44,16 @@ class OdometryTrack:
         return step_s > max(_LATE_S, _LATE_STEPS * usual_s)
 
     def restarts(self) -> Bool[np.ndarray, " m"]:
-        """Mask of readings that jump back to where odometry began."""
-        step = np.abs(np.diff(self.poses, axis=0, prepend=self.poses[:1]))
-        step_s = np.diff(self.times, prepend=self.times[0])
-        jumps = np.hypot(step[:, 0], step[:, 1]) > np.maximum(_JUMP_M, _JUMP_M_S * step_s)
-        jumps |= np.abs(wrap(step[:, 2])) > np.maximum(_JUMP_RAD, _JUMP_RAD_S * step_s)
-        places = self.poses[:, :2]
-        home_m = np.minimum(np.hypot(*places.T), np.hypot(*(places - places[0]).T))
-        return jumps & (home_m < _JUMP_M)
+        """Mask of readings that jump to another place, such as back to where odometry began."""
+        step, step_s = np.diff(self.poses, axis=0), np.diff(self.times)
+        jumps = np.zeros(len(self.times), bool)
+        for size, least, speed in (
+            (np.hypot(step[:, 0], step[:, 1]), _JUMP_M, _JUMP_M_S),
+            (np.abs(wrap(step[:, 2])), _JUMP_RAD, _JUMP_RAD_S),
+        ):
+            fast = float(np.percentile(size / step_s, 90)) if len(size) else 0.0
+            jumps[1:] |= size > np.maximum(least, max(speed, _JUMP_TIMES * fast) * step_s)
+        return jumps
 
     @cached_property
     def _unknown(self) -> Bool[np.ndarray, " m"]:

@@ -159,7 +159,7 @@ def report_track(path: Path, track: OdometryTrack) -> None:
     step_s = np.diff(track.times, prepend=track.times[0])
     for is_faulty, what, remedy in (
         (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
-        (track.restarts(), "odometry restarts", "give a log for each run"),
+        (track.restarts(), "odometry restarts or jumps", "give a log for each run"),
     ):
         if is_faulty.any():
             k = int(is_faulty.argmax())
@@ -192,4 +192,5 @@ def with_beam_times(log: RobotLog, first_s: float, last_s: float) -> RobotLog:
             f"{name}: --beam-seconds {first_s:g} {last_s:g} makes scans of {turn_s:g} s, and they follow each other "
             f"after {usual_s:.3g} s. Give the times of the first and the last beam after a scan's time, in seconds."
         )
-    return replace(log, beam_s=np.linspace(first_s, last_s, log.range_m.shape[1]))
+    beam_s = np.linspace(first_s, last_s, log.range_m.shape[1])
+    return replace(log, beam_s=np.broadcast_to(beam_s, log.bearing_rad.shape))

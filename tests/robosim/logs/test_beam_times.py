@@ -14,7 +14,7 @@ from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import map_log
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, ends_of_beams
-from slam.poses import between, to_map, wrap
+from slam.poses import between, compose, to_map, wrap
 from tests.robosim.logs.skewed_logs import (
     BEAMS,
     BEARING,
@@ -160,9 +160,25 @@ def _restarted(rows):
     return rows
 
 
+def _jumped(rows):
+    """A filter that corrects its pose at once, to a place where it did not begin."""
+    poses = np.column_stack([rows[90:, 1:3], 2 * np.arctan2(rows[90:, 6], rows[90:, 7])])
+    x, y, yaw = np.array([compose(np.array([2.0, 1.0, 0.5]), pose) for pose in poses]).T
+    rows[90:, 1], rows[90:, 2], rows[90:, 6], rows[90:, 7] = x, y, np.sin(yaw / 2), np.cos(yaw / 2)
+    return rows
+
+
+def test_restarts_are_no_motion_of_a_fast_robot():
+    """Steps of 1 m at 20 m/s are motion, and so are those of odometry in millimetres, which its reader rejects."""
+    for step_m in (1.0, 10.0):
+        poses = np.column_stack([step_m * np.arange(50.0), np.zeros(50), np.zeros(50)])
+        assert not OdometryTrack(times=0.05 * np.arange(50), poses=poses).restarts().any()
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
+        (_jumped, r"odometry\.tum: at 101\.787.* odometry restarts or jumps \(1 such"),
         (_without(60, 110), r"odometry\.tum: at 102\.187.* the reading 1\.02 s before is the last \(1 such"),
         (_restarted, r"odometry\.tum: at 101\.787.* odometry restarts"),
     ],
