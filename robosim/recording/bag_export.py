@@ -44,6 +44,8 @@ from slam.sensing.laser import LaserScan
 BAG, LAYOUT = "episode_bag", "foxglove.json"
 #: Topics that all robots share.
 _SHARED = ("/tf", "/tf_static")
+#: Topics whose last messages late subscribers receive too.
+_LATCHED = ("/tf_static", "/map")
 #: Length of the arrow of a path without additional delay [m], and its thickness.
 _ARROW_M, _SHAFT_M = 0.6, 0.03
 #: An arrow of a path this much weaker than the strongest is as faint as it gets [dB], and its opacity.
@@ -62,8 +64,12 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
         ImportError: If `rosbags` is not installed.
     """
     require_rosbags()
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
     from rosbags.rosbag2 import StoragePlugin, Writer
 
+    # Without transient durability, tf2 and map servers receive nothing of what is played.
+    lasting, none = (QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL), QosTime(0, 0)
+    latched = Qos(QosHistory.KEEP_LAST, 100, *lasting, none, none, QosLiveliness.AUTOMATIC, none, False)
     episodes = {name: (episode, _camera(folder / name)) for name, episode in read_team(folder).items()}
     bag = (out or folder) / BAG
     partial = partial_path(bag)
@@ -77,7 +83,12 @@ def export_bag(folder: Path, out: Path | None = None) -> Path:
                 if name and topic not in _SHARED:
                     topic = f"/{name}{topic}"
                 if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)
+                    connections[topic] = writer.add_connection(
+                        topic,
+                        kind,
+                        typestore=messages.store,
+                        offered_qos_profiles=[latched] if topic.endswith(_LATCHED) else [],
+                    )
                 content = messages.store.serialize_cdr(message, kind)
                 writer.write(connections[topic], round(1e9 * time_s), content)
     # The file in the folder has the folder's name, which metadata.yaml repeats.

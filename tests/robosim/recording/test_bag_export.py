@@ -67,6 +67,18 @@ def test_all_topics_are_in_the_bag(folder, messages):
     assert json.loads((folder / LAYOUT).read_text())["layout"]
 
 
+def test_late_subscribers_receive_fixed_transforms_and_the_map(folder):
+    """Listeners of tf2 receive fixed transforms of publishers with transient durability only."""
+    from rosbags.interfaces import QosDurability
+    from rosbags.rosbag2 import Reader
+
+    with Reader(folder / BAG) as reader:
+        offered = {each.topic: each.ext.offered_qos_profiles for each in reader.connections}
+    lasting = {topic for topic, qos in offered.items() if qos}
+    assert lasting == {"/tf_static", "/map"}
+    assert {offered[topic][0].durability for topic in lasting} == {QosDurability.TRANSIENT_LOCAL}
+
+
 def test_mcap_opens_it(folder):
     reader = pytest.importorskip("mcap.reader")
     with (folder / BAG / f"{BAG}.mcap").open("rb") as file:
