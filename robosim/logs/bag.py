@@ -10,6 +10,7 @@ recording where headers have none. Readings that come late or twice are sorted a
 import logging
 import math
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,8 @@ _CLOCK_S, _STEADY_S = 1.0, 0.3
 _FAR_M, _RATE = 5.0, 50.0
 #: An `angle_max` farther from the last beam is reported; many drivers are off by a beam [rad].
 _BEYOND_RAD = 0.1
+#: The clock was reset where so many scans follow one another at times between those of scans before.
+_RESTART_SCANS = 10
 #: A larger part of the scans outside of odometry's time is reported.
 _OUTSIDE = 0.05
 
@@ -94,6 +97,7 @@ class _Reading:
         self._frames = Frames()
         self._odometry: dict[str, list[tuple[float, ...]]] = {}
         self._delays: dict[str, list[float]] = {}
+        self._frame_names: dict[str, set[tuple[str, str]]] = {}
         report["assumed"] = []
         self._bag = Bag(path)
         names = ("topic", "type", "read", "messages", "span_s")
@@ -109,13 +113,13 @@ class _Reading:
     def log(self) -> RobotLog:
         """Read scans and odometry."""
         bag, frames, report = self._bag, self._frames, self._report
-        self._read_motion()
-        report["frames"] = [
-            {"depth": depth, "frame": name, "kind": kind} for depth, name, kind in frames.tree()
-        ]
         types = {name: topic.kind for name, topic in bag.topics.items() if topic.kind}
         colour = {name for name in bag.of_kinds(IMAGE) if bag.topics[name].first.encoding not in DEPTHS}
         scan_topic = _scan_topic(bag, types, colour, self._given.scan_topic)
+        self._read_motion(scan_topic)
+        report["frames"] = [
+            {"depth": depth, "frame": name, "kind": kind} for depth, name, kind in frames.tree()
+        ]
         odometry_topic = _choice(
             types, self._given.odometry_topic, (ODOMETRY,), "odometry", "--odometry-topic"
         )
@@ -137,10 +141,13 @@ class _Reading:
         if kind not in LASERS and sensor not in frames:
             self._note(f"no transform has {sensor}: --slice-m counts from the sensor, which looks ahead")
             place = _OPTICAL if kind == IMAGE else place
-        firsts = [bag.topics[name].first for name in bag.of_kinds(CAMERA)]
+        # The CameraInfo of images is in their namespace; that of the colour camera may have the same frame.
+        infos = sorted(bag.of_kinds(CAMERA), key=lambda name: _namespace(name) != _namespace(scan_topic))
+        firsts = [bag.topics[name].first for name in infos]
         cameras = [info for info in firsts if frame_name(info.header.frame_id) == sensor]
         make = scan_maker(kind, place, self._given.slice_m, cameras)
         scans = [make(self._timed(*record)) for record in bag.messages(scan_topic)]
+        self._check_frames(scan_topic)
         scans = self._with_returns(self._in_order(scans), scan_topic)
         self._check_times(scan_topic, scans)
         times = np.array([scan.time_s for scan in scans])
@@ -155,15 +162,33 @@ class _Reading:
             self._report["assumed"].append(text)
 
     def _timed(self, topic: str, time_s: float, message: Any) -> Any:
-        """A message; its delay from the header's time to the recording is stored."""
+        """A message; its delay from the header's time to the recording, and its frames are stored."""
         header = message.header if hasattr(message, "header") else message.transforms[0].header
         self._delays.setdefault(topic, []).append(time_s - stamp_s(header))
+        names = frame_name(header.frame_id), frame_name(getattr(message, "child_frame_id", ""))
+        self._frame_names.setdefault(topic, set()).add(names)
         return message
 
-    def _read_motion(self) -> None:
-        """Read transforms and odometry."""
-        bag, rows = self._bag, self._odometry
-        for topic, time_s, message in bag.messages(*bag.of_kinds(TF, ODOMETRY)):
+    def _check_frames(self, topic: str) -> None:
+        """Raise FileError for a topic whose messages are of several frames, as of several sensors."""
+        if len(names := self._frame_names[topic]) > 1:
+            shown = ", ".join(sorted(" > ".join(filter(None, pair)) for pair in names))
+            raise FileError(
+                f"{topic} has messages of the frames {shown}, expected a single frame. Record a topic for each."
+            )
+
+    def _read_motion(self, scan_topic: str) -> None:
+        """Read transforms and odometry; of transforms in namespaces of several robots, those of the scans' robot."""
+        bag, rows, transforms = self._bag, self._odometry, self._bag.of_kinds(TF)
+        near = [
+            name for name in transforms if f"{_namespace(scan_topic)}/".startswith(f"{_namespace(name)}/")
+        ]
+        if any(map(_namespace, near)) and (others := set(transforms) - {*near}):
+            transforms = near
+            self._note(
+                f"{', '.join(sorted(others))} do not count, as their namespace is not that of {scan_topic}"
+            )
+        for topic, time_s, message in bag.messages(*transforms, *bag.of_kinds(ODOMETRY)):
             if bag.topics[topic].kind == TF:
                 self._frames.add(message, time_s)
                 if message.transforms and bag.topics[topic].count > 2:
@@ -215,6 +240,17 @@ class _Reading:
 
     def _in_order(self, scans: list[Scan]) -> list[Scan]:
         """Scans by rising times, without those of a time that is there already."""
+        times = np.array([scan.time_s for scan in scans])
+        drops = np.flatnonzero(np.diff(times) < 0) + 1
+        for k, run in zip(drops, np.split(times, drops)[1:], strict=True):
+            before = times[:k]
+            again = run[run < before.max()]
+            between_s = (before > again[0]) & (before < again[-1])
+            if len(again) >= _RESTART_SCANS and between_s.any() and not np.isin(again, before).all():
+                raise FileError(
+                    f"the clock goes back from {times[k - 1]:.3f} to {run[0]:.3f} s, and {len(again)} scans of two "
+                    "runs lie between each other. Give a bag for each run."
+                )
         ordered = sorted(scans, key=lambda scan: scan.time_s)
         rising = [ordered[0], *(b for a, b in pairwise(ordered) if b.time_s > a.time_s)]
         late = sum(b.time_s < a.time_s for a, b in pairwise(scans))
@@ -278,6 +314,7 @@ class _Reading:
         if source == "none":
             return None
         if topic is not None:
+            self._check_frames(topic)
             values = np.array(self._odometry[topic], float)
             stamps, first = np.unique(values[:, 0], return_index=True)
             places = matrices(f"{topic}", stamps, values[first, 1:])
@@ -381,8 +418,15 @@ def _log(path: Path, scans: list[Scan], track: OdometryTrack | None, mount: Pose
     width = max(len(scan.bearing_rad) for scan in scans)
     bearing = np.array([_padded(scan.bearing_rad, width) for scan in scans])
     ranges = np.array([np.append(scan.range_m, np.full(width - len(scan.range_m), np.nan)) for scan in scans])
-    if (bearing == bearing[0]).all():
-        bearing = bearing[0]
+    spans = [scan.beam_s or (0.0, 0.0) for scan in scans]
+    beam_s = np.array(
+        [
+            _padded(np.linspace(*ends, len(scan.range_m)), width)
+            for ends, scan in zip(spans, scans, strict=True)
+        ]
+    )
+    if (bearing == bearing[0]).all() and (beam_s == beam_s[0]).all():
+        bearing, beam_s = bearing[0], beam_s[0]
     displacement, known = np.zeros((len(times), 3)), np.arange(len(times)) == 0
     if track is not None:
         displacement, known = track.steps(times)
@@ -400,12 +444,16 @@ def _log(path: Path, scans: list[Scan], track: OdometryTrack | None, mount: Pose
         track=track,
         mount=mount,
     )
-    return log if scans[0].beam_s is None else with_beam_times(log, *scans[0].beam_s)
+    return replace(with_beam_times(log, *max(spans, key=max)), beam_s=beam_s) if np.any(spans) else log
 
 
 def _padded(bearing: Float[np.ndarray, " w"], width: int) -> Float[np.ndarray, " v"]:
     """Bearings with the last one repeated."""
     return np.append(bearing, np.full(width - len(bearing), bearing[-1] if len(bearing) else 0.0))
+
+
+def _namespace(topic: str) -> str:
+    return topic.rpartition("/")[0]
 
 
 def _scan_topic(bag: Bag, types: dict[str, str], colour: set[str], requested: str | None) -> str:

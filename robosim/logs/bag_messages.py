@@ -22,7 +22,7 @@ _FIELDS: dict[str, set[str]] = {
     POINTS: {"height", "width", "fields", "point_step", "row_step", "data"},
     CLOUD: {"points", "channels"},
     IMAGE: {"height", "width", "encoding", "step", "data"},
-    CAMERA: {"height", "width", "k", "r", "p"},
+    CAMERA: {"height", "width", "k", "r", "p", "binning_x", "binning_y", "roi"},
     ODOMETRY: {"child_frame_id", "pose", "twist"},
 }
 #: Types of ROS, for bags without definitions, by the last word of their name in small letters.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from robosim.logs.bag_messages import CLOUD, ECHOES, IMAGE, POINTS, SCAN
 from robosim.logs.frames import stamp_s
@@ -63,7 +63,12 @@ def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any])
     if not (np.isfinite(intrinsics).all() and intrinsics[0, 0] > 0 < intrinsics[1, 1]):
         fx, fy = intrinsics[0, 0], intrinsics[1, 1]
         raise FileError(f"CameraInfo has the focal lengths {fx:g} and {fy:g} px. Record a calibrated camera.")
-    return lambda message: _slice(message, _depth_points(message, intrinsics), place, slice_m)
+    # Intrinsics are those of the whole picture; images are a region of it, of binned pixels.
+    binning, region = np.maximum([info.binning_x, info.binning_y], 1), info.roi
+    intrinsics[:2, 2] -= region.x_offset, region.y_offset
+    intrinsics[:2] /= binning[:, None]
+    size = ([region.width or info.width, region.height or info.height] // binning).tolist()
+    return lambda message: _slice(message, _depth_points(message, size, intrinsics), place, slice_m)
 
 
 def _laser_scan(message: Any, is_inverted: bool) -> Scan:
@@ -168,19 +173,34 @@ def _cloud_points(message: Any) -> Float[np.ndarray, "n 3"]:
             "itemsize": message.point_step,
         }
     )
-    rows = np.asarray(message.data, np.uint8).reshape(message.height, message.row_step)
-    cloud = np.ascontiguousarray(rows[:, : message.width * message.point_step]).view(dtype)
+    cloud = _rows(message, message.row_step, message.point_step).view(dtype)
     points = np.stack([cloud[name].ravel().astype(float) for name in "xyz"], axis=1)
-    return points[np.isfinite(points).all(axis=1)]
+    # Where nothing is measured, lidars give NaN or the place of the sensor.
+    return points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
 
 
-def _depth_points(message: Any, intrinsics: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:
-    """Points of a depth image in the optical frame."""
+def _rows(message: Any, row_bytes: int, pixel_bytes: int) -> UInt8[np.ndarray, "h w"]:
+    """Rows of a cloud or an image without their padding."""
+    rows = np.asarray(message.data, np.uint8).reshape(message.height, row_bytes)
+    if (n_bytes := message.width * pixel_bytes) > row_bytes:
+        raise ValueError(
+            f"its rows have {row_bytes} bytes, expected {n_bytes} of {message.width} points or more"
+        )
+    return np.ascontiguousarray(rows[:, :n_bytes])
+
+
+def _depth_points(
+    message: Any, size: list[int], intrinsics: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Points of a depth image in the optical frame; FileError if it has another size than its CameraInfo states."""
+    if all(size) and [message.width, message.height] != size:
+        raise FileError(
+            f"a depth image has {message.width} x {message.height} pixels, expected {size[0]} x {size[1]} by its "
+            "CameraInfo. Record the CameraInfo of the depth images."
+        )
     kind, unit_m = DEPTHS[message.encoding]
-    rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
-    width = message.width * np.dtype(kind).itemsize
     order = ">" if message.is_bigendian else "<"
-    depth = unit_m * np.ascontiguousarray(rows[:, :width]).view(order + kind).astype(float)
+    depth = unit_m * _rows(message, message.step, np.dtype(kind).itemsize).view(order + kind).astype(float)
     v, u = np.nonzero(np.isfinite(depth) & (depth > 0))
     z = depth[v, u]
     (fx, _, cx), (_, fy, cy), _ = intrinsics

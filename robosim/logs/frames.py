@@ -37,6 +37,8 @@ class Frames:
         """Add transforms of a message; those without a time are of the time of recording [s]."""
         for transform in message.transforms:
             parent, child = frame_name(transform.header.frame_id), frame_name(transform.child_frame_id)
+            if parent == child:
+                continue  # as tf2 does
             known, rows = self._rows.setdefault(child, (parent, array("d")))
             if known != parent:
                 self.other_parents.setdefault(child, set()).add(parent)

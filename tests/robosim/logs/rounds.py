@@ -63,6 +63,12 @@ def write_round(path: Path, rows: list, kind: str = "mcap", **options) -> Path:
     return write_bag(path, kind, sorted(rows, key=lambda row: row[1]), **options)
 
 
+def assert_poses(poses: np.ndarray, expected: list, atol: float = 1e-5) -> None:
+    """Poses are as expected; their yaw may be half a turn to either side."""
+    off = [between(a, b) for a, b in zip(expected, poses, strict=True)]
+    assert np.allclose(off, 0, atol=atol)
+
+
 def assert_hall(log: RobotLog, atol: float = 1e-5) -> None:
     """Scans and odometry are those of the round."""
     assert np.allclose(log.times, TIMES, atol=1e-6)

@@ -93,6 +93,22 @@ def test_reversed_scans_turn_round_with_their_times(tmp_path):
     assert log.beam_s[-1] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("turn", [1, -1])
+def test_beams_of_each_scan_have_times_of_their_own(turn, tmp_path):
+    """Drivers send fewer beams of some scans, and leave times out of some."""
+    rows = [row for row in recording(scans=False)]
+    for k, (t, ranges) in enumerate(zip(TIMES, RANGES, strict=True)):
+        n, step_s = (40, 360, 180)[k % 3], 1e-3 if k != 4 else 0.0
+        one = laser_scan(t, BEARING[::turn][:n], ranges[::turn][:n], step_s=step_s)
+        rows.append(("/scan", t, one))
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    assert log.beam_s is not None
+    for k, late_s in enumerate(log.beam_s):
+        n = (40, 360, 180)[k % 3]
+        expected = np.arange(n)[::turn] * (1e-3 if k != 4 else 0.0)
+        assert late_s[:n] == pytest.approx(expected, abs=1e-6)
+
+
 def test_ranges_are_missing_or_hit_nothing_as_the_standard_says(tmp_path):
     rows, ranges = recording(scans=False), RANGES.copy()
     ranges[:, :4] = np.nan, np.inf, 0.02, 31.0
@@ -149,9 +165,11 @@ def test_point_clouds_become_scans_of_a_slice(tmp_path):
         seen = hall_ranges(LASER[k], bearing)
         points = np.column_stack([seen * np.cos(bearing), seen * np.sin(bearing), np.full(len(seen), 0.05)])
         floor = np.column_stack([0.3 * np.cos(bearing), 0.3 * np.sin(bearing), np.full(len(seen), -MOUNT_Z)])
-        rows.append(("/points", t, cloud(t, np.concatenate([points, floor, [[np.nan] * 3]]))))
+        none = np.array([[np.nan] * 3, [0.0] * 3])
+        rows.append(("/points", t, cloud(t, np.concatenate([points, floor, none]))))
     log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
     assert log.displacement[:, 2] == pytest.approx(STEPS[:, 2], abs=1e-5)
+    assert np.nanmin(log.range_m) > 0.5
     # The slice has the axes of the base, and its origin at the sensor.
     expected = np.array(
         [hall_ranges([*LASER[k][:2], pose[2]], log.beams()[k]) for k, pose in enumerate(POSES)]
@@ -165,57 +183,90 @@ def test_read_bag_rejects_clouds_without_a_point_in_the_slice(tmp_path):
         read_bag(write_bag(tmp_path / "run", "mcap", rows))
 
 
-def test_depth_images_become_scans_of_a_slice(tmp_path):
+WIDTH, HEIGHT, FOCAL = 64, 48, 55.0
+
+
+def camera_info(scale=1, offset=(0, 0), **changes):
+    """CameraInfo of a picture of so many times the size, of which images show the middle region from an offset on."""
+    none = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
+    (x, y), focal = offset, scale * FOCAL
+    centre = scale * (WIDTH - 1) / 2 + x, scale * (HEIGHT - 1) / 2 + y
+    values = {
+        "header": header(TIMES[0], "camera", False),
+        "height": scale * HEIGHT,
+        "width": scale * WIDTH,
+        "distortion_model": "plumb_bob",
+        "d": np.zeros(5),
+        "k": np.array([focal, 0, centre[0], 0, focal, centre[1], 0, 0, 1.0]),
+        "r": np.eye(3).ravel(),
+        "p": np.zeros(12),
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": message("sensor_msgs/msg/RegionOfInterest", **none | changes.pop("region", {})),
+    }
+    return message("sensor_msgs/msg/CameraInfo", **values | changes)
+
+
+def depth_recording(infos):
+    """The round with depth images of a camera that looks ahead, 0.4 m above the base: roll -90, yaw -90 degrees."""
     rows = [row for row in recording(scans=False) if row[0] != "/tf_static"]
-    # A camera that looks ahead, 0.4 m above the base: roll -90, yaw -90 degrees.
     optical = message("geometry_msgs/msg/Quaternion", x=-0.5, y=0.5, z=-0.5, w=0.5)
     vector = message("geometry_msgs/msg/Vector3", x=0.1, y=0.0, z=0.4)
     rows.append(("/tf_static", 0.0, transform(0.0, "base_link", "camera", (vector, optical))))
-    width, height, focal = 64, 48, 55.0
-    column = np.arctan2((width - 1) / 2 - np.arange(width), focal)
+    column = np.arctan2((WIDTH - 1) / 2 - np.arange(WIDTH), FOCAL)
     for k, t in enumerate(TIMES):
         seen = hall_ranges(compose(POSES[k], np.array([0.1, 0.0, 0.0])), column) * np.cos(column)
-        depth = np.tile(np.round(1000 * seen).astype(np.uint16), (height, 1))
-        rows.append(
-            (
-                "/depth",
-                t,
-                message(
-                    "sensor_msgs/msg/Image",
-                    header=header(t, "camera", False),
-                    height=height,
-                    width=width,
-                    encoding="16UC1",
-                    is_bigendian=0,
-                    step=2 * width,
-                    data=depth.view(np.uint8).ravel(),
-                ),
-            )
+        depth = np.tile(np.round(1000 * seen).astype(np.uint16), (HEIGHT, 1))
+        image = message(
+            "sensor_msgs/msg/Image",
+            header=header(t, "camera", False),
+            height=HEIGHT,
+            width=WIDTH,
+            encoding="16UC1",
+            is_bigendian=0,
+            step=2 * WIDTH,
+            data=depth.view(np.uint8).ravel(),
         )
-    info = message(
-        "sensor_msgs/msg/CameraInfo",
-        header=header(TIMES[0], "camera", False),
-        height=height,
-        width=width,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=np.array([focal, 0, (width - 1) / 2, 0, focal, (height - 1) / 2, 0, 0, 1.0]),
-        r=np.eye(3).ravel(),
-        p=np.zeros(12),
-        binning_x=0,
-        binning_y=0,
-        roi=message(
-            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
-        ),
-    )
-    rows.append(("/camera_info", TIMES[0], info))
-    log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
+        rows.append(("/camera/depth/image", t, image))
+    return rows + [(f"/camera/{name}/camera_info", TIMES[0], info) for name, info in infos.items()]
+
+
+REGION = {"x_offset": 40, "y_offset": 30, "height": HEIGHT, "width": WIDTH}
+
+
+@pytest.mark.parametrize(
+    "infos",
+    [
+        {"depth": camera_info()},
+        {"depth": camera_info(scale=2, binning_x=2, binning_y=2)},
+        {"depth": camera_info(offset=(40, 30), height=96, width=128, region=REGION)},
+        {"depth": camera_info(), "colour": camera_info(scale=2)},
+        {"depth": camera_info(height=0, width=0)},
+    ],
+)
+def test_depth_images_become_scans_of_a_slice(infos, tmp_path):
+    """Intrinsics are of the whole picture before binning, and of the image's namespace."""
+    log = read_bag(write_bag(tmp_path / "run", "mcap", depth_recording(infos)))
     seen = np.isfinite(log.range_m)
     assert 60 < seen[0].sum() <= 120
     expected = np.array(
         [hall_ranges(compose(pose, np.array([0.1, 0, 0])), log.beams()[k]) for k, pose in enumerate(POSES)]
     )
-    assert np.percentile(np.abs(log.range_m - expected)[seen], 90) < 0.05
+    assert np.percentile(np.abs(log.range_m - expected)[seen], 90) < 0.02
+
+
+def test_read_bag_rejects_depth_images_of_another_size(tmp_path):
+    rows = depth_recording({"depth": camera_info(scale=2)})
+    with pytest.raises(
+        FileError, match="depth image has 64 x 48 pixels, expected 128 x 96 by its CameraInfo"
+    ):
+        read_bag(write_bag(tmp_path / "run", "mcap", rows))
+    rows = depth_recording({"depth": camera_info(width=WIDTH + 10)})
+    for topic, _, one in rows:
+        if topic == "/camera/depth/image":
+            one.width += 10
+    with pytest.raises(FileError, match="its rows have 128 bytes, expected 148 of 74 points or more"):
+        read_bag(write_bag(tmp_path / "wide", "mcap", rows))
 
 
 def test_scans_out_of_order_and_twice_are_sorted_and_reported(tmp_path, caplog):

@@ -29,6 +29,7 @@ from tests.robosim.logs.rounds import (
     POSES,
     TIMES,
     assert_hall,
+    assert_poses,
     hall_ranges,
     moving,
     recording,
@@ -111,7 +112,7 @@ def test_read_bag_composes_several_moving_transforms(tmp_path):
     for frame in (None, "base_footprint", "base_stabilized"):
         log = read_bag(write_round(tmp_path / str(frame), rows), BagTopics(frame=frame))
         assert log.known.all()
-        assert np.allclose(log.odometry(), [between(POSES[0], pose) for pose in POSES], atol=0.01)
+        assert_poses(log.odometry(), [between(POSES[0], pose) for pose in POSES], atol=0.01)
 
 
 def test_read_bag_joins_frames_that_meet_in_a_common_ancestor(tmp_path):
@@ -124,7 +125,7 @@ def test_read_bag_joins_frames_that_meet_in_a_common_ancestor(tmp_path):
     assert_hall(read_bag(write_round(tmp_path / "run", rows)))
     log = read_bag(write_round(tmp_path / "foot", rows), BagTopics(frame="base_footprint"))
     expected = [between(compose(POSES[0], offset), compose(pose, offset)) for pose in POSES]
-    assert np.allclose(log.odometry(), expected, atol=1e-5)
+    assert_poses(log.odometry(), expected)
     assert np.allclose(log.mount, between(offset, MOUNT), atol=1e-6)
 
 
@@ -156,10 +157,10 @@ def test_read_bag_gives_the_pose_of_the_base_or_of_a_frame(yaw, tmp_path):
         rows.append(("/scan", t, laser_scan(t, BEARING, hall_ranges(compose(pose, mount), BEARING))))
     path = write_round(tmp_path / "run", rows)
     log, sensor = read_bag(path), read_bag(path, BagTopics(frame="laser"))
-    assert np.allclose(log.odometry(), [between(POSES[0], pose) for pose in POSES], atol=1e-5)
+    assert_poses(log.odometry(), [between(POSES[0], pose) for pose in POSES])
     assert np.allclose(log.mount, mount)
     laser = [compose(pose, mount) for pose in POSES]
-    assert np.allclose(sensor.odometry(), [between(laser[0], pose) for pose in laser], atol=1e-5)
+    assert_poses(sensor.odometry(), [between(laser[0], pose) for pose in laser])
     assert np.allclose(sensor.mount, 0)
     with pytest.raises(
         FileError, match="no transform leads from 'lidar' to base_link, expected one of base_link, laser"
@@ -175,7 +176,7 @@ def test_read_bag_mirrors_a_laser_that_hangs_upside_down_in_its_own_frame(tmp_pa
         rows.append(("/scan", t, laser_scan(t, BEARING, hall_ranges(compose(pose, mount), -BEARING))))
     log = read_bag(write_round(tmp_path / "run", rows), BagTopics(frame="laser"))
     laser = [compose(pose, mount) for pose in POSES]
-    assert np.allclose(log.odometry(), [between(laser[0], pose) for pose in laser], atol=1e-5)
+    assert_poses(log.odometry(), [between(laser[0], pose) for pose in laser])
     assert np.allclose(log.range_m[7], hall_ranges(laser[7], log.beams()[7]), atol=1e-5)
 
 
@@ -193,7 +194,7 @@ def test_read_bag_gives_only_the_own_trajectory_of_a_sensor_that_turns_on_the_ro
     ):
         read_bag(path)
     log = read_bag(path, BagTopics(frame="laser"))
-    assert np.allclose(log.odometry(), [between(laser[0], pose) for pose in laser], atol=1e-5)
+    assert_poses(log.odometry(), [between(laser[0], pose) for pose in laser])
 
 
 def record(header, data=b""):
@@ -271,3 +272,55 @@ def test_read_bag_with_an_index_of_another_form(is_cut, tmp_path):
     path = tmp_path / "old.bag"
     path.write_bytes(b"#ROSBAG V2.0\n" + record(head, b" " * 99) + body + (b"" if is_cut else index))
     assert_hall(read_bag(path))
+
+
+def test_read_bag_reads_the_transforms_of_the_robot_of_the_scans(tmp_path, caplog):
+    """Two robots with the same frames publish transforms in namespaces of their own, as robots of Nav2 do."""
+    rows = []
+    for robot, poses, mount in (("r2", POSES[::-1], IDENTITY), ("r1", POSES, MOUNT)):
+        rows.append((f"/{robot}/tf_static", 99.0, transform(0.0, "base_link", "laser", placed(mount))))
+        rows += [(f"/{robot}/tf", t, one) for _, t, one in moving("odom", "base_link", poses)]
+    rows += [(f"/r1{topic}", t, one) for topic, t, one in recording() if topic == "/scan"]
+    log = read_bag(write_round(tmp_path / "run", rows))
+    assert_hall(log)
+    assert np.allclose(log.mount, MOUNT)
+    assert "/r2/tf, /r2/tf_static do not count" in caplog.text
+
+
+def test_read_bag_leaves_out_transforms_of_a_frame_to_itself(tmp_path):
+    """They are left out by tf2 too."""
+    rows = [("/tf_static", 98.0, transform(0.0, "laser", "laser", placed(IDENTITY))), *recording()]
+    assert_hall(read_bag(write_round(tmp_path / "run", rows)))
+
+
+@pytest.mark.parametrize(
+    ("topic", "name", "frames"),
+    [
+        ("/scan", "frame_id", "laser, rear"),
+        ("/odom", "frame_id", "odom > base_link, rear > base_link"),
+        ("/odom", "child_frame_id", "odom > base_link, odom > rear"),
+    ],
+)
+def test_read_bag_rejects_topics_of_several_frames(topic, name, frames, tmp_path):
+    """Of two lasers that publish in a topic each has a place of its own."""
+    rows = recording()
+    for owner in [one for each, _, one in rows if each == topic][::2]:
+        setattr(owner if hasattr(owner, name) else owner.header, name, "rear")
+    with pytest.raises(FileError, match=f"{topic} has messages of the frames {frames}, expected a single"):
+        read_bag(write_round(tmp_path / "run", rows))
+
+
+def test_read_bag_rejects_a_clock_that_was_reset(tmp_path):
+    """A simulation that is started again repeats its times; a part of a bag that comes late is sorted."""
+    rows = [row for row in recording() if row[0] != "/tf_static"]
+    parts = [rows[:20], rows[60:], rows[20:60]]
+    late = [(topic, 500 + k, one) for k, (topic, _, one) in enumerate(row for each in parts for row in each)]
+    mount = [row for row in recording() if row[0] == "/tf_static"]
+    assert_hall(read_bag(write_round(tmp_path / "late", mount + late)))
+    again = [(topic, 500 + t, one) for topic, t, one in recording() if topic == "/scan"]
+    for _, _, one in again:
+        one.header.stamp.nanosec += 1000
+    with pytest.raises(
+        FileError, match=r"the clock goes back from 119\.500 to 100\.000 s, and 39 scans of two runs"
+    ):
+        read_bag(write_round(tmp_path / "run", mount + rows + again))
