@@ -45,8 +45,8 @@ _EVERYWHERE_HELP = (
 )
 #: Options of the completion in shells.
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
-#: Errors of full disks and of quotas.
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+#: Errors of full disks, of quotas, and of disks that have become read-only.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,8 +1,8 @@
 """Simulation of a robot in a building: its motion and its sensors.
 
-Noise has three sources: actuation (the motion differs from the command) and odometry (the measured motion differs from
-the true one), both after Active Neural SLAM, and the depth camera. Each step returns an `Observation`; the true pose is
-for judging only.
+Noise has five sources: actuation (the motion differs from the command) and odometry (the measured motion differs from
+the true one), both after Active Neural SLAM, the depth camera, the lidar, and the radio. Each step returns an
+`Observation`; the true pose is for judging only.
 """
 
 from collections.abc import Mapping, Sequence

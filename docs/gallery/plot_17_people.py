@@ -3,8 +3,8 @@ People between transmitter and receiver
 =======================================
 
 Five people walk through a flat for half a minute. A camera sees them, and they cross a link at 28 GHz: each path is
-weakened by the diffraction at both sides and the top of a body. The two models differ in ripple and depth. A person who
-crosses a link of 5 m at 73.5 GHz was measured to take 15.8 dB on average with narrow antennas (MacCartney et al.,
+weakened by the diffraction at both sides, head and feet of a body. The two models differ in ripple and depth. A person
+who crosses a link of 5 m at 73.5 GHz was measured to take 15.8 dB on average with narrow antennas (MacCartney et al.,
 GLOBECOM 2017).
 """
 

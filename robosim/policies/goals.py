@@ -13,7 +13,8 @@ building and the pose. All policies are called once per decision, and all arrive
     los-or-first   follows it if the link state is line of sight or first order: the published system
     fused          goes where radio, camera and map together locate the target, or where they learn most about it
     rss            the same from received power alone, without directions
-    learned        a recurrent network chooses the actions from the sensors; falls back to `fused` when it is stuck
+    learned        a recurrent network chooses the actions from the sensors; `fused` decides where it is stuck, or
+                   nothing is received for long
 
 A `.safetensors` file of `robosim train search` is a policy like the last.
 

@@ -2,8 +2,8 @@
 
 By radio, each pair of robots has a link through the building, with the arrays that they receive the target with at both
 ends. Its rate is that of Shannon for the signal-to-noise ratio of all paths together, over the bandwidth, for the share
-of the time that a pair is given. Statuses, and which robots are in sight, are sent at each decision; measurements and
-tiles less often, and those that do not fit later.
+of the time that a pair is given. Statuses, and which robots are in sight, are sent at each decision; measurements,
+tiles and submaps less often, and those that do not fit later.
 
 Left out: interference between pairs, retransmissions.
 """

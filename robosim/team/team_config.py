@@ -36,7 +36,7 @@ class TeamConfig:
     """Decisions between two measurements of the radio between robots, and between two exchanges of maps."""
     starts: StartsName = "known"
     """Whether robots know where the others start. If not, each has a frame of its own, and maps stay apart until
-    directions and distances that robots measure of each other give the relative pose."""
+    directions and distances that robots measure of each other, or places on both maps, give the relative pose."""
     lose: Annotated[tuple[str, ...], ADVANCED] = ()
     """Robots that stop during the search, and when: 2@100 is the second robot at decision 100."""
 

@@ -4,7 +4,8 @@ One travel-time field from the robot gives the costs of the paths to all frontie
 frontier with the cheapest path. The other ratings count decisions (turns of 10 degrees and steps of a quarter metre
 along the path) for the most promising frontiers: "cheapest" chooses the fewest decisions, "gain" weighs the unseen area
 behind against decisions, "tour" chooses the first frontier of the best order of visits, "learned" uses a network. A
-goal stays until its frontier has been seen or another one is clearly better. A frontier that remains although the robot
+goal stays until its frontier has been seen or another one is clearly better. Frontiers that another robot of a team
+reaches sooner are left to it. A frontier that remains although the robot
 stands before it, or that is not reached within its budget of decisions, is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """

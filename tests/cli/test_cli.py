@@ -1,6 +1,8 @@
 """Every command on small input: what it prints, what it writes, and how it fails."""
 
+import errno
 import inspect
+import os
 import re
 import subprocess
 import sys
@@ -140,6 +142,21 @@ def test_offices_of_a_given_size_are_generated(tmp_path):
 )
 def test_mistakes_end_in_one_sentence(arguments, message, fails):
     assert message in fails(*arguments)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS])
+def test_a_disk_that_takes_no_more_is_failed_work(number, monkeypatch, capsys):
+    """Full, limited or read-only: status 1, and a line that names the file and the remedy."""
+
+    def write(words):
+        raise OSError(number, os.strerror(number), "out/map.png")
+
+    monkeypatch.setattr("robosim.cli._run", write)
+    with pytest.raises(SystemExit) as stop:
+        main(["plan", "flat"])
+    assert stop.value.code == 1
+    message = " ".join(capsys.readouterr().err.split())
+    assert "cannot write (out/map.png)" in message and "choose another --out" in message
 
 
 def test_the_doctor_finds_this_machine_fit():

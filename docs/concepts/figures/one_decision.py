@@ -66,7 +66,9 @@ axes.add_patch(
         connectionstyle="angle,angleA=90,angleB=0,rad=8",
     )
 )  # fmt: skip
-axes.text(6.3, 3.72, "action: forward 0.25 m, left 10°, right 10°", ha="center", fontsize=6.5, color="0.2")
+axes.text(
+    6.3, 3.72, "action: 0.25 m forward or back, 10° left or right", ha="center", fontsize=6.5, color="0.2"
+)
 axes.text(
     0.15,
     0.1,
