@@ -81,3 +81,12 @@ def band_named(name: str) -> Band:
     """A band by its name; ValueError if there is none."""
     check_choice("band", name, BANDS)
     return BANDS[cast(BandName, name)]
+
+
+def check_bandwidth(bandwidth_mhz: float, frequency_hz: float) -> None:
+    """Raise ValueError for a bandwidth that reaches down to 0 Hz from a carrier."""
+    if bandwidth_mhz * 1e6 >= 2 * frequency_hz:
+        raise ValueError(
+            f"bandwidth_mhz is {bandwidth_mhz:g} at a carrier of {frequency_hz / 1e9:g} GHz, expected less than twice "
+            "the carrier. Bandwidths are in MHz, not in kHz."
+        )

@@ -35,7 +35,7 @@ from robosim.parts import EstimatorPart, MoverPart, TerminalPart
 from robosim.support.checks import ADVANCED, SEED, Range
 from robosim.support.installation import install_first
 from robosim.support.reading import expanded
-from wireless.bands import BANDS, BandName
+from wireless.bands import BANDS, BandName, check_bandwidth
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:
@@ -179,6 +179,7 @@ def trace(
     noise = BANDS[band].sounding
     if bandwidth_mhz is not None:
         noise = replace(noise, bandwidth_mhz=bandwidth_mhz)
+    check_bandwidth(noise.bandwidth_mhz, config.frequency_hz)
     offsets = None if csi is None else parse_csi(csi, config.frequency_hz)
     folder = output_folder(out, "trace --along" if along else "trace --rx" if alone else "trace")
     with console.status("reading the scene ..." if is_scene else "reading the plan ..."):

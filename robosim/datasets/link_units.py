@@ -33,6 +33,7 @@ from robosim.radio.scene import RadioConfig, RadioScene, RadioSite
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part, to_dict
 from robosim.support.progress import text_column
+from wireless.bands import check_bandwidth
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.estimation.sage import SageEstimator
@@ -169,6 +170,7 @@ class LinkSetConfig:
     def __post_init__(self) -> None:
         sounding = replace(self.sounding, tx_power_dbm=self.radio.tx_power_dbm)
         object.__setattr__(self, "sounding", sounding)
+        check_bandwidth(sounding.bandwidth_mhz, self.radio.frequency_hz)
 
 
 @dataclass(frozen=True)

@@ -266,6 +266,7 @@ def test_another_command_leaves_the_folder_alone(made, plan_file, fails):
         ("{plan} --max-reflections -1", "max_reflections is -1"),
         ("{plan} {plan}", "2 plans are called 'two rooms'"),
         ("{plan} --estimator music", "estimator is 'music'. Known: sage, pca"),
+        ("{plan} --bandwidth-mhz 56000", "bandwidth_mhz is 56000 at a carrier of 28 GHz, expected less than"),
     ],
 )
 def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, fails):

@@ -157,6 +157,10 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--tx 2,2 --tx 1,1,1 --rx 1.001,1,1.002", "Move one of them by 5 mm or more"),
         ("--tx 1,1 --tx 2,2 --tx 1,1,1.5", "tx (1, 1, 1.5) m is given twice. Leave one of them out."),
         ("--tx 1", "X,Y[,Z]"),
+        (
+            "--tx 1,1 --bandwidth-mhz 1e5",
+            "bandwidth_mhz is 100000 at a carrier of 28 GHz, expected less than",
+        ),
         ("--grid 0.5", "--tx"),
     ],
 )

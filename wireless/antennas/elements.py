@@ -136,7 +136,7 @@ def element_named(name: str) -> Element:
     """
     if name in ELEMENTS:
         return ELEMENTS[name]
-    if name.endswith(SUFFIXES):
+    if name.lower().endswith(SUFFIXES):
         return read_pattern(name)
     files = " or ".join([", ".join(SUFFIXES[:-1]), SUFFIXES[-1]])
     raise ValueError(f"Unknown antenna element {name!r}. Known: {', '.join(ELEMENTS)}, or a {files} file.")

@@ -51,8 +51,10 @@ _GAP_DEG, _MOST = 45.0, 3600
 _GAP_STEPS, _SAME_DB = 5.0, 0.01
 #: Cuts agree ahead up to this [dB]; a pattern radiates at most so much more than it is given [dB].
 _AGREE_DB, _EXCESS_DB = 0.5, 0.5
-#: Larger losses are reported [dB].
-_LOSS_DB = 12.0
+#: Larger losses are reported [dB], and smaller ones of a pattern whose gain is 0 dBi at most.
+_LOSS_DB, _LOSS_OF_RELATIVE_DB = 12.0, 3.0
+#: A vertical cut is strongest at most so far from the horizon, or a warning is given [degrees].
+_STEEP_DEG = 60.0
 #: Fineness of the mean over the sphere.
 _ORDER = 200
 _MOST_BYTES = 100_000_000
@@ -94,7 +96,7 @@ def read_pattern(path: str | Path) -> PatternElement:
             is given.
     """
     path = Path(path)
-    is_grid = path.suffix == ".csv"
+    is_grid = path.suffix.lower() == ".csv"
     remedy = (
         "Give columns azimuth_deg, elevation_deg, gain_dbi, with a row for each pair of angles."
         if is_grid
@@ -109,7 +111,7 @@ def read_pattern(path: str | Path) -> PatternElement:
 def _check_power(pattern: PatternElement, path: Path) -> None:
     """Raise ValueError for a pattern that radiates more power than it is given; warn of one with a very low gain."""
     excess_db = 10 * np.log10(mean_over_sphere(lambda node: pattern.amplitude(node) ** 2, _ORDER))
-    if excess_db < -_LOSS_DB:
+    if excess_db < -(_LOSS_DB if pattern.gain_dbi.max() else _LOSS_OF_RELATIVE_DB):
         logger.warning(
             f"{path}: it radiates {-excess_db:.1f} dB less than it is given. Are its gains relative?"
         )
@@ -149,6 +151,10 @@ def _grid(file: BinaryIO) -> PatternElement:
 def _sum_of_cuts(text: str, path: Path) -> PatternElement:
     """Both cuts of an MSI file, summed on a grid of their angles, on which the sum is bilinear in between."""
     gain_dbi, ((clockwise, along_h), (down, along_v)) = _msi(text, path)
+    if abs((peak := down[along_v.argmin()]) % 180 - 90) < 90 - _STEEP_DEG:
+        logger.warning(
+            f"{path}: VERTICAL is strongest at {peak:g} degrees. Do its angles count from the horizon?"
+        )
     azimuth = np.unique(np.append(-clockwise % 360, [0.0, 180.0]))
     # Angles of the vertical cut in front and behind, both as elevations.
     folded = np.where(down <= 90, -down, np.where(down < 270, down - 180, 360 - down))

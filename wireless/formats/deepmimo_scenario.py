@@ -94,7 +94,9 @@ def scene_files(
             "n_triangular_faces": len(faces),
             "representation": "mesh",
         },
-        "materials": {f"material_{i}": _material(i, name, frequency_hz) for i, name in enumerate(materials)},
+        "materials": {
+            f"material_{i}": _material(i, name, frequency_hz, config) for i, name in enumerate(materials)
+        },
         "txrx_sets": {
             f"txrx_set_{_TX_SET}": _set("tx", _TX_SET, n_tx, n_tx),
             f"txrx_set_{_RX_SET}": _set("rx", _RX_SET, n_rx, n_rx_active),
@@ -124,7 +126,7 @@ def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
         "max_path_depth": max(config.max_reflections, diffracted) + config.walls_passed(frequency_hz),
         "max_reflections": config.max_reflections,
         "max_diffractions": int(config.diffraction),
-        "max_scattering": 0,
+        "max_scattering": int(config.scattering is not None),
         "max_transmissions": config.walls_passed(frequency_hz),
         "diffuse_reflections": 0,
         "diffuse_diffractions": 0,
@@ -144,15 +146,20 @@ def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
     }
 
 
-def _material(number: int, name: str | Material, frequency_hz: float) -> dict[str, Any]:
+def _material(number: int, name: str | Material, frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
     relative, conductivity = properties(name, frequency_hz)
+    share, lobe = (getattr(name, field, None) for field in ("scattering", "lobe"))
+    share = 0.0 if config.scattering is None else config.scattering if share is None else share
+    lobe = config.scattering_lobe if lobe is None else lobe
     return {
         "id": number,
         "name": str(name),
         "permittivity": relative,
         "conductivity": conductivity,
-        "scattering_model": "none",
-        "scattering_coefficient": 0.0,
+        "scattering_model": "none" if not share else "lambertian" if lobe is None else "directive",
+        "scattering_coefficient": share,
+        "alpha_r": 4 if lobe is None else lobe,
+        "lambda_param": 1.0,  # the lobe about the mirrored direction alone
         "cross_polarization_coefficient": 0.0,
     }
 

@@ -41,7 +41,7 @@ _SMALL_M = 1.0
 #: Types of radio materials, and their properties; those of the second line change nothing, or are said to be left out.
 _RADIO = ("radio-material", "itu-radio-material", "radio_material", "itu_radio_material")
 _PROPERTIES = ("type", "relative_permittivity", "conductivity", "thickness", "scattering_coefficient")
-_LEFT_OUT = ("xpd_coefficient", "scattering_pattern", "color")
+_LEFT_OUT = ("xpd_coefficient", "scattering_pattern", "alpha_r", "alpha_i", "lambda_", "color")
 #: Vertices [m] of a mesh, and vertices of its faces.
 _Arrays = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 #: Header of the PLY files of Sionna RT, and of others whose faces are triangles.
@@ -106,9 +106,11 @@ def read_mitsuba(
         except FileError as error:
             error.file = None  # of an included file: the message names both
             raise
-        values = {f"${each.get('name')}": each.get("value", "") for each in root.iter("default")}
+        # The first value counts: an included file has those of parameters that are not set before.
+        values = {each.get("name"): each.get("value", "") for each in reversed([*root.iter("default")])}
         for element in root.iter():
-            element.attrib.update({key: values.get(value, value) for key, value in element.attrib.items()})
+            for key, text in element.items():
+                element.set(key, re.sub(r"\$(\w+)", lambda name: values.get(name[1], name[0]), text))
         bsdfs: dict[str, ET.Element] = {}
         for bsdf in root.iter("bsdf"):
             if bsdfs.setdefault(bsdf.get("id", ""), bsdf) is not bsdf and bsdf.get("id"):
@@ -222,8 +224,7 @@ def _loaded(content: bytes, kind: str) -> _Arrays:
     if kind == "ply":
         vertices, faces = _triangles(content) or _polygons(content)
     else:
-        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
-        vertices, faces = _arrays_of(mesh) if isinstance(mesh, trimesh.Trimesh) else ((), ())
+        vertices, faces = _obj(content)
     if not len(faces):
         raise ValueError("it has no faces, expected triangles")
     if not np.isfinite(vertices).all():
@@ -232,6 +233,21 @@ def _loaded(content: bytes, kind: str) -> _Arrays:
         wrong = least if least < 0 else faces.max()
         raise ValueError(f"a face has vertex {wrong}, expected 0 to {len(vertices) - 1}")
     return vertices, faces
+
+
+def _obj(content: bytes) -> _Arrays:
+    """Vertices and triangles of an OBJ file, whose negative numbers count back from the vertex before the face."""
+    vertices: list[list[bytes]] = []
+    faces: list[list[int]] = []
+    for line in re.sub(rb"\\\r?\n", b" ", content).splitlines():
+        kind, *words = line.partition(b"#")[0].split() or [b""]
+        if kind == b"v":
+            vertices.append(words[:3])
+        elif kind == b"f":
+            corner = [int(word.partition(b"/")[0]) for word in words]
+            corner = [number - 1 if number >= 0 else len(vertices) + number for number in corner]
+            faces += [[corner[0], *corner[k : k + 2]] for k in range(1, len(corner) - 1)]
+    return np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3)
 
 
 def _triangles(content: bytes) -> _Arrays | None:
@@ -304,12 +320,19 @@ def _material(name: str, bsdf: ET.Element | None, notes: list[str]) -> Material:
     """A material of a scene: what it states or, for others than radio materials, what its name means."""
     nested = () if bsdf is None else bsdf.iter("bsdf")
     radio = next((each for each in nested if each.get("type") in _RADIO), None)
-    values = {} if radio is None else {each.get("name", ""): each.get("value", "") for each in radio}
+    stated = radio if radio is not None else bsdf if bsdf is not None else ()
+    values = {each.get("name", ""): each.get("value", "") for each in stated}
+    plain = name.removeprefix("mat-")
+    if (
+        radio is None
+    ):  # as in Sionna RT, a material by its name states a thickness and, as mat-itu_NAME, its type
+        used = ("thickness", "type") if plain.startswith("itu") else ("thickness",)
+        values = {key: value for key, value in values.items() if key in used}
     if wrong := sorted(set(values) - {*_PROPERTIES, *_LEFT_OUT}):
         raise FileError(
             f"material {name!r} has {wrong[0]!r}, expected only {', '.join((*_PROPERTIES, *_LEFT_OUT))}."
         )
-    scattering = float(values.get("scattering_coefficient", 0))
+    scattering = float(values["scattering_coefficient"]) if "scattering_coefficient" in values else None
     if scattering:
         notes.append(f"material {name} scatters (S = {scattering:g}) only if the tracer does (--scattering)")
         if "xpd_coefficient" in values or values.get("scattering_pattern", "lambertian") != "lambertian":
@@ -323,10 +346,9 @@ def _material(name: str, bsdf: ET.Element | None, notes: list[str]) -> Material:
             relative_permittivity=float(values.get("relative_permittivity", 1)),
             conductivity_spm=float(values.get("conductivity", 0)),
         )
-        return Material(name, (layer,), scattering=scattering or None)
+        return Material(name, (layer,), scattering=scattering)
     if "conductivity" in values:
         raise FileError(f"material {name!r} has a conductivity without relative_permittivity, expected both.")
-    plain = name.removeprefix("mat-")
     kind = (values.get("type") or plain.removeprefix("itu_")).replace("-", "_")
     if kind not in MATERIALS:
         raise FileError(
@@ -335,4 +357,4 @@ def _material(name: str, bsdf: ET.Element | None, notes: list[str]) -> Material:
         )
     if radio is None and bsdf is not None and not plain.startswith("itu"):
         notes.append(f"material {name} is no radio material: its name makes it {kind} of ITU-R P.2040")
-    return Material(name, (Layer(thickness_m=thickness_m, material=kind),), scattering=scattering or None)
+    return Material(name, (Layer(thickness_m=thickness_m, material=kind),), scattering=scattering)

@@ -252,3 +252,25 @@ def test_read_pattern_rejects_cuts_with_wrong_angles(sector, change, reason):
     path.write_text(change(path.read_text("latin-1")), "latin-1")
     with pytest.raises(FileError, match=reason):
         read_pattern(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "peak", "gain", "warning"),
+    [
+        ("a.msi", 0, "GAIN 13.5 dBi", ""),
+        ("a.MSI", 6, "GAIN 13.5 dBi", ""),
+        (
+            "a.msi",
+            90,
+            "GAIN 13.5 dBi",
+            "VERTICAL is strongest at 90 degrees. Do its angles count from the hor",
+        ),
+        ("a.msi", 0, "GAIN 0 dBi", "dB less than it is given. Are its gains relative"),
+    ],
+)
+def test_read_pattern_warns_of_cuts_from_the_zenith_and_of_relative_gains(
+    tmp_path, caplog, name, peak, gain, warning
+):
+    """A beam that a vertical cut has at 90 degrees looks straight down, as that of angles from the zenith would."""
+    element_named(str(write_msi(tmp_path / name, twin, lambda angle: beam(angle - peak), gain)))
+    assert warning in caplog.text and bool(warning) == bool(caplog.text)

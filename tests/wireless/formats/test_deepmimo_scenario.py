@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from wireless import Array, Channel, Interaction, MountedArray, Tracer, TracerConfig, element_named
+from wireless.em.materials import Layer, Material
 from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
 
 TX = np.array([[1.0, 1.4, 1.5], [4.0, 3.1, 1.2]])
@@ -119,6 +120,34 @@ def test_parameters_name_both_sets_and_each_material(scenarios, mesh):
     ):
         assert sorted(faces) == ["0", "1"]
         assert points["vertices"][faces["1"]] == pytest.approx(mesh.triangles[1::2], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("config", "events", "expected"),
+    [
+        (TracerConfig(), 0, [("none", 0.0), ("none", 0.0)]),
+        (TracerConfig(scattering=0.4), 1, [("directive", 0.4), ("directive", 0.1)]),
+        (TracerConfig(scattering=0.4, scattering_lobe=None), 1, [("lambertian", 0.4), ("directive", 0.1)]),
+    ],
+)
+def test_scene_files_state_what_the_tracer_scatters(mesh, config, events, expected):
+    """Coefficients of materials count more than that of the tracer; without one, nothing scatters."""
+    rough = Material("rough", (Layer(thickness_m=0.1, material="brick"),), scattering=0.1, lobe=7)
+    files = scene_files(
+        mesh=mesh,
+        materials=("metal", rough),
+        face_material=np.arange(len(mesh.faces)) % 2,
+        frequency_hz=28e9,
+        config=config,
+        n_tx=1,
+        n_rx=1,
+        n_rx_active=1,
+    )
+    params = json.loads(files["params.json"])
+    assert params["rt_params"]["max_scattering"] == events
+    written = list(params["materials"].values())
+    assert [(each["scattering_model"], each["scattering_coefficient"]) for each in written] == expected
+    assert (written[1]["alpha_r"], written[1]["lambda_param"]) == (7, 1.0)
 
 
 def test_links_without_any_path_leave_one_empty_column(paths, tmp_path):

@@ -319,3 +319,82 @@ def test_tracer_warns_of_walls_without_thickness(caplog):
         Tracer(mesh, materials=(material,), frequency_hz=frequency_hz, config=config)
         assert (f"Walls of {material} have no thickness" in caplog.text) == is_said
         assert ("--wall-thickness" in caplog.text) == is_said
+
+
+def test_read_mitsuba_takes_the_first_default_of_a_parameter(tmp_path):
+    """As Mitsuba 3.9 does: those of an included file count if the scene sets none; names count inside of texts."""
+    path = scene_of(tmp_path, transform='<transform name="to_world"><scale value="$s"/></transform>')
+    (tmp_path / "part").mkdir()
+    write_square(tmp_path / "part" / "wall.ply")
+    (tmp_path / "more.xml").write_text(
+        f"<scene version='3.0.0'><default name='s' value='9'/>{PLY_SHAPE.format('$at/wall.ply')}</scene>"
+    )
+    head = (
+        '<default name="s" value="2"/><default name="at" value="part"/><include filename="more.xml"/><shape'
+    )
+    path.write_text(path.read_text().replace("<shape", head, 1))
+    scene = read_mitsuba(path)
+    assert [shape[:2] for shape in scene.shapes] == [("p", 4), ("one", 12)]
+    assert scene.mesh.bounds == pytest.approx(np.array([[-2.0, -2, -2], [2, 2, 2]]))
+
+
+VERTICES = "v 0 0 0\nv 1 0 0\nv 1 2 0\n"
+OBJ_SHAPE = PLY_SHAPE.replace("ply", "obj")
+
+
+@pytest.mark.parametrize(
+    ("text", "triangles"),
+    [
+        (f"{VERTICES}f 1 2 3\n", 1),
+        (f"{VERTICES}f -3 -2 -1\nv 0 2 0\nv 0 0 3\nv 1 0 3\n", 1),
+        (f"{VERTICES}f -3/-1 -2//5 -1/1/1 # the first\n", 1),
+        (f"o a\r\n{VERTICES}v 0 2 0 1 0 0\r\nusemtl b\r\nf\t1 2 \\\r\n3 4\r\nl 1 2\r\n", 2),
+    ],
+)
+def test_read_mitsuba_counts_vertices_of_obj_from_either_end(tmp_path, text, triangles):
+    """The first triangle is that of the first three vertices, as the format has it, also if others follow the face."""
+    (tmp_path / "mesh.obj").write_text(text)
+    path = scene_of(tmp_path)
+    path.write_text(path.read_text().replace("<shape", OBJ_SHAPE.format("mesh.obj") + "<shape", 1))
+    scene = read_mitsuba(path)
+    assert scene.shapes[0] == ("p", triangles, "m")
+    assert scene.mesh.triangles[0] == pytest.approx(np.array([(0.0, 0, 0), (1, 0, 0), (1, 2, 0)]))
+
+
+@pytest.mark.parametrize("face", ["0 1 2", "1 2 4", "-4 1 2"])
+def test_read_mitsuba_rejects_obj_faces_of_missing_vertices(tmp_path, face):
+    (tmp_path / "mesh.obj").write_text(f"{VERTICES}f {face}\n")
+    path = scene_of(tmp_path)
+    path.write_text(path.read_text().replace("<shape", OBJ_SHAPE.format("mesh.obj") + "<shape", 1))
+    with pytest.raises(FileError, match=r"mesh.obj: .*a face has vertex (-1|3), expected 0 to 2"):
+        read_mitsuba(path)
+
+
+def test_read_mitsuba_takes_thickness_and_type_of_materials_by_name(tmp_path):
+    """As `process_xml` of Sionna RT 2.2 does for mat-itu_NAME of any plugin."""
+    path = scene_of(tmp_path, material="mat-itu_outer")
+    stated = '<string name="type" value="brick"/><float name="thickness" value="0.3"/>'
+    bsdf = f'<bsdf type="diffuse" id="mat-itu_outer">{stated}<rgb name="reflectance" value="1"/></bsdf>'
+    path.write_text(path.read_text().replace("<shape", f"{bsdf}<shape", 1))
+    scene = read_mitsuba(path)
+    assert scene.materials[0].layers == (Layer(thickness_m=0.3, material="brick"),)
+    assert scene.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("more", "scattering"),
+    [
+        ("", None),
+        ('<float name="scattering_coefficient" value="0"/>', 0.0),
+        (
+            '<float name="scattering_coefficient" value="0.2"/><string name="scattering_pattern" value="directive"/>'
+            '<integer name="alpha_r" value="4"/>',
+            0.2,
+        ),
+    ],
+)
+def test_read_mitsuba_takes_the_scattering_that_a_material_states(tmp_path, more, scattering):
+    """A stated 0 is smooth with any configuration of the tracer; parameters of patterns are left out."""
+    path = scene_of(tmp_path)
+    path.write_text(path.read_text().replace("</bsdf>", f"{more}</bsdf>"))
+    assert read_mitsuba(path).materials[0].scattering == scattering
