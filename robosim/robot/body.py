@@ -41,7 +41,8 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
     """
     imported = None if robot.model is None else model_of(robot.model)
-    ahead_m, _, com_m = (0.0, 0.0, 0.5 * robot.hull.radius_m) if imported is None else imported.com_m
+    com = np.array([0.0, 0.0, 0.5 * robot.hull.radius_m]) if imported is None else imported.com_m
+    ahead_m, com_m = float(com[0]), float(com[2])
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint(name="robot")
     body.explicitinertial = True
