@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 import tyro
 
-from robosim.support.checks import RADIUS_M, Range, checked
+from robosim.support.checks import RADIUS_M, Range, check_number, checked
 from slam.hull import Hull, Outline
 from slam.odometry import OdometryConfig, Vector
 from slam.sensing.projection import CameraModel
@@ -51,6 +51,7 @@ class Robot:
     def __post_init__(self) -> None:
         if self.outline_m:
             object.__setattr__(self, "outline_m", convex_outline(self.outline_m))
+            check_number("the reach of outline_m", self.hull.turning_m, *RADIUS_M)
             if self.radius_m is not None and abs(self.radius_m - self.hull.radius_m) > 1e-9:
                 raise ValueError(
                     f"radius_m is {self.radius_m:g}, but outline_m is {2 * self.hull.radius_m:g} m wide: "

@@ -25,7 +25,7 @@ from robosim.parts import LIDAR
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter
 from robosim.simulator import Observation, Simulator, SimulatorConfig
-from robosim.support.checks import shown
+from robosim.support.checks import check_number, shown
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import ARRIVAL_M, Task, make_task
 from robosim.world import ROBOT, World
@@ -144,6 +144,7 @@ class Searches:
         spec = self._source.task_spec(self._plan_number(rng, options.get("plan")))
         place = self._enter(spec.plan)
         difficulty = float(options.get("difficulty", self._curriculum.difficulty))
+        check_number("difficulty", difficulty, 0, 1)
         first = self._draw_task(place, spec, rng, options, difficulty)
         tasks = dict(zip(self.robots, tasks_near(first, [place.reach] * len(self.robots)), strict=True))
         sensed = self._world.reset(tasks, rng)
@@ -154,6 +155,8 @@ class Searches:
 
     def step(self, actions: Mapping[str, Any]) -> dict[str, Outcome]:
         """Do one action with each of these robots, one after the other; the others stand still."""
+        if self._place is None:
+            raise RuntimeError("The search has not begun. Call reset first.")
         commands = {name: self.robots[name].command_of(action) for name, action in actions.items()}
         sensed = self._world.step(commands)
         outcomes = {name: self.robots[name].after(observation) for name, observation in sensed.items()}
@@ -307,8 +310,9 @@ class Search:
 
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
         """The camera's view next to the plan with the robot's trajectory."""
+        rings = self.place.rings
         if self._picture is None:
-            self._picture = BriefPicture(self.place.rings, self.task.target)
+            self._picture = BriefPicture(rings, self.task.target)
         text = f"{self.place.plan.name}, step {self._steps}: {self._distance:.2f} m to go"
         return self._picture.draw(self.sensed.rgb, self.sensed.depth, self.robot.pose, text)
 

@@ -140,6 +140,10 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
     def step(self, actions: np.ndarray) -> Batch:
         """Do one action with each robot; robots whose search has ended start a new one instead, or stand still."""
         rewards, chosen = np.zeros(self.num_envs), list(iterate(self.action_space, actions))
+        if len(chosen) != self.num_envs:
+            raise ValueError(
+                f"there are {len(chosen)} actions, expected one of each of {self.num_envs} robots."
+            )
         arrived, late = np.zeros(len(self._teams), bool), np.zeros(len(self._teams), bool)
         infos: dict[str, Any] = {}
         for i, team in enumerate(self._teams):

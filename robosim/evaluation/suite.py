@@ -177,6 +177,7 @@ class _File:
             check_choice(f"plan of tasks[{number}]", task.plan, self.plans)
             for value in (*task.start, *task.target):
                 check_number(f"a number of tasks[{number}]", value, -FARTHEST_M, FARTHEST_M)
+            check_number(f"yaw of tasks[{number}]", task.start[2], -360, 360, "degrees")
             if np.hypot(*np.subtract(task.start[:2], task.target)) < ARRIVAL_M:
                 raise ValueError(f"tasks[{number}] starts at its target, expected {ARRIVAL_M:g} m between")
 

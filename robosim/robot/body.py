@@ -41,7 +41,8 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
     """
     imported = None if robot.model is None else model_of(robot.model)
-    com_m = 0.5 * robot.hull.radius_m if imported is None else imported.com_m
+    com = np.array([0.0, 0.0, 0.5 * robot.hull.radius_m]) if imported is None else imported.com_m
+    ahead_m, com_m = float(com[0]), float(com[2])
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint(name="robot")
     body.explicitinertial = True
@@ -49,7 +50,9 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     body.mass = robot.mass_kg if imported is None else _LITTLE * robot.mass_kg
     body.ipos = (0, 0, com_m)
     body.inertia = (0.4 * body.mass * robot.hull.turning_m**2,) * 3
-    _add_hull(spec, body, robot, physics, com_m)
+    # Casters of an imported robot carry half of its weight at most, so that its wheels do not slip.
+    casters_m = max(0.75 * robot.hull.inner_m, 2 * abs(ahead_m))
+    _add_hull(spec, body, robot, physics, com_m, casters_m)
     if robot.model is None or imported is None:
         for name, side in (("left", 1), ("right", -1)):
             _add_wheel(spec, body, name, side, robot, physics)
@@ -73,7 +76,12 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
 
 
 def _add_hull(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, robot: RobotConfig, physics: PhysicsConfig, com_m: float
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    robot: RobotConfig,
+    physics: PhysicsConfig,
+    com_m: float,
+    casters_m: float,
 ) -> None:
     """Add what walls meet, and the casters."""
     geom, hull = mujoco.mjtGeom, robot.hull
@@ -97,11 +105,11 @@ def _add_hull(
     )
     caster_m = 0.15 * robot.hull.radius_m
     # As far from the axle to the front as to the back: robots lean to neither.
-    for name, x in (("front", hull.inner_m), ("back", -hull.inner_m)):
+    for name, x in (("front", casters_m), ("back", -casters_m)):
         body.add_geom(
             name=name,
             type=geom.mjGEOM_SPHERE,
-            pos=(0.75 * x, 0, caster_m),
+            pos=(x, 0, caster_m),
             size=(caster_m, 0, 0),
             rgba=(0.8, 0.8, 0.8, 1),
             contype=0,

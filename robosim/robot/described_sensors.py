@@ -31,6 +31,8 @@ _BASE = re.compile(r"[/_-](base|bottom|top|body|housing|case)([/_-]|$)")
 _SAME_M, _OUTSIDE_M = 0.1, 0.5
 #: Least cosine of the angle from straight ahead at which a camera looks ahead.
 _AHEAD = 0.9
+#: Least such cosine of a camera that is simulated without a note.
+_LEVEL = 0.99
 
 
 class Sensor(NamedTuple):
@@ -61,13 +63,15 @@ def find_camera(
     """The robot's camera; None if there is none. Notes of what was assumed are appended."""
     candidates = [each for each in _tagged(model, data, tags) if each.rank < 1]
     for k in range(model.ncam):
-        if model.cam_bodyid[k] in robot.bodies and model.cam_mode[k] == mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
+        is_fixed = model.cam_mode[k] == mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+        is_perspective = model.cam_projection[k] == mujoco.mjtProjection.mjPROJ_PERSPECTIVE
+        if model.cam_bodyid[k] in robot.bodies and is_fixed and is_perspective:
             view = -data.cam_xmat[k].reshape(3, 3)[:, 2]
             name = model.camera(k).name or f"camera {k}"
             candidates.append(Sensor(name, data.cam_xpos[k].copy(), view, 1, _hfov_deg(model, k)))
     candidates += _named(_CAMERA, model, data, robot.bodies, notes)
     camera = _choose("camera", candidates, robot, notes)
-    if camera is not None and not camera.view[0] > _AHEAD:
+    if camera is not None and not camera.view[0] > _LEVEL:
         notes.append(f"camera {camera.name} does not look straight ahead: it is simulated as if it did")
     return camera
 
@@ -107,11 +111,12 @@ def _tagged(model: mujoco.MjModel, data: mujoco.MjData, tags: list[SensorTag]) -
         if tag.link not in names:
             continue
         k = names[tag.link]
-        turn = data.xmat[k].reshape(3, 3)
-        place = data.xpos[k] + turn @ tag.pose[:3]
-        view = turn @ Rotation.from_euler("xyz", tag.pose[3:]).as_matrix()[:, 0]
+        place, turn = data.xpos[k], data.xmat[k].reshape(3, 3)
+        for pose in tag.poses:
+            place = place + turn @ pose[:3]
+            turn = turn @ Rotation.from_euler("xyz", pose[3:]).as_matrix()
         rank = 1.0 if not tag.is_camera else 0.0 if tag.has_depth else 0.5
-        sensors.append(Sensor(tag.name, place, view, rank, tag.hfov_deg))
+        sensors.append(Sensor(tag.name, place.copy(), turn[:, 0], rank, tag.hfov_deg))
     return sensors
 
 

@@ -39,8 +39,8 @@ class SensorTag(NamedTuple):
     link: str
     is_camera: bool
     has_depth: bool
-    pose: tuple[float, ...]
-    """x, y, z [m], roll, pitch, yaw [rad] in the link; it looks along x."""
+    poses: list[list[float]]
+    """x, y, z [m], roll, pitch, yaw [rad] in the link, then in the frame of the pose before; it looks along x."""
     hfov_deg: float | None
 
 
@@ -83,6 +83,10 @@ def load_description(path: Path) -> Description:
             _check_files(path, root, (path.resolve(),), path.parent)
             spec = mujoco.MjSpec.from_file(str(path))
             spec.memory = -1
+            if spec.compiler.settotalmass > 0:
+                raise ValueError("settotalmass is not supported, expected the masses of bodies or geoms")
+            for number, each in enumerate((*spec.bodies, *spec.joints)):
+                each.name = each.name or f"unnamed {number}"
             notes += _water(spec)
     low, high = spec.compiler.inertiagrouprange
     spec.compiler.inertiagrouprange = (0, 5)  # groups change here
@@ -285,15 +289,14 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
             continue
         _check_sensor(sensor)
         for optics in (sensor.findall("camera") or [sensor]) if is_camera else [sensor]:
-            poses = [_numbers(each.find("pose"), "") for each in (optics, sensor)]
-            pose = next((tuple(each) for each in poses if len(each) == 6), (0.0,) * 6)
+            poses = [_numbers(each.find("pose"), "") for each in dict.fromkeys((sensor, optics))]
             hfov_rad = (*_numbers(optics.find("horizontal_fov"), ""), math.nan)[0]
             yield SensorTag(
                 name=sensor.get("name") or str(gazebo.get("reference")),
                 link=str(gazebo.get("reference")),
                 is_camera=is_camera,
                 has_depth=bool(re.search("depth|rgbd|kinect", kind)),
-                pose=pose,
+                poses=[pose for pose in poses if len(pose) == 6],
                 hfov_deg=None if math.isnan(hfov_rad) else math.degrees(hfov_rad),
             )
 

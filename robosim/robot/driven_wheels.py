@@ -16,7 +16,7 @@ from robosim.robot.physics_engine import mujoco
 #: How far wheels may be from the floor, and from each other in size and place [m].
 LEVEL_M = 0.01
 #: Least over greatest reach of a wheel from its axle, and trail of a caster [m].
-_ROUND, _TRAIL_M = 0.7, 0.005
+_ROUND, _TRAIL_M = 0.75, 0.005
 #: Fewest hinges on a wheel that are rollers.
 _ROLLERS = 3
 
@@ -31,6 +31,8 @@ class Wheel(NamedTuple):
     radius_m: float
     turns: float
     """1 if positive turns of the joint roll it ahead, else -1."""
+    tyre_m: float
+    """How far the middle of its tyre is from the joint's place along the joint's axis [m]."""
 
 
 #: Wheels on the left and on the right, from behind to ahead.
@@ -90,8 +92,10 @@ def _round_hinges(
         reach_m = (rim @ [np.cos(angle), np.sin(angle)]).max(axis=0)
         if reach_m.min() > _ROUND * reach_m.max():
             radius_m = float(np.hypot(*rim.T).max())
-            link = model.body(body).name
-            hinges.append(Wheel(model.joint(k).name, link, place.copy(), radius_m, float(np.sign(axis[1]))))
+            along_m = ((np.vstack(of_body) - place) @ axis)[np.hypot(*rim.T) > 0.9 * radius_m]
+            tyre_m = float(along_m.min() + along_m.max()) / 2
+            names, turns = (model.joint(k).name, model.body(body).name), float(np.sign(axis[1]))
+            hinges.append(Wheel(*names, place + tyre_m * axis, radius_m, turns, tyre_m))
     return hinges
 
 
@@ -128,7 +132,7 @@ def _steering(model: mujoco.MjModel, data: mujoco.MjData, wheels: list[Wheel]) -
         if len(below) == len(wheels) > 1:
             continue
         for wheel in below:
-            trail_m = np.hypot(*(wheel.place - data.xanchor[k])[:2])
+            trail_m = abs(wheel.place[0] - data.xanchor[k][0])
             is_caster = not _is_limited(model, k) and trail_m > _TRAIL_M
             steering[wheel.joint] = (model.joint(k).name, bool(is_caster))
     return steering
@@ -182,6 +186,6 @@ def _paired(hinges: list[Wheel]) -> Sides:
 def _no_pairs(hinges: list[Wheel]) -> ValueError:
     names = ", ".join(f"{wheel.joint} at y = {wheel.place[1]:g} m" for wheel in hinges) or "none"
     return ValueError(
-        f"its wheels that turn around y on the floor are {names}, expected as many on the left as on the right, in "
-        "pairs: x ahead, y to the left"
+        f"its round wheels that turn around y on the floor are {names}, expected as many on the left as on the right, "
+        "in pairs: x ahead, y to the left"
     )

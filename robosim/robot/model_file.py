@@ -46,6 +46,8 @@ logger = logging.getLogger(__name__)
 
 #: An outline is simplified by this [m], and is a disk if it is one to this share.
 _SIMPLER_M, _ROUND = 0.002, 0.02
+#: Most offset of a sensor to the side that is left out without a note [m].
+_SIDE_M = 0.05
 #: Farthest place of a part [m], and greatest mass of one [kg].
 _MOST_M, _MOST_KG = 100.0, 10_000.0
 _REMEDY = "Give a URDF or MJCF file of a differential drive, xacro expanded, meshes where it says they are"
@@ -69,8 +71,8 @@ class Model(NamedTuple):
     """Masses by link, of links that have one [kg]."""
     mass_kg: float
     """Of all but the driven wheels."""
-    com_m: float
-    """Height of the centre of mass."""
+    com_m: Float[np.ndarray, "3"]
+    """Centre of that mass, from the middle of the axle on the floor [m]."""
     fixed_joints: tuple[str, ...]
     """Joints that could move."""
     camera: Sensor | None
@@ -179,6 +181,7 @@ def attach_model(
         joint = spec.joint(f"model/{wheel.joint}")
         joint.armature, joint.limited = armature_kgm2, mujoco.mjtLimited.mjLIMITED_FALSE
         joint.damping[:] = joint.frictionloss = 0.0  # the servo overcomes them
+        joint.pos += wheel.tyre_m * joint.axis / np.linalg.norm(joint.axis)  # the wheel turns there as well
     return [wheel._replace(joint=f"model/{wheel.joint}") for wheel in wheels]
 
 
@@ -217,7 +220,10 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
     points = {int(k): _surface(model, data, int(k)) for k in solid}
     wheels = find_wheels(model, data, points)
     links = {int(model.joint(wheel.joint).bodyid[0]) for side in wheels for wheel in side}
-    root = int(model.body_rootid[min(links)])
+    if len(roots := {int(model.body_rootid[k]) for k in links}) > 1:
+        names = ", ".join(model.body(k).name for k in sorted(roots))
+        raise ValueError(f"its wheels hang on {names}, which no joint connects, expected one robot")
+    (root,) = roots
     bodies = {k for k in range(1, model.nbody) if model.body_rootid[k] == root}
     notes = list(description.notes)
     if strange := sorted({int(k) for k in model.body_rootid[1:]} - {root}):
@@ -244,6 +250,12 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
     camera, lidar = (
         find(model, data, extent, description.sensors, notes) for find in (find_camera, find_lidar)
     )
+    for each in (camera, lidar):
+        if each is not None and abs(aside_m := each.place[1] - axle[1]) > _SIDE_M:
+            side = f"{abs(aside_m):.3g} m to the {'left' if aside_m > 0 else 'right'}"
+            notes.append(f"{each.name} is {side} of the axle's middle: it is simulated in the middle")
+    if turning.issuperset(model.geom_bodyid[k] for k in points if model.geom_bodyid[k] in bodies):
+        notes.append("nothing but the wheels collides: the hull is their outline")
     rolling, free = {wheel.joint for side in wheels for wheel in side}, mujoco.mjtJoint.mjJNT_FREE
     return Model(
         wheels=wheels,
@@ -252,7 +264,7 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
         height_m=float(every[:, 2].max() - axle[2]),
         masses_kg=masses_kg,
         mass_kg=float(mass[others].sum()),
-        com_m=float(mass[others] @ data.xipos[others, 2] / mass[others].sum() - axle[2]),
+        com_m=mass[others] @ data.xipos[others] / mass[others].sum() - axle,
         fixed_joints=tuple(
             model.joint(k).name
             for k in range(model.njnt)

@@ -38,7 +38,7 @@ _BEFORE_M = 0.1
 class CameraModel:
     """A level pinhole camera with square pixels that looks forward from above the robot's middle line."""
 
-    hfov_deg: Annotated[float, Range(1, 170, "degrees", "The angle is in degrees, not in radians.")] = 90.0
+    hfov_deg: Annotated[float, Range(4, 170, "degrees", "The angle is in degrees, not in radians.")] = 90.0
     """Horizontal field of view [deg]."""
     height_m: Annotated[float, Range(0.01, 100, "m")] = 1.25
     """Height above the floor [m]."""

@@ -91,6 +91,7 @@ ROWS = [Row(*row) for row in (
     ("house.yaml", "offset: [0, 0]", "offset: [100000, 0]", "house.yaml: storey 1 is 100000 m from storey 0"),
     ("suite.yaml", "[0.6, 0.5, 90]", "[0.5, 0.5, 90]", "tasks[1] is tasks[0] again"),
     ("suite.yaml", "[2.5, 1.5]", "[0.5, 0.5]", "tasks[0] starts at its target"),
+    ("suite.yaml", "[0.5, 0.5, 90]", "[0.5, 0.5, 900]", "yaw of tasks[0] is 900, expected -360 to 360 degrees"),
     ("suite.yaml", "[0.5, 0.5, 90]", "[500, 0.5, 90]", "task 0 of m: start is (500, 0.5) m"),
     ("plan.svg", 'r="30"', 'r="nan"', "r of <circle> is 'nan'"),
     ("plan.svg", 'r="30"', 'r="-30"', "r is '-30', expected 0 or more"),

@@ -228,11 +228,24 @@ def test_senseless_settings_are_rejected(options, message, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"), [({"goal": 1}, "goal"), ({"plan": 3}, "plan is 3, expected a number of 0 to 0")]
+    ("options", "message"),
+    [
+        ({"goal": 1}, "goal"),
+        ({"plan": 3}, "plan is 3, expected a number of 0 to 0"),
+        ({"difficulty": -1}, r"difficulty is -1\.0, expected 0 to 1"),
+        ({"difficulty": np.nan}, "difficulty is nan"),
+    ],
 )
 def test_senseless_options_of_a_reset_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         made(observe=("pose",)).reset(options=options)
+
+
+def test_step_and_render_need_a_reset():
+    env = made(observe=("pose",), render_mode="rgb_array")
+    for call in (lambda: env.step(0), env.render):
+        with pytest.raises(RuntimeError, match="Call reset first"):
+            call()
 
 
 def test_plans_of_a_folder_are_drawn_or_chosen(tmp_path):

@@ -76,6 +76,13 @@ def test_a_robot_does_not_depend_on_how_many_there_are():
     assert np.array_equal(runs[0], runs[2])
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_step_takes_an_action_of_each_robot(count):
+    env = TargetSearchVector(2, PLAN, observe=("pose",))
+    with pytest.raises(ValueError, match=f"there are {count} actions, expected one of each of 2 robots"):
+        env.step(np.zeros(count, int))
+
+
 def test_teams_do_step_for_step_what_lone_teams_do():
     """Two teams of two, over searches that end and start again after 6 steps."""
     ours = gymnasium.make_vec(ID, 4, robots=2, max_episode_steps=6, **OPTIONS)

@@ -106,3 +106,37 @@ def test_find_camera_takes_gazebo_sensors(tmp_path: Path) -> None:
 def test_find_camera_says_of_holders_without_a_camera(tmp_path: Path) -> None:
     model = _model(tmp_path, CART.replace("camera_link", "camera_mount"))
     assert model.camera is None and any("camera_mount are named after" in note for note in model.notes)
+
+
+def test_find_camera_places_gazebo_cameras_in_their_sensor(tmp_path: Path) -> None:
+    """The pose of a camera is in the frame of its sensor, here turned by 90 degrees to the left and back."""
+    half = math.pi / 2
+    tags = f"""<gazebo reference="base"><sensor type="camera" name="c"><pose>0.1 0 0.2 0 0 {half}</pose>
+      <camera><pose>0.03 -0.05 0 0 0 {-half}</pose><horizontal_fov>1</horizontal_fov></camera>
+      </sensor></gazebo></robot>"""
+    model = _model(tmp_path, CART.replace("</robot>", tags))
+    assert model.camera is not None and tuple(model.camera.place) == pytest.approx((0.15, 0.03, 0.21))
+    assert tuple(model.camera.view) == pytest.approx((1, 0, 0)) and not model.notes
+
+
+def test_find_camera_leaves_out_orthographic_cameras(tmp_path: Path) -> None:
+    """Their `fovy` is a length."""
+    text = MJCF.replace(CAMERA, f'{CAMERA} projection="orthographic"')
+    assert _model(tmp_path, text).camera is None
+
+
+@pytest.mark.parametrize(
+    ("link", "note"),
+    [
+        (_link("lidar_link", "0.1 0.2 0.2"), "lidar_link is 0.2 m to the left"),
+        (_link("eye_camera", "0.1 -0.06 0.2"), "eye_camera is 0.06 m to the right"),
+        (_link("eye_camera", "0.1 0 0.2", rpy="0 0.2 0"), "eye_camera does not look straight ahead"),
+        (_link("eye_camera", "0.1 0.04 0.2", rpy="0 0.1 0"), None),
+    ],
+)
+def test_sensors_are_noted_where_their_mount_is_simplified(
+    tmp_path: Path, link: str, note: str | None
+) -> None:
+    bare = CART.replace("camera_link", "front").replace("base_scan", "top")
+    notes = _model(tmp_path, bare.replace("</robot>", link + "</robot>")).notes
+    assert len(notes) == (note is not None) and all(str(note) in each for each in notes)

@@ -147,6 +147,10 @@ def test_load_description_takes_meshes_next_to_the_file(
             "elements, expected",
         ),
         (MJCF.replace('mass="4"', 'mass="nan"'), "mass of <geom> is 'nan'"),
+        (
+            MJCF.replace("<worldbody>", '<compiler settotalmass="9"/><worldbody>'),
+            "settotalmass is not supported",
+        ),
         (MJCF.replace('mass="0.1"', 'mass="2e8"'), "the mass of l is 2e\\+08 kg"),
     ],
 )
@@ -195,3 +199,21 @@ def test_model_of_reads_a_wheel_without_mass(tmp_path: Path) -> None:
     assert model.masses_kg == {"base": 3.0, "right": 0.2}
     assert any("wheels left state no mass" in note for note in model.notes)
     World(open_floor(), robot=read_model(path))
+
+
+def test_model_of_reads_bodies_and_joints_without_names(tmp_path: Path) -> None:
+    """A table comes first: the robot that is simulated is the one that was read."""
+    table = '<body pos="0 3 0"><geom type="box" size="1 1 1" mass="50"/></body>'
+    text = (
+        MJCF.replace('<body name="base"', table + "<body")
+        .replace("<actuator>", "<!--")
+        .replace("</sensor>", "-->")
+    )
+    for name in ("l", "r"):
+        text = text.replace(f'body name="{name}"', "body").replace(f'joint name="{name}"', "joint")
+    path = _write(tmp_path, text, "robot.xml")
+    model, drawn = model_of(path), model_of(_write(tmp_path, MJCF, "drawn.xml"))
+    assert sorted(model.masses_kg.values()) == pytest.approx(sorted(drawn.masses_kg.values()))
+    simulated = World(open_floor(), robot=read_model(path)).model
+    bodies = [simulated.body(k) for k in range(simulated.nbody)]
+    assert sum(body.mass[0] for body in bodies if "model/" in body.name) == pytest.approx(4.22)

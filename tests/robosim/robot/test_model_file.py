@@ -114,6 +114,10 @@ def test_a_robot_that_was_read_is_written_and_read(tmp_path: Path) -> None:
         (URDF.replace("WHEELS", TWO.replace("0.02", "${width}")), "expand it with the program xacro first"),
         (URDF.replace("WHEELS", TWO).replace("collision>", "visual>"), "nothing of it collides"),
         (URDF[:300], "not readable as a robot"),
+        (
+            URDF.replace("WHEELS", TWO).replace('"0.4 0.2 0.1"', '"400 200 0.1"'),
+            "the reach of outline_m is 2",
+        ),
         ("<mujoco/>", "nothing of it collides"),
     ],
 )
@@ -122,3 +126,32 @@ def test_what_is_no_differential_drive_is_an_error(tmp_path: Path, text: str, re
     with pytest.raises(FileError, match=reason) as error:
         read_robot(path)
     assert "robot.urdf" in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("x", [-0.12, 0.0, 0.18])
+def test_a_described_robot_drives_straight_wherever_its_mass_is(tmp_path: Path, x: float) -> None:
+    """The hull reaches 0.1 m behind the axle and 0.3 m ahead; without casters beyond the mass it would tip."""
+    text = URDF.replace("WHEELS", TWO).replace('<inertial><origin xyz="0.05', f'<inertial><origin xyz="{x}')
+    world = World(open_floor(), robot=read_robot(_write(tmp_path, "cart.urdf", text)))
+    world.reset(start := np.array([2.0, 2.0, 0.3]))
+    world.move(np.array([0.5, 0.0, 0.0]))
+    np.testing.assert_allclose(between(start, world.pose), [0.5, 0, 0], atol=2e-3)
+
+
+def test_a_robot_of_which_only_wheels_collide_is_noted(tmp_path: Path) -> None:
+    text = URDF.replace("WHEELS", TWO)
+    start, end = text.index("<collision><origin"), text.index("</collision>")
+    model = model_of(_write(tmp_path, "cart.urdf", text[:start] + text[end + len("</collision>") :]))
+    assert "nothing but the wheels collides: the hull is their outline" in model.notes
+
+
+def test_two_robots_in_a_file_are_an_error(tmp_path: Path) -> None:
+    start, end = MJCF.index('<body name="base"'), MJCF.index("</body></worldbody>") + len("</body>")
+    other = MJCF[start:end].replace('name="', 'name="other_').replace("1 2 0.05", "1 3 0.05")
+    path = _write(
+        tmp_path,
+        "two.xml",
+        MJCF[:end] + other + MJCF[end:].replace("qpos", "ctrl").replace("0 0 .06 1 0 0 0 0 0 0", "0 0"),
+    )
+    with pytest.raises(FileError, match="its wheels hang on base, other_base, which no joint connects"):
+        model_of(path)

@@ -117,7 +117,7 @@ def test_what_passes_over_the_robot_does_not_stop_it():
 @pytest.mark.parametrize(
     ("make", "name"),
     [
-        (lambda: CameraModel(hfov_deg=1.57 / 2), "hfov_deg"),
+        (lambda: CameraModel(hfov_deg=1.57), "hfov_deg"),
         (lambda: CameraModel(hfov_deg=180.0), "hfov_deg"),
         (lambda: CameraModel(height_m=0.0), "height_m"),
         (lambda: CameraModel(min_depth_m=5.0, max_depth_m=4.0), "min_depth_m"),
