@@ -31,7 +31,9 @@ _APART_M, _FEW, _CHANGES = 0.5, 2, 5
 class Remedy(Enum):
     """Remedies for a loop."""
 
-    PLAN_CLOSELY = "the path does not get shorter; it is planned on the map's own cells until the goal changes"
+    PLAN_CLOSELY = (
+        "the path does not get shorter; it is planned on the map's own cells until the goal changes"
+    )
     KEEP_GOAL = f"two goals alternate; the current one is held for {_DECISIONS} decisions"
 
 
