@@ -61,7 +61,9 @@ def test_a_sheet_of_paper_is_no_building(tmp_path):
     [
         f'<g i:label="Walls"><g>{WALLS}</g></g>',
         f'<g id="wall_1" transform="translate(0,400) scale(1,-1) translate(0,400) scale(1,-1)">{WALLS}</g>',
-        f'<style>.s{{fill:#222}}</style><g class="Wall External">{WALLS.replace("<path", "<path class='s'")}</g>',
+        '<style>.s{fill:#222}</style><g class="Wall External">'
+        + WALLS.replace("<path", '<path class="s"')
+        + "</g>",
         f'<defs><g id="p">{WALLS}</g></defs><g id="Walls"><use href="#p" x="0"/></g>',
     ],
 )
