@@ -2,8 +2,9 @@
 
 Lines, polylines with bulges, arcs, circles, ellipses, splines, multilines, hatches and solids of the model space, those
 of blocks included, as `robosim.plans.formats.line_drawing` reads them. What is on layer 0 of a block is on the layer of
-its reference. Layers that are off or frozen are left out, and so are text, dimensions, meshes and paper space. The unit
-is the drawing's ($INSUNITS) or given; coordinates become those of `map`.
+its reference. Layers that are off or frozen are left out, and so are blocks whose reference is on a frozen
+layer, text, dimensions, meshes and paper space. The unit is the drawing's ($INSUNITS) or given; coordinates become
+those of `map`.
 
 Reference: Autodesk, DXF Reference (2018), sections Header and Entities.
 """
@@ -32,6 +33,8 @@ UNITS_M = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 10: 0.9144, 14: 0.1, 
 #: Entities that are drawn as lines, as areas by one outline, and as areas by several.
 LINES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 SOLIDS, HATCHES = ("SOLID", "TRACE"), ("HATCH", "MPOLYGON")
+#: Attributes of the width of lines.
+_WIDTHS = {"LWPOLYLINE": "const_width", "POLYLINE": "default_start_width"}
 #: Most blocks within blocks, and entities in all; one of a block is copied, which takes as long as several.
 MOST_DEEP, MOST_ENTITIES, COPY = 20, 300_000, 5
 BINARY = b"AutoCAD Binary DXF"
@@ -56,10 +59,9 @@ def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
                 f"the drawing does not say its unit of length ($INSUNITS is {document.units}). Give it: --unit 0.001 "
                 "for millimetres, --unit 1 for metres, --unit 0.0254 for inches."
             )
-        hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
         repairs = () if auditor is None else (*auditor.fixes, *auditor.errors)
         missing = {one_line(each.message) for each in repairs if each.code == AuditError.UNDEFINED_BLOCK}
-        shapes = list(_shapes(_entities(document.modelspace(), "", [0], missing), hidden, unit_m))
+        shapes = list(_shapes(_entities(document.modelspace(), "", [0], missing), unit_m))
         if missing:
             logger.warning(
                 f"{path}: blocks that it does not contain are left out: {'; '.join(sorted(missing))}."
@@ -89,6 +91,12 @@ def _entities(
         layer_of_entity = layer if layer and entity.dxf.layer == "0" else entity.dxf.layer
         kind = entity.dxftype()
         inner: Any = entity
+        known = inner.doc.layers.get(layer_of_entity) if layer_of_entity in inner.doc.layers else None
+        # Layers of a block are drawn though that of its reference is off, but not if it is frozen.
+        if known is not None and (known.is_frozen() or (known.is_off() and kind != "INSERT")):
+            continue
+        if entity.dxf.get("invisible", 0):
+            continue
         if kind == "INSERT":
             block = inner.block()
             if block is None or block.block.is_xref or block.block.is_xref_overlay:
@@ -104,25 +112,29 @@ def _entities(
                 yield from _entities(reference.virtual_entities(), layer_of_entity, count, missing, deep + 1)
         elif kind == "MLINE":
             yield from _entities(inner.virtual_entities(), layer_of_entity, count, missing, deep + 1)
-        elif not entity.dxf.get("invisible", 0):
+        else:
             yield entity, layer_of_entity
 
 
-def _shapes(entities: Iterable[tuple["DXFEntity", str]], hidden: set[str], unit_m: float) -> Iterator[Shape]:
+def _shapes(entities: Iterable[tuple["DXFEntity", str]], unit_m: float) -> Iterator[Shape]:
     """Shapes of the drawing, in metres."""
     from ezdxf.path import from_hatch, make_path
 
     for entity, layer in entities:
         kind = entity.dxftype()
-        if layer.lower() in hidden or kind not in (*LINES, *SOLIDS, *HATCHES):
-            continue
         graphic: Any = entity
-        paths = list(from_hatch(graphic)) if kind in HATCHES else [make_path(graphic)]
+        is_mesh = kind == "POLYLINE" and not (graphic.is_2d_polyline or graphic.is_3d_polyline)
+        if is_mesh or kind not in (*LINES, *SOLIDS, *HATCHES):
+            continue
+        if kind == "HATCH":  # without islands that its style ignores
+            paths = graphic.paths
+            paths.paths = list(paths.rendering_paths(graphic.dxf.hatch_style)) or paths.paths
+        outlines = list(from_hatch(graphic)) if kind in HATCHES else [make_path(graphic)]
         lines = tuple(
             unit_m * np.array([(point.x, point.y) for point in path.flattening(FLAT_M / unit_m)])
-            for path in paths
+            for path in outlines
             if len(path)
         )
-        width = entity.dxf.get("const_width", 0.0) if kind == "LWPOLYLINE" else 0.0
+        width = entity.dxf.get(_WIDTHS[kind], 0.0) if kind in _WIDTHS else 0.0
         if lines:
             yield Shape((layer,), lines, kind not in LINES, unit_m * width)

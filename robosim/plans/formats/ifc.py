@@ -1,10 +1,10 @@
 """Floor plans of storeys of building models in IFC, read by `ifcopenshell` (extra `ifc`).
 
 All products with a shape are triangles in metres, z up, of which `robosim.plans.formats.mesh_slice` makes the plan of
-one storey. Doors and what fills them are left out, so that doorways are open; spaces, openings and annotations have no
-surfaces; furniture stays. A process of its own reads the model, since damaged ones can end the process of the library,
-which leaves out what it cannot read: lines that are missing reject the model, and products without their shape are
-reported.
+one storey. Doors and what fills them are left out, so that doorways are open; spaces, zones, openings, virtual
+elements and annotations have no surfaces; furniture stays. A process of its own reads the model, since damaged ones can
+end the process of the library, which leaves out what it cannot read: lines that are missing reject the model, and
+products without their shape are reported.
 
 Reference: ISO 16739-1:2018 (IFC 4).
 """
@@ -29,6 +29,7 @@ logger = logging.getLogger(__name__)
 
 #: Classes of products that are no walls, floors or things.
 LEFT_OUT = ["IfcDoor", "IfcSpace", "IfcOpeningElement", "IfcAnnotation", "IfcGrid", "IfcSite"]
+LEFT_OUT += ["IfcSpatialZone", "IfcExternalSpatialElement", "IfcVirtualElement"]
 #: Names of representations that are shapes in space.
 _BODIES = ("Body", "Facetation", "Tessellation")
 LAST = b"END-ISO-10303-21;"

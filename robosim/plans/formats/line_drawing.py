@@ -72,9 +72,11 @@ class Shape(NamedTuple):
     lines: tuple[Float[np.ndarray, "_ 2"], ...]
     """Corners of each of its lines, or of the outlines of its area [m]."""
     is_area: bool = False
-    """Whether it is what its outlines enclose, by the even-odd rule."""
+    """Whether it is what its outlines enclose."""
     width_m: float = 0.0
     """Width that its lines are drawn with."""
+    is_nonzero: bool = False
+    """Whether outlines enclose what they wind around in all (nonzero rule), rather than an odd number of times."""
 
 
 def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOptions) -> FloorPlan:
@@ -179,8 +181,12 @@ def _walls(shapes: Sequence[Shape], thickness_m: float, resolution_m: float) -> 
     solid, thin = [], []
     for shape in shapes:
         if shape.is_area:
-            rings = [shapely.make_valid(shapely.Polygon(ring)) for ring in shape.lines if len(ring) >= 3]
-            solid.append(reduce(shapely.symmetric_difference, rings, shapely.Polygon()))
+            rings = [shapely.Polygon(ring) for ring in shape.lines if len(ring) >= 3]
+            areas = [shapely.make_valid(ring) for ring in rings]
+            if shape.is_nonzero and len(rings) > 1:
+                solid.append(_wound_around(rings, areas))
+            else:
+                solid.append(reduce(shapely.symmetric_difference, areas, shapely.Polygon()))
             continue
         lines = shapely.multilinestrings([shapely.LineString(line) for line in shape.lines if len(line) >= 2])
         if shape.width_m > resolution_m:
@@ -193,6 +199,15 @@ def _walls(shapes: Sequence[Shape], thickness_m: float, resolution_m: float) -> 
     enclosed = shapely.union_all(double)
     single = shapely.difference(noded, shapely.buffer(enclosed, SNAP_M))
     return shapely.union_all([*solid, enclosed, _thickened(single, thickness_m)])
+
+
+def _wound_around(rings: list[shapely.Polygon], areas: list[shapely.Geometry]) -> shapely.Geometry:
+    """The area of the nonzero rule, of outlines and what each of them encloses."""
+    outlines = shapely.get_exterior_ring(rings)
+    faces = shapely.get_parts(shapely.polygonize([shapely.union_all(outlines)]))
+    around, face = shapely.STRtree(shapely.point_on_surface(faces)).query(areas, predicate="contains")
+    turns = np.bincount(face, np.where(shapely.is_ccw(outlines), 1, -1)[around], len(faces))
+    return shapely.union_all(faces[turns != 0])
 
 
 def _thickened(lines: shapely.Geometry, width_m: float) -> shapely.Geometry:

@@ -3,8 +3,8 @@
 A pixel is as dark as the mean of its red, green and blue; darkness is the probability of being occupied. Values stay
 integers (the sum of the colour channels) until they are compared with the thresholds, so that 16-bit images keep
 their depth and no rounding decides a cell. Decoded are portable graymaps and all that Pillow reads: PNG of every
-kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it. Left out: colour profiles, orientation tags, all frames
-but the first.
+kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it. Left out: colour profiles, orientation tags but those of
+TIFF, all frames but the first.
 
 Portable graymaps, the images that ROS maps come with, are P2 (decimal text) or P5 (bytes). A header gives width,
 height and the value of white, with comments from `#` to the end of the line anywhere between them. Samples of P5 take
@@ -40,11 +40,13 @@ from robosim.support.files import write_whole
 from robosim.support.reading import reading
 
 _BLANK = rb"(?:\s|#[^\r\n]*[\r\n])+"
-_HEADER = re.compile(rb"P([25])" + 3 * (_BLANK + rb"(\d{1,9})") + rb"(?:\s|(?=#))")
+_HEADER = re.compile(rb"P([25])" + 3 * (_BLANK + rb"(\d{1,9})") + rb"(?:#[^\r\n]*)?\s")
 #: Bytes of a header with its comments.
 _MOST_HEADER = 100_000
 _COMMENT = re.compile(rb"#[^\r\n]*")
 _BETWEEN = re.compile(rb"\s+")
+#: Tag of TIFF: whether 0 is white or black.
+_PHOTOMETRIC = 262
 #: Bytes of decimal numbers that are parsed at once.
 _PIECE = 4_000_000
 
@@ -154,6 +156,9 @@ def decode_image(content: bytes) -> PlanImage:
 
 def _levels(image: Image.Image, content: bytes) -> PlanImage:
     """Grey levels of a loaded image, whatever its mode."""
+    if image.format == "PNG" and image.mode == "L" and "transparency" in image.info:
+        # Pillow spreads samples of 2 and 4 bits over 8, but not the one that is transparent.
+        image.info["transparency"] *= 255 // (2 ** min(content[24], 8) - 1)
     see_through = "transparency" in image.info or image.mode in ("LA", "PA", "La", "RGBa", "RGBA")
     if image.format == "PNG" and image.mode in ("RGB", "RGBA") and content[24] == 16:
         # Pillow keeps 8 of the 16 bits of a colour PNG.
@@ -164,6 +169,8 @@ def _levels(image: Image.Image, content: bytes) -> PlanImage:
         return _from_channels(np.asarray(deep)[..., [2, 1, 0, *range(3, deep.shape[-1])]], 65535)
     if image.mode.startswith("I;16"):
         samples = np.asarray(image).astype(np.uint16)
+        if getattr(image, "tag_v2", {}).get(_PHOTOMETRIC) == 0:  # white is 0, which Pillow leaves as it is
+            samples = ~samples
         key = image.info.get("transparency")
         alpha = np.where(samples == key, 0, 65535).astype(np.uint16) if isinstance(key, int) else None
         return PlanImage(light=samples, white=65535, alpha=alpha, opaque=65535)

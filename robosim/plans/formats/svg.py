@@ -6,12 +6,14 @@ groups, by the labels that Inkscape gives them, their ids or their classes; shap
 class too. The lower left corner of the picture is the origin of `map`.
 
 A picture's size in mm, cm, in, pt or pc is that of the building, unless a unit is given: then the view box has that
-unit, and without either a drawing is an error. Left out: text, pictures, clipping, what covers what.
+unit, and without either a drawing is an error. Left out: text, pictures, clipping, dashes, what covers what; with
+a warning, symbols with view boxes, and rules of style sheets for more than a name.
 
 Reference: W3C, Scalable Vector Graphics 2 (2018), chapter 8 (coordinate systems, transformations and units).
 """
 
 import io
+import logging
 import math
 import re
 from collections.abc import Iterator
@@ -26,6 +28,8 @@ from robosim.plans.formats.line_drawing import FLAT_M, Shape, plan_from_shapes
 from robosim.support.installation import is_installed, missing_extra
 from robosim.support.reading import one_line, reading
 
+logger = logging.getLogger(__name__)
+
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6}
 #: A user unit of a picture without a view box [m].
 PIXEL_M = 0.0254 / 96
@@ -39,6 +43,10 @@ _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _NUMBERS = {"x", "y", "r", "cx", "cy", "rx", "ry", "x1", "y1", "x2", "y2", "d", "points", "width", "height"}
 _NUMBERS |= {"transform", "viewBox", "stroke-width", "style"}
 _LENGTHS = {"r", "rx", "ry", "width", "height", "stroke-width"}
+#: Elements that are not drawn where they are; attributes that place a drawing within the drawing.
+_UNDRAWN, _PLACE = ("symbol", "marker", "mask", "foreignObject"), ("viewBox", "x", "y")
+#: Selectors of style sheets that are read, and rules of a sheet as such.
+_SELECTOR = re.compile(r"\s*(\*|@.*|#[\w-]+|[\w-]*\.?[\w-]+)\s*")
 _NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
@@ -63,6 +71,7 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
                 if key in _LENGTHS and value.lstrip().startswith("-"):
                     raise MapError(f"{key} is {one_line(value)!r}, expected 0 or more. Export it again.")
         _check_copies(root)
+        _rearrange(root, path)
         (left, top, width, height), physical_m = _view(root, needs_unit=options.unit_m is None)
         unit_m = options.unit_m or physical_m
         if unit_m is None:
@@ -76,6 +85,39 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
         )
         picture = SVG.parse(io.BytesIO(ET.tostring(root)), reify=True)
         return plan_from_shapes(_shapes(picture, (), unit_m, height), path, options)
+
+
+def _rearrange(root: ET.Element, path: Path) -> None:
+    """Take out what svgelements draws in a wrong place, with a warning; put style sheets before all shapes.
+
+    It draws symbols where they are defined too, and without the transform of their view boxes.
+    """
+    sheets, undrawn, scaled = [], ET.Element(f"{root.tag[:-3]}defs"), 0
+    for parent in [*root.iter()]:
+        for child in [*parent]:
+            tag = child.tag.rpartition("}")[2]
+            if tag in ("svg", "symbol") and any(child.get(key, "").strip(" 0.px") for key in _PLACE):
+                scaled += 1
+                del child[:]
+            if tag == "style":
+                child.text = (child.text or "").replace("!important", "").replace("}", ";}")
+            if tag in ("style", *_UNDRAWN):
+                parent.remove(child)
+                (sheets if tag == "style" else undrawn).append(child)
+    root[:0] = [*sheets, undrawn]
+    if scaled:
+        logger.warning(
+            f"{path}: {scaled} symbols or drawings within the drawing, which have a view box or place, are left out. "
+            "Unlink and ungroup them."
+        )
+    text = re.sub(r"/\*.*?\*/", "", " ".join(sheet.text or "" for sheet in sheets), flags=re.DOTALL)
+    rules = [rule for piece in text.split("{")[:-1] for rule in piece.rpartition("}")[2].split(",")]
+    unread = [rule.strip() for rule in rules if not _SELECTOR.fullmatch(rule)]
+    if unread:
+        logger.warning(
+            f"{path}: the rules of its style sheet for {one_line(unread[0])!r} are not read, so that shapes may be "
+            "painted otherwise. Save it with attributes instead of a style sheet."
+        )
 
 
 def _view(root: ET.Element, needs_unit: bool) -> tuple[tuple[float, float, float, float], float | None]:
@@ -128,8 +170,8 @@ def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) ->
         label, identifiers = values.get(_LABEL), [values.get(name) for name in ("id", "class")]
         if isinstance(element, svgelements.Group | svgelements.Use):
             yield from _shapes(element, (*filter(None, [label, *identifiers]), *names), unit_m, height)
-        elif isinstance(element, svgelements.Shape) and element.values.get("visibility") != "hidden":
-            path = svgelements.Path(element)
+        elif isinstance(element, svgelements.Shape) and not _is_hidden(element.values):
+            path = abs(svgelements.Path(element))  # with the transform that turned rectangles have
             lines = tuple(
                 unit_m * np.array([[x, height - y] for x, y in line])
                 for line in (_flattened(svgelements.Path(subpath), unit_m) for subpath in path.as_subpaths())
@@ -141,16 +183,24 @@ def _shapes(group: Any, names: tuple[str, ...], unit_m: float, height: float) ->
             if _is_dark(element.fill, values.get("fill") is None) and not isinstance(
                 element, svgelements.SimpleLine
             ):
-                yield Shape(all_names, lines, is_area=True)
+                is_nonzero = element.values.get("fill-rule") != "evenodd"
+                yield Shape(all_names, lines, is_area=True, is_nonzero=is_nonzero)
             if _is_dark(element.stroke, False):
-                yield Shape(all_names, lines, width_m=unit_m * float(element.stroke_width or 0.0))
+                yield Shape(all_names, lines, width_m=unit_m * float(path.stroke_width or 0.0))
+
+
+def _is_hidden(values: dict[str, Any]) -> bool:
+    """Whether a shape, or a group that it is in, is invisible or wholly transparent."""
+    return values.get("visibility") in ("hidden", "collapse") or bool(
+        re.fullmatch(r"\s*[0.]+%?\s*", values.get("opacity", "1"))
+    )
 
 
 def _is_dark(colour: Any, by_default: bool) -> bool:
     """Whether something is painted, and not as light as paper."""
     if colour is None or colour.value is None:
         return by_default and colour is None
-    return bool(colour.alpha > 0 and (colour.red + colour.green + colour.blue) / 3 < PAPER)
+    return bool(255 - colour.alpha / 255 * (255 - (colour.red + colour.green + colour.blue) / 3) < PAPER)
 
 
 def _flattened(path: Any, unit_m: float) -> list[tuple[float, float]]:

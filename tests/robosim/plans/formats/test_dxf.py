@@ -126,6 +126,49 @@ def test_what_is_hidden_is_no_wall(tmp_path):
     assert free_m2(read_plan(drawing.save(tmp_path))) == pytest.approx(FREE_M2)
 
 
+def test_read_dxf_leaves_out_invisible_and_frozen_references(tmp_path):
+    """Visibility states of dynamic blocks hide references; a frozen layer hides a block whatever its layers are."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    drawing.outline(INNER)
+    drawing.document.layers.add("OLD").freeze()
+    drawing.document.layers.add("OFF").off()
+    post = drawing.document.blocks.new("post")
+    post.add_solid([(0, 0), (0.5, 0), (0, 0.5), (0.5, 0.5)], dxfattribs={"layer": "WALL"})
+    drawing.space.add_blockref("post", (1, 1), dxfattribs={"layer": "WALL", "invisible": 1})
+    drawing.space.add_blockref("post", (2, 1), dxfattribs={"layer": "OLD"})
+    drawing.space.add_blockref("post", (4, 1), dxfattribs={"layer": "OFF"})
+    plan = read_plan(drawing.save(tmp_path))
+    assert is_free(plan, 1.25, 1.25) and is_free(plan, 2.25, 1.25) and not is_free(plan, 4.25, 1.25)
+    assert free_m2(plan) == pytest.approx(FREE_M2 - 0.25)
+
+
+@pytest.mark.parametrize(("style", "island", "inner"), [(0, True, False), (1, True, True), (2, False, False)])
+def test_read_dxf_reads_styles_of_hatches(tmp_path, style, island, inner):
+    """An island in a hatch and a square in it: all outlines count, the outer two, or the outermost alone (code 75)."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    hatch = drawing.space.add_hatch(dxfattribs={"layer": "WALL", "hatch_style": style})
+    for size, flags in ((1.5, 1), (1.2, 16), (0.4, 0)):
+        low, high = 2 - size, 2 + size
+        hatch.paths.add_polyline_path([(low, low), (high, low), (high, high), (low, high)], flags=flags)
+    plan = read_plan(drawing.save(tmp_path))
+    assert not is_free(plan, 0.65, 2.0)
+    assert is_free(plan, 1.0, 2.0) == island and is_free(plan, 2.0, 2.0) == inner
+
+
+def test_read_dxf_reads_wide_polylines_of_old_versions_and_no_meshes(tmp_path):
+    """POLYLINE has its width in code 40; polyface meshes are left out, as furniture in space is."""
+    drawing = Drawing(version="R12")
+    corners = [(0, 0), (6, 0), (6, 4), (0, 4)]
+    drawing.space.add_polyline2d(corners, close=True, dxfattribs={"layer": "WALL"})
+    wide = {"layer": "WALL", "default_start_width": 0.3, "default_end_width": 0.3}
+    drawing.space.add_polyline2d([(5, 1), (5, 3)], dxfattribs=wide)
+    drawing.space.add_polyface({"layer": "WALL"}).append_face([(2, 1, 0), (3, 1, 0), (3, 2, 0)])
+    plan = read_plan(drawing.save(tmp_path), unit_m=1.0)
+    assert not is_free(plan, 5.12, 2) and is_free(plan, 5.18, 2) and is_free(plan, 2.5, 1)
+
+
 def test_endless_blocks_are_rejected(tmp_path):
     """Blocks of ten of the next, ten deep."""
     drawing = Drawing()

@@ -159,6 +159,22 @@ def test_read_ifc_reads_ifc_2x3(tmp_path, caplog):
     assert "cannot be read" not in caplog.text
 
 
+@pytest.mark.parametrize("kind", ["IfcSpatialZone", "IfcExternalSpatialElement", "IfcVirtualElement"])
+def test_read_ifc_leaves_out_zones_and_virtual_elements(house, tmp_path, kind):
+    """They bound spaces and are no matter (ISO 16739-1): a zone of the size of the slab is 0.5 m above the floor."""
+    file = ifcopenshell.open(str(house))
+    slab = file.by_type("IfcSlab")[0]
+    placement = file.createIfcAxis2Placement3D(file.createIfcCartesianPoint([0.0, 0.0, 500.0]))
+    file.create_entity(
+        kind,
+        GlobalId=ifcopenshell.guid.new(),
+        ObjectPlacement=file.createIfcLocalPlacement(None, placement),
+        Representation=file.createIfcProductDefinitionShape(None, None, slab.Representation.Representations),
+    )
+    file.write(str(tmp_path / "zones.ifc"))
+    assert free_m2(read_plan(tmp_path / "zones.ifc")) == pytest.approx(FREE_M2, abs=0.3)
+
+
 def test_a_crash_of_the_library_is_an_error(house, tmp_path):
     """A placement relative to itself ends ifcopenshell by a stack overflow."""
     lines = house.read_text().splitlines()

@@ -1,6 +1,7 @@
 """Images of floor plans: the grey levels that were put in; graymaps judged by Pillow and by hand-written files."""
 
 import io
+import struct
 import zlib
 
 import cv2
@@ -64,6 +65,12 @@ def test_sixteen_bits_keep_their_depth(channels):
     )
 
 
+def test_decode_image_inverts_deep_tiff_whose_zero_is_white():
+    """PhotometricInterpretation 0 (TIFF 6.0, page 37): Pillow inverts 8 bits, but not 16."""
+    image = decode_image(encoded(Image.fromarray(GREY.astype(np.uint16) * 257), "TIFF", tiffinfo={262: 0}))
+    np.testing.assert_allclose(image.light / image.white, 1 - GREY / 255, atol=1e-12)
+
+
 def test_one_bit_images_are_black_and_white():
     image = decode_image(encoded(Image.fromarray(np.array([[True, False]]))))
     np.testing.assert_array_equal(image.light / image.white, [[1.0, 0.0]])
@@ -96,6 +103,30 @@ def test_one_transparent_grey_is_found(grey):
     pixels = np.array([[grey, 0]], np.uint8 if grey < 256 else np.uint16)
     image = decode_image(encoded(Image.fromarray(pixels), transparency=grey))
     np.testing.assert_array_equal(image.see_through, [[True, False]])
+
+
+def png_of_few_bits(depth, samples, transparent):
+    """A grey PNG of one row, one of whose samples is transparent."""
+
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    bits = "".join(f"{sample:0{depth}b}" for sample in samples)
+    row = int(bits, 2).to_bytes(len(bits) // 8, "big")
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", len(samples), 1, depth, 0, 0, 0, 0))
+        + chunk(b"tRNS", struct.pack(">H", transparent))
+        + chunk(b"IDAT", zlib.compress(b"\0" + row))
+        + chunk(b"IEND", b"")
+    )
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4, 8])
+def test_decode_image_reads_the_transparent_grey_of_few_bits(depth):
+    """The sample of tRNS has the depth of the image (PNG 11.3.2): 1 of 1, 1 of 3, 1 of 15."""
+    image = decode_image(png_of_few_bits(depth, [0, 1, 0, 1, 1, 0, 0, 0], 1))
+    np.testing.assert_array_equal(image.see_through, [[False, True, False, True, True, False, False, False]])
 
 
 def test_an_image_alone_needs_its_scale(tmp_path):
@@ -206,6 +237,7 @@ def test_pillow_reads_what_is_written():
         b"P2 # made by hand\n#\n3 2 # size\n# white:\n9\n0 1 2\n3 4 5",
         b"P2\t3\r\n2\r\n9\r\n0 1 2\r\n3 4 5\r\n",
         b"P2\n3 2\n9\n0 1 2 # first row\n3 4 5 6 7 8\n",
+        b"P5 3 2\n9# white\n\x00\x01\x02\x03\x04\x05",
         b"P5 3 2#one byte each\n9\n\x00\x01\x02\x03\x04\x05 and more",
     ],
 )

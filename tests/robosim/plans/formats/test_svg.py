@@ -61,7 +61,9 @@ def test_a_sheet_of_paper_is_no_building(tmp_path):
     [
         f'<g i:label="Walls"><g>{WALLS}</g></g>',
         f'<g id="wall_1" transform="translate(0,400) scale(1,-1) translate(0,400) scale(1,-1)">{WALLS}</g>',
-        f'<style>.s{{fill:#222}}</style><g class="Wall External"><path class="s" d="{ring(OUTER)} {ring(INNER)}"/></g>',
+        '<style>.s{fill:#222}</style><g class="Wall External">'
+        + WALLS.replace("<path", '<path class="s"')
+        + "</g>",
         f'<defs><g id="p">{WALLS}</g></defs><g id="Walls"><use href="#p" x="0"/></g>',
     ],
 )
@@ -100,6 +102,76 @@ def test_what_is_hidden_is_no_wall(tmp_path):
     hidden += '<rect x="400" y="100" width="50" height="50" fill-opacity="0"/>'
     plan = read_plan(save(tmp_path, f'<g fill="black">{WALLS}</g>{hidden}'))
     assert free_m2(plan) == pytest.approx(FREE_M2)
+
+
+POST = '<rect x="200" y="100" width="50" height="50"{}/>'
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        POST.format(' visibility="collapse"'),
+        f'<g style="opacity:0">{POST.format("")}</g>',
+        POST.format(' fill-opacity="0.1"'),
+        f'<symbol id="s">{POST.format("")}</symbol>',
+        f'<mask id="m">{POST.format("")}</mask><marker>{POST.format("")}</marker>',
+        POST.format(' class="a"') + "<style>*{stroke:none}.a{fill:none !important}</style>",
+    ],
+)
+def test_read_svg_leaves_out_what_is_not_drawn(tmp_path, hidden):
+    """Judged by resvg: definitions draw nothing, and a style sheet applies to what is before it too."""
+    assert free_m2(read_plan(save(tmp_path, f'<g id="walls">{WALLS}{hidden}</g>'))) == pytest.approx(FREE_M2)
+
+
+def test_read_svg_draws_a_symbol_where_it_is_used(tmp_path):
+    symbol = '<symbol id="s"><rect width="50" height="50"/></symbol><use href="#s" x="200" y="100"/>'
+    plan = read_plan(save(tmp_path, f'<g id="walls">{WALLS}{symbol}</g>'))
+    assert free_m2(plan) == pytest.approx(FREE_M2 - 0.25) and not is_free(plan, 2.25, 2.75)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ('<symbol id="s" viewBox="0 0 9 9"><path d="M0 0H9V9Z"/></symbol><use href="#s"/>', "1 symbols or"),
+        ('<svg x="200" y="100"><path d="M0 0H50V50Z"/></svg>', "1 symbols or"),
+        ("<style>.a,g &gt; text{fill:none}</style>", "style sheet for 'g > text' are not read"),
+    ],
+)
+def test_read_svg_warns_of_what_it_leaves_out(tmp_path, caplog, content, message):
+    plan = read_plan(save(tmp_path, f'<g id="walls">{WALLS}{content}</g>'))
+    assert free_m2(plan) == pytest.approx(FREE_M2)
+    assert message in caplog.text and "house.svg" in caplog.text
+
+
+def test_read_svg_turns_rectangles_and_ellipses(tmp_path):
+    """A bar of 2 m x 0.2 m turned by 90 degrees about (3, 2), a mirrored one, and an outline 0.2 m wide."""
+    turned = '<rect x="200" y="190" width="200" height="20" transform="rotate(90 300 200)"/>'
+    mirrored = '<rect x="-550" y="100" width="100" height="20" transform="scale(-1 1)"/>'
+    ring = (
+        '<ellipse cx="8" cy="-14" rx="1" ry="4" fill="none" stroke="black" stroke-width="2" transform="{}"/>'
+    )
+    plan = read_plan(
+        save(tmp_path, f'<g id="walls">{WALLS}{turned}{mirrored}{ring.format("scale(10) rotate(90)")}</g>')
+    )
+    assert not is_free(plan, 3.0, 2.9) and is_free(plan, 2.2, 2.0)
+    assert not is_free(plan, 5.0, 2.9) and is_free(plan, 5.0, 3.1)
+    assert not is_free(plan, 0.93, 3.2) and is_free(plan, 0.83, 3.2)
+
+
+@pytest.mark.parametrize(
+    ("inner", "rule", "filled_m2"),
+    [
+        ("H250V250H150Z", "nonzero", 4.0),
+        ("V250H250V150Z", "nonzero", 3.0),
+        ("H250V250H150Z", "evenodd", 3.0),
+    ],
+)
+def test_read_svg_fills_by_the_nonzero_rule_unless_said(tmp_path, inner, rule, filled_m2):
+    """A square in a square is a hole if it turns the other direction, or by evenodd (SVG 2, 13.4.2)."""
+    drawn = f'<path fill-rule="{rule}" d="M100 100H300V300H100ZM150 150{inner}"/>'
+    plan = read_plan(save(tmp_path, f'<g id="walls">{WALLS}{drawn}</g>'))
+    assert is_free(plan, 2.0, 2.0) == (filled_m2 == 3.0)
+    assert free_m2(plan) == pytest.approx(FREE_M2 - filled_m2)
 
 
 def copies(depth):
