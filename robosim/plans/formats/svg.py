@@ -92,7 +92,8 @@ def _rearrange(root: ET.Element, path: Path) -> None:
 
     It draws symbols where they are defined too, and without the transform of their view boxes.
     """
-    sheets, undrawn, scaled = [], ET.Element(f"{root.tag[:-3]}defs"), 0
+    sheets: list[ET.Element] = []
+    undrawn, scaled = ET.Element(f"{root.tag[:-3]}defs"), 0
     for parent in [*root.iter()]:
         for child in [*parent]:
             tag = child.tag.rpartition("}")[2]
