@@ -115,11 +115,14 @@ class _Reading:
         bag, frames, report = self._bag, self._frames, self._report
         types = {name: topic.kind for name, topic in bag.topics.items() if topic.kind}
         colour = {name for name in bag.of_kinds(IMAGE) if bag.topics[name].first.encoding not in DEPTHS}
-        scan_topic = _scan_topic(bag, types, colour, self._given.scan_topic)
-        self._read_motion(scan_topic)
-        report["frames"] = [
-            {"depth": depth, "frame": name, "kind": kind} for depth, name, kind in frames.tree()
-        ]
+        scan_topic = ""
+        try:
+            scan_topic = _scan_topic(bag, types, colour, self._given.scan_topic)
+        finally:  # frames are reported without scans, too
+            self._read_motion(scan_topic)
+            report["frames"] = [
+                {"depth": depth, "frame": name, "kind": kind} for depth, name, kind in frames.tree()
+            ]
         odometry_topic = _choice(
             types, self._given.odometry_topic, (ODOMETRY,), "odometry", "--odometry-topic"
         )

@@ -60,7 +60,7 @@ FILES = {
     "wall.obj": "v 0 0 0\nv 4 0 0\nv 4 0 2\nv 0 0 2\nf 1 2 3\nf 1 3 4\n",
     "scans.txt": "\n".join(f"{k} -1.5 1.5 {'2.5 ' * 20}" for k in range(10)),
     "log.tum": _POSES,
-    "drive.clf": "\n".join(f"FLASER 9 {'2.5 ' * 9}{0.1 * k} 0 0 {0.1 * k} 0 0 {k} host {k}" for k in range(10)),
+    "drive.clf": "\n".join(f"FLASER 180 {'2.5 ' * 180}{0.1 * k} 0 0 {0.1 * k} 0 0 {k} host {k}" for k in range(10)),
 }  # fmt: skip
 FILES |= {"paint.yaml": FILES["wall.yaml"], "along.tum": FILES["cart.tum"], "log.csv": FILES["route.csv"]}
 _EPISODE = "episode {0}/map.yaml --mover {0}/movers.yaml --physics kinematic --camera none --mapper classical --lidar "

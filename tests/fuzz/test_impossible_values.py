@@ -108,7 +108,7 @@ ROWS = [Row(*row) for row in (
     ("log.tum", "\n5 0.5", "\n5 50000", "odometry goes 50000 m"),
     ("log.tum", "\n5 0.5 0 0 0 0 0 1", "\n5 0.5 0 0 0 0 0 7", "a quaternion of length 7"),
     ("drive.clf", "2.5", "500", "none of its beams hits anything"),
-    ("drive.clf", "FLASER 9 ", "ROBOTLASER1 0 0 7 0.9 80 0.01 0 9 ", "0.9 rad between beams"),
+    ("drive.clf", "FLASER 180 ", "ROBOTLASER1 0 0 7 0.9 80 0.01 0 180 ", "0.9 rad between beams"),
 )]  # fmt: skip
 
 
