@@ -183,6 +183,13 @@ def _check_known(name: str, field: str, known: Mapping[str, object]) -> None:
         raise ValueError(f"{field} is {name!r}, expected a radio material. {hint}Known: {', '.join(known)}.")
 
 
+def scattering_of(name: str | Material, share: float, lobe: int | None) -> tuple[float, int | None]:
+    """Scattering coefficient and exponent of the lobe of a material, or these where it states none."""
+    if not isinstance(name, Material):
+        return share, lobe
+    return share if name.scattering is None else name.scattering, lobe if name.lobe is None else name.lobe
+
+
 def properties(name: str | Material, frequency_hz: float) -> tuple[float, float]:
     """Relative permittivity and conductivity [S/m] of a material, or its outermost layer, at a frequency.
 

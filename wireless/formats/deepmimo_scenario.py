@@ -20,7 +20,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Int
 
-from wireless.em.materials import Material, properties
+from wireless.em.materials import Material, properties, scattering_of
 from wireless.paths import Paths
 from wireless.tracing.tracer import TracerConfig
 
@@ -148,9 +148,9 @@ def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
 
 def _material(number: int, name: str | Material, frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
     relative, conductivity = properties(name, frequency_hz)
-    share, lobe = (getattr(name, field, None) for field in ("scattering", "lobe"))
-    share = 0.0 if config.scattering is None else config.scattering if share is None else share
-    lobe = config.scattering_lobe if lobe is None else lobe
+    share, lobe = scattering_of(name, config.scattering or 0.0, config.scattering_lobe)
+    if config.scattering is None:  # the tracer scatters nothing, whatever materials state
+        share = 0.0
     return {
         "id": number,
         "name": str(name),

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.checks import Range, checked
-from wireless.em.materials import WALLS, Material, wall_row
+from wireless.em.materials import WALLS, Material, scattering_of, wall_row
 from wireless.em.scattering import MOST_NARROW
 from wireless.geometry.array_types import Point
 from wireless.geometry.closed_surfaces import find_two_faced
@@ -417,9 +417,7 @@ class Tracer:
         c = self.config
         share, alpha = np.zeros(len(materials)), np.zeros(len(materials), np.int64)
         for i, material in enumerate(materials):
-            custom = material if isinstance(material, Material) else None
-            share[i] = c.scattering if custom is None or custom.scattering is None else custom.scattering
-            lobe = c.scattering_lobe if custom is None or custom.lobe is None else custom.lobe
+            share[i], lobe = scattering_of(material, c.scattering or 0.0, c.scattering_lobe)
             alpha[i] = -1 if lobe is None else lobe
         if isinstance(scene, PlanScene):
             wall = self._of_face[scene.extruded.wall_face]

@@ -99,8 +99,7 @@ def test_beams_of_each_scan_have_times_of_their_own(turn, tmp_path):
     rows = [row for row in recording(scans=False)]
     for k, (t, ranges) in enumerate(zip(TIMES, RANGES, strict=True)):
         n, step_s = (40, 360, 180)[k % 3], 1e-3 if k != 4 else 0.0
-        one = laser_scan(t, BEARING[::turn][:n], ranges[::turn][:n], step_s=step_s)
-        rows.append(("/scan", t, one))
+        rows.append(("/scan", t, laser_scan(t, BEARING[::turn][:n], ranges[::turn][:n], step_s=step_s)))
     log = read_bag(write_bag(tmp_path / "run", "mcap", rows))
     assert log.beam_s is not None
     for k, late_s in enumerate(log.beam_s):

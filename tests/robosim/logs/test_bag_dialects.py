@@ -302,9 +302,9 @@ def test_read_bag_leaves_out_transforms_of_a_frame_to_itself(tmp_path):
     ],
 )
 def test_read_bag_rejects_topics_of_several_frames(topic, name, frames, tmp_path):
-    """Of two lasers that publish in a topic each has a place of its own."""
+    """Two lasers, or two frames of odometry, that publish in a topic have places of their own."""
     rows = recording()
-    for owner in [one for each, _, one in rows if each == topic][::2]:
+    for owner in [content for each, _, content in rows if each == topic][::2]:
         setattr(owner if hasattr(owner, name) else owner.header, name, "rear")
     with pytest.raises(FileError, match=f"{topic} has messages of the frames {frames}, expected a single"):
         read_bag(write_round(tmp_path / "run", rows))
@@ -314,7 +314,10 @@ def test_read_bag_rejects_a_clock_that_was_reset(tmp_path):
     """A simulation that is started again repeats its times; a part of a bag that comes late is sorted."""
     rows = [row for row in recording() if row[0] != "/tf_static"]
     parts = [rows[:20], rows[60:], rows[20:60]]
-    late = [(topic, 500 + k, one) for k, (topic, _, one) in enumerate(row for each in parts for row in each)]
+    late = [
+        (topic, 500 + k, content)
+        for k, (topic, _, content) in enumerate(row for each in parts for row in each)
+    ]
     mount = [row for row in recording() if row[0] == "/tf_static"]
     assert_hall(read_bag(write_round(tmp_path / "late", mount + late)))
     again = [(topic, 500 + t, one) for topic, t, one in recording() if topic == "/scan"]
