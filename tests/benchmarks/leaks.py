@@ -51,16 +51,17 @@ class Kind(NamedTuple):
 
 
 def kinds(steps: int) -> list[Kind]:
-    """Episodes in turn: the default, and its variants in large buildings, among people and in a team."""
+    """Episodes in turn: the default, with people, in offices, in teams; of ten one in a campus, one that explores."""
     usual = EpisodeConfig(max_steps=steps)
     light = SimulatorConfig(physics="kinematic", camera="plan")
-    return [
+    small = [
         Kind("home", usual),
-        Kind("office", replace(usual, simulator=light, goal="fused")),
-        Kind("campus", replace(usual, simulator=light)),
         Kind("home", replace(usual, simulator=replace(light, movers=MoversConfig(people=5)), goal="snr")),
+        Kind("office", replace(usual, simulator=light, goal="fused")),
         Kind("home", replace(usual, simulator=light, goal="fused", team=TeamConfig(robots="2"))),
     ]
+    campus = Kind("campus", replace(usual, simulator=light))
+    return [*small, campus, *small, Kind("home", replace(usual, simulator=light, goal="explore"))]
 
 
 def main(
