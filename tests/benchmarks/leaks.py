@@ -51,7 +51,7 @@ class Kind(NamedTuple):
 
 
 def kinds(steps: int) -> list[Kind]:
-    """Episodes in turn: the default, with people, in offices, in teams; of ten one in a campus, one that explores."""
+    """Episodes in turn: the default, with people, in offices and teams; some on a campus, some that explore."""
     usual = EpisodeConfig(max_steps=steps)
     light = SimulatorConfig(physics="kinematic", camera="plan")
     small = [
@@ -60,8 +60,9 @@ def kinds(steps: int) -> list[Kind]:
         Kind("office", replace(usual, simulator=light, goal="fused")),
         Kind("home", replace(usual, simulator=light, goal="fused", team=TeamConfig(robots="2"))),
     ]
+    explore = Kind("home", replace(usual, simulator=light, goal="explore"))
     campus = Kind("campus", replace(usual, simulator=light))
-    return [*small, campus, *small, Kind("home", replace(usual, simulator=light, goal="explore"))]
+    return [*small, explore, *small, campus, *small, explore, *small]
 
 
 def main(
@@ -74,7 +75,7 @@ def main(
 ) -> Results:
     """Leaks: memory, descriptors, threads, processes and files after hundreds of episodes and visitors.
 
-    An hour and a half. Needs the extra `live`.
+    Two to three hours; what is known is written after each tenth of the episodes. Needs the extra `live`.
 
     Args:
         episodes: Episodes in this process.
@@ -85,15 +86,15 @@ def main(
     """
     results, folder = Results(), options.folder("leaks")
     with temporary_files(folder / "tmp"):
-        if episodes:
-            run_episodes(folder / "episodes", episodes, steps, options.seed, results)
+        for _ in run_episodes(folder / "episodes", episodes, steps, options.seed, results):
+            options.finish("leaks", results)
         if visits:
             receive(visits, at_once, options.seed, results)
     return options.finish("leaks", results)
 
 
-def run_episodes(out: Path, episodes: int, steps: int, seed: int, results: Results) -> None:
-    """Run episodes one after the other, and add what remains after each tenth of them."""
+def run_episodes(out: Path, episodes: int, steps: int, seed: int, results: Results) -> Iterator[None]:
+    """Run episodes one after the other, add what remains after each tenth of them, and yield then."""
     turns, decisions = kinds(steps), 0
     with tracked(range(episodes), "episodes", console) as numbers:
         for number in numbers:
@@ -105,6 +106,7 @@ def run_episodes(out: Path, episodes: int, steps: int, seed: int, results: Resul
             if (number + 1) * PARTS % episodes < PARTS:
                 results.add("episodes", f"{number + 1:,}", "decisions", decisions, digits=0)
                 add_remains("episodes", f"{number + 1:,}", results)
+                yield
 
 
 def receive(visits: int, at_once: int, seed: int, results: Results) -> None:
