@@ -105,7 +105,7 @@ class SharedMap:
         is_turned = tile.yaw_rad != 0.0
         tile = tile.upright(own_map.frame) if is_turned else tile
         frame = self._cover(own_map, tile)
-        codes = self._codes.setdefault(author, np.full(frame.shape, _UNKNOWN))
+        codes = self._codes.setdefault(author, np.full(frame.shape, _UNKNOWN, np.uint8))
         column, row = np.rint(frame.to_cells(np.array(tile.origin_xy))).astype(int)
         ny, nx = tile.codes.shape
         # Neighbours of a turned tile lie within its upright bounds.
@@ -177,7 +177,7 @@ class SharedMap:
 
     def _begin(self, frame: GridFrame, own_map: MapEstimate) -> MapEstimate:
         """The map by the others alone."""
-        codes = np.full(frame.shape, _UNKNOWN)
+        codes = np.full(frame.shape, _UNKNOWN, np.uint8)
         for layer in self._codes.values():
             is_news = (layer >= _SEEN) | ((codes == _UNKNOWN) & (layer != _UNKNOWN))
             np.copyto(codes, layer, where=is_news & (codes < _SEEN))
