@@ -113,9 +113,9 @@ def read_mitsuba(
             for key, text in element.items():
                 element.set(key, re.sub(r"\$(\w+)", lambda name: values.get(name[1], name[0]), text))
         for element in (*root.iter("bsdf"), *root.iter("shape")):
-            named = Counter(each.get("name") for each in element if each.get("name"))
-            for key in [key for key, count in named.items() if count > 1][:1]:
-                raise ValueError(f"{element.tag} {element.get('id')!r} has {key!r} twice, expected it once")
+            named = Counter(filter(None, (each.get("name") for each in element)))
+            for twice in [key for key, count in named.items() if count > 1][:1]:
+                raise ValueError(f"{element.tag} {element.get('id')!r} has {twice!r} twice, expected it once")
         bsdfs: dict[str, ET.Element] = {}
         for bsdf in root.iter("bsdf"):
             if bsdfs.setdefault(bsdf.get("id", ""), bsdf) is not bsdf and bsdf.get("id"):
