@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from robosim.logs.bag_files import storage_files
 from robosim.logs.bag_messages import CAMERA, IMAGE, ODOMETRY, TF, Bag
-from robosim.logs.bag_scans import DEPTHS, LASERS, SOURCES, Scan, scan_maker, without_limits
+from robosim.logs.bag_scans import DEPTHS, LASERS, SOURCES, Scan, is_distorted, scan_maker, without_limits
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.frames import MOST_TIPPED, Frames, Places, frame_name, matrices, planar, stamp_s
 from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, report_track, with_beam_times
@@ -148,7 +148,13 @@ class _Reading:
         infos = sorted(bag.of_kinds(CAMERA), key=lambda name: _namespace(name) != _namespace(scan_topic))
         firsts = [bag.topics[name].first for name in infos]
         cameras = [info for info in firsts if frame_name(info.header.frame_id) == sensor]
-        make = scan_maker(kind, place, self._given.slice_m, cameras)
+        is_rectified = re.search(r"[/_]rect(ified)?([/_]|$)", scan_topic) is not None
+        if kind == IMAGE and cameras and not is_rectified and is_distorted(cameras[0]):
+            self._note(
+                f"{scan_topic} is read as a raw image, by K of its CameraInfo, and its distortion is not undone; "
+                "record the rectified one (image_rect), which P describes"
+            )
+        make = scan_maker(kind, place, self._given.slice_m, cameras, is_rectified)
         scans = [make(self._timed(*record)) for record in bag.messages(scan_topic)]
         self._check_frames(scan_topic)
         scans = self._with_returns(self._in_order(scans), scan_topic)

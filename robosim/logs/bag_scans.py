@@ -50,7 +50,9 @@ class Scan(NamedTuple):
     """How far `angle_max` is from the last beam."""
 
 
-def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any]) -> Callable[[Any], Scan]:
+def scan_maker(
+    kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any], is_rectified: bool = False
+) -> Callable[[Any], Scan]:
     """Makes scans of messages of a type from a sensor at a place."""
     if kind in LASERS:
         return lambda message: _laser_scan(message, bool(place[2, 2] < 0))
@@ -59,7 +61,9 @@ def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any])
     if not cameras:
         raise ValueError("it has depth images, and no CameraInfo of their frame")
     info = cameras[0]
-    intrinsics = np.array(info.k if hasattr(info, "k") else info.K).reshape(3, 3)  # of ROS 2 and 1
+    k, p, _ = _matrices(info)
+    # Pixels of raw images are those of K, and of rectified ones of P; uncalibrated drivers leave P zero.
+    intrinsics = p if is_rectified and p.any() else k
     if not (np.isfinite(intrinsics).all() and intrinsics[0, 0] > 0 < intrinsics[1, 1]):
         fx, fy = intrinsics[0, 0], intrinsics[1, 1]
         raise FileError(f"CameraInfo has the focal lengths {fx:g} and {fy:g} px. Record a calibrated camera.")
@@ -69,6 +73,20 @@ def scan_maker(kind: str, place: Matrix, slice_m: float, cameras: Sequence[Any])
     intrinsics[:2] /= binning[:, None]
     size = ([region.width or info.width, region.height or info.height] // binning).tolist()
     return lambda message: _slice(message, _depth_points(message, size, intrinsics), place, slice_m)
+
+
+def is_distorted(info: Any) -> bool:
+    """Whether raw images of a camera differ from rectified ones."""
+    k, p, d = _matrices(info)
+    return bool(d.any() or (p.any() and not np.allclose(k, p)))
+
+
+def _matrices(
+    info: Any,
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"], Float[np.ndarray, " n"]]:
+    """K, the left part of P, and D of a CameraInfo, of ROS 2 and 1."""
+    k, p, d = (np.array(getattr(info, name, getattr(info, name.upper(), ())), float) for name in "kpd")
+    return k.reshape(3, 3), p.reshape(3, 4)[:, :3].copy(), d
 
 
 def _laser_scan(message: Any, is_inverted: bool) -> Scan:

@@ -37,7 +37,7 @@ from robosim.radio.table import STEP_M, RadioTable
 from robosim.radio.table_reader import read_paths, states_of
 from robosim.support.checks import ADVANCED, FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
-from wireless.bands import band_named
+from wireless.bands import band_named, check_bandwidth
 from wireless.channel import Channel
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
@@ -83,6 +83,9 @@ class RadioLinkConfig:
     bandwidth shows [m]; None without ranging."""
     blockage: BlockageModel = "knife-edges"
     """How people weaken paths: by Fresnel integrals with phases, by model B of 3GPP TR 38.901, or not at all."""
+
+    def __post_init__(self) -> None:
+        check_bandwidth(self.sounding.bandwidth_mhz, self.frequency_hz)
 
     def in_band(self, name: str) -> "RadioLinkConfig":
         """Return the configuration in a band of `wireless.bands`: other carrier, power, waveform, and antennas."""

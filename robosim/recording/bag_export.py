@@ -2,7 +2,8 @@
 
     /tf, /tf_static           map to odom (correction by the mapper), odom to base_link, sensors on the base (REP 105);
                               map to base_link_true
-    /odom, /scan              integrated odometry; the lidar, if the robot has one
+    /odom, /scan              integrated odometry, with its mean velocities since the message before; the lidar, if the
+                              robot has one
     /cmd_vel                  commanded velocities, if the controller gives them
     /camera/...               image, depth [mm] and camera_info
     /map, /plan, /goal        the robot's map, path and goal
@@ -116,6 +117,14 @@ def _camera(folder: Path) -> CameraConfig:
         return CameraConfig(**check_object(camera or {}))
 
 
+def _mean_rates(moved: Float[np.ndarray, "3"], duration_s: float) -> Float[np.ndarray, "3"]:
+    """Constant velocities [m/s], [m/s], [rad/s] in the robot's frame that give a displacement; zero in no time."""
+    x, y, turn = moved
+    half = turn / 2
+    stretch = half / math.tan(half) if half else 1.0
+    return np.array([stretch * x + half * y, stretch * y - half * x, turn]) / (duration_s or math.inf)
+
+
 class _Messages:
     """Messages of ROS 2 of an episode."""
 
@@ -133,11 +142,13 @@ class _Messages:
         self, episode: RecordedEpisode, times: Float[np.ndarray, " m"], camera: CameraConfig
     ) -> Iterator[tuple[str, float, Any]]:
         """Topics, times [s] and messages."""
-        odometry = list(accumulate(episode.columns["odometry"][1:], compose, initial=np.zeros(3)))
+        moved = episode.columns["odometry"][1:]
+        odometry = list(accumulate(moved, compose, initial=np.zeros(3)))
+        rates = [np.zeros(3), *map(_mean_rates, moved, np.diff(times))]
         place = self._pose((camera.ahead_m, 0.0, camera.height_m), _OPTICAL)
         yield "/tf_static", 0.0, self._tf(0.0, "base_link", "camera", place)
         map_: Layer | None = None
-        for step, odom, time_s in zip(episode.steps(), odometry, times, strict=False):
+        for step, odom, rate, time_s in zip(episode.steps(), odometry, rates, times, strict=False):
             laser, estimate = step.sensed.laser, step.estimated.pose
             if step.number == 0 and laser is not None:
                 raised = self._pose((laser.ahead_m, 0.0, laser.height_m))
@@ -149,9 +160,12 @@ class _Messages:
                 ("map", "base_link_true", step.true.pose),
             ):
                 yield "/tf", time_s, self._tf(time_s, parent, child, self._planar(pose))
-            yield "/odom", time_s, self._odometry(time_s, odom)
+            yield "/odom", time_s, self._odometry(time_s, odom, rate)
             if isinstance(command := step.decided.command, Velocity):
-                header, twist = self._header(time_s, "base_link"), self._twist(command.v_mps, command.w_radps)
+                header, twist = (
+                    self._header(time_s, "base_link"),
+                    self._twist(command.v_mps, 0.0, command.w_radps),
+                )
                 yield (
                     "/cmd_vel",
                     time_s,
@@ -230,17 +244,18 @@ class _Messages:
         )
         return self._make("tf2_msgs/msg/TFMessage", transforms=[transform])
 
-    def _twist(self, v_mps: float, w_radps: float) -> Any:
-        linear = self._make("geometry_msgs/msg/Vector3", x=v_mps)
+    def _twist(self, vx_mps: float, vy_mps: float, w_radps: float) -> Any:
+        linear = self._make("geometry_msgs/msg/Vector3", x=vx_mps, y=vy_mps)
         angular = self._make("geometry_msgs/msg/Vector3", z=w_radps)
         return self._make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
 
-    def _odometry(self, time_s: float, pose: Float[np.ndarray, "3"]) -> Any:
+    def _odometry(self, time_s: float, pose: Float[np.ndarray, "3"], rates: Float[np.ndarray, "3"]) -> Any:
         return self._make(
             "nav_msgs/msg/Odometry",
             header=self._header(time_s, "odom"),
             child_frame_id=self._frame("base_link"),
             pose=self._make("geometry_msgs/msg/PoseWithCovariance", pose=self._planar(pose)),
+            twist=self._make("geometry_msgs/msg/TwistWithCovariance", twist=self._twist(*rates.tolist())),
         )
 
     def _scan(self, time_s: float, laser: LaserScan) -> Any:

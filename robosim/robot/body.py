@@ -42,7 +42,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     """
     imported = None if robot.model is None else model_of(robot.model)
     com = np.array([0.0, 0.0, 0.5 * robot.hull.radius_m]) if imported is None else imported.com_m
-    ahead_m, com_m = float(com[0]), float(com[2])
+    ahead_m, aside_m, com_m = com.tolist()
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint(name="robot")
     body.explicitinertial = True
@@ -52,7 +52,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
     body.inertia = (0.4 * body.mass * robot.hull.turning_m**2,) * 3
     # Casters of an imported robot carry half of its weight at most, so that its wheels do not slip.
     casters_m = max(0.75 * robot.hull.inner_m, 2 * abs(ahead_m))
-    _add_hull(spec, body, robot, physics, com_m, casters_m)
+    _add_hull(spec, body, robot, physics, com_m, casters_m, aside_m)
     if robot.model is None or imported is None:
         for name, side in (("left", 1), ("right", -1)):
             _add_wheel(spec, body, name, side, robot, physics)
@@ -62,7 +62,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
         wheels = attach_model(spec, body, robot.model, imported, robot.rotor_inertia_kgm2)
         for name, wheel in zip(("left", "right"), wheels, strict=True):
             joint = spec.joint(wheel.joint)
-            _add_tread(joint.parent, name, joint.pos, robot, physics)
+            _add_tread(joint.parent, name, joint.pos, robot, physics, joint.frame)
             _add_servo(spec, name, wheel.joint, wheel.turns, robot)
     touch = spec.add_sensor(
         name="touch", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="hull"
@@ -82,6 +82,7 @@ def _add_hull(
     physics: PhysicsConfig,
     com_m: float,
     casters_m: float,
+    aside_m: float,
 ) -> None:
     """Add what walls meet, and the casters."""
     geom, hull = mujoco.mjtGeom, robot.hull
@@ -104,12 +105,12 @@ def _add_hull(
         **physics.hard,
     )
     caster_m = 0.15 * robot.hull.radius_m
-    # As far from the axle to the front as to the back: robots lean to neither.
+    # As far from the axle to the front as to the back, in line with the centre of mass: robots lean to no side.
     for name, x in (("front", casters_m), ("back", -casters_m)):
         body.add_geom(
             name=name,
             type=geom.mjGEOM_SPHERE,
-            pos=(x, 0, caster_m),
+            pos=(x, aside_m, caster_m),
             size=(caster_m, 0, 0),
             rgba=(0.8, 0.8, 0.8, 1),
             contype=0,
@@ -153,10 +154,15 @@ def _add_wheel(
 
 
 def _add_tread(
-    wheel: mujoco.MjsBody, name: str, place: Any, robot: RobotConfig, physics: PhysicsConfig
+    wheel: mujoco.MjsBody,
+    name: str,
+    place: Any,
+    robot: RobotConfig,
+    physics: PhysicsConfig,
+    frame: mujoco.MjsFrame | None = None,
 ) -> None:
-    """Add the sphere with which a wheel touches the floor, at a place of its body [m]."""
-    wheel.add_geom(
+    """Add the sphere with which a wheel touches the floor, at a place of its body, or of a frame in it [m]."""
+    sphere = wheel.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         pos=place,
@@ -170,6 +176,8 @@ def _add_tread(
         group=3,
         **physics.hard,
     )
+    if frame is not None:
+        sphere.set_frame(frame)
 
 
 def _add_servo(spec: mujoco.MjSpec, name: str, joint: str, turns: float, robot: RobotConfig) -> None:

@@ -74,6 +74,36 @@ def find_wheels(
     raise problem or _no_pairs(hinges)
 
 
+def face_ahead(model: mujoco.MjModel, data: mujoco.MjData) -> list[str]:
+    """Undo the yaw of robots that stand turned in the world; returns a note of each.
+
+    The pose of a body of MJCF in the world is where it starts, so ahead is its own x, not the world's, unless more
+    hinges turn around the world's y than around its own.
+    """
+    notes = []
+    for k in np.flatnonzero(model.body_parentid[1:] == 0) + 1:
+        turn = data.xmat[k].reshape(3, 3)
+        yaw_rad = math.atan2(turn[1, 0], turn[0, 0])
+        free = [j for j in range(model.njnt) if _is_hinge(model, j) and not _is_limited(model, j)]
+        axes = data.xaxis[[j for j in free if model.body_rootid[model.jnt_bodyid[j]] == k]]
+        around_own, around_y = (np.abs(axes @ np.column_stack([turn[:, 1], [0.0, 1.0, 0.0]])) > 0.99).sum(
+            axis=0
+        )
+        if abs(yaw_rad) < 1e-6 or turn[2, 2] < 0.99 or around_own < max(1, around_y):
+            continue
+        quat = np.empty(4)
+        mujoco.mju_mulQuat(quat, [math.cos(yaw_rad / 2), 0.0, 0.0, -math.sin(yaw_rad / 2)], data.xquat[k])
+        model.body_quat[k] = quat
+        first = model.body_jntadr[k]
+        if first >= 0 and model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE:
+            data.qpos[model.jnt_qposadr[first] :][3:7] = quat
+        notes.append(
+            f"{model.body(k).name} stands turned by {math.degrees(yaw_rad):.3g} degrees: ahead is x of its own frame"
+        )
+    mujoco.mj_fwdPosition(model, data)
+    return notes
+
+
 def _round_hinges(
     model: mujoco.MjModel, data: mujoco.MjData, points: dict[int, Float[np.ndarray, "_ 3"]]
 ) -> list[Wheel]:

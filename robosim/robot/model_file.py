@@ -1,13 +1,15 @@
 """Robots from descriptions in URDF and MJCF.
 
-MuJoCo reads both (`robosim.robot.description`). x points ahead and z upwards. The wheels are the hinges around y whose
+MuJoCo reads both (`robosim.robot.description`). x points ahead and z upwards, in the robot's own frame where a file
+turns it around z in the world. The wheels are the hinges around y whose
 bodies are round and reach down to the floor, one on each side (`robosim.robot.driven_wheels`); where there are more of
 the same size, such as of a skid-steered base, the robot turns on an axle in their middle. The hull is the convex
 outline of all that collides, from above: a disk, if it is one to 2 %. The mass is the sum of what the file states.
 `robosim.robot.described_sensors` lists what counts as a camera or lidar. What a description does not state is listed
 in a warning: speeds, and what kind of sensors there are.
 
-A robot with one wheel on each side is simulated with its own masses, inertias and wheels (`attach_model`). Contacts are
+A robot with one wheel on each side and its centre of mass between them is simulated with its own masses, inertias and
+wheels (`attach_model`). Contacts are
 those of `robosim.robot.body`: wheels are spheres, a sphere before and one behind stands for all casters, and walls meet
 the outline. Inertias that violate A + B >= C are balanced. Other joints are fixed, whatever their limits: what hangs on
 them counts by mass and outline. Left out: steered, mecanum and omnidirectional wheels, which are errors; xacro, which
@@ -35,7 +37,7 @@ from robosim.robot.description import (
     load_description,
     warnings_as,
 )
-from robosim.robot.driven_wheels import Sides, Wheel, find_wheels
+from robosim.robot.driven_wheels import Sides, Wheel, face_ahead, find_wheels
 from robosim.robot.physics_engine import mujoco
 from robosim.robot.robots import RobotConfig
 from robosim.support.reading import FileError, naming, reading
@@ -82,6 +84,9 @@ class Model(NamedTuple):
     """Assumptions, each with its option."""
     root: str
     """The body that the others hang on."""
+    root_place: Float[np.ndarray, "3"]
+    root_quat_wxyz: Float[np.ndarray, "4"]
+    """Where it is in the frame of the description [m], and how it is turned."""
 
     def report(self) -> dict[str, Any]:
         """Report what is read and assumed, as plain values."""
@@ -131,7 +136,9 @@ def robot_of(path: Path, model: Model) -> RobotConfig:
             # Of what rolls, as of the other robots.
             rotor_inertia_kgm2=0.2 * model.mass_kg * wheel_radius_m**2,
             **sensors,
-            model=path.absolute() if len(model.wheels[0]) == 1 else None,
+            model=path.absolute()
+            if len(model.wheels[0]) == 1 and abs(model.com_m[1]) < (left - right) / 2
+            else None,
         )
     logger.warning(f"{path} does not state {' and '.join(unstated(model))}. Give what differs.")
     for note in model.notes:
@@ -176,7 +183,10 @@ def attach_model(
     for joint in list(child.joints):
         if joint.name not in names:
             child.delete(joint)
-    body.add_frame(pos=-model.axle).attach_body(root, "model/", "")
+    # Not by its own place and angles: MuJoCo forgets the frames that it is in.
+    root.pos, root.quat = model.root_place - model.axle, model.root_quat_wxyz
+    root.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    body.add_frame().attach_body(root, "model/", "")
     for wheel in wheels:
         joint = spec.joint(f"model/{wheel.joint}")
         joint.armature, joint.limited = armature_kgm2, mujoco.mjtLimited.mjLIMITED_FALSE
@@ -203,6 +213,7 @@ def model_of(path: Path) -> Model:
             compiled = spec.compile()
             data = mujoco.MjData(compiled)
             mujoco.mj_fwdPosition(compiled, data)
+            description.notes.extend(face_ahead(compiled, data))
         return _facts(compiled, data, description)
 
 
@@ -256,6 +267,13 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
             notes.append(f"{each.name} is {side} of the axle's middle: it is simulated in the middle")
     if turning.issuperset(model.geom_bodyid[k] for k in points if model.geom_bodyid[k] in bodies):
         notes.append("nothing but the wheels collides: the hull is their outline")
+    com_m = mass[others] @ data.xipos[others] / mass[others].sum() - axle
+    if abs(com_m[1]) >= (places[0, :, 1].mean() - places[1, :, 1].mean()) / 2:
+        side = f"{abs(com_m[1]):.3g} m to the {'left' if com_m[1] > 0 else 'right'}"
+        notes.append(
+            f"its centre of mass is {side} of the axle's middle, beyond its wheels, where it would tip over: it is "
+            "simulated in the middle"
+        )
     rolling, free = {wheel.joint for side in wheels for wheel in side}, mujoco.mjtJoint.mjJNT_FREE
     return Model(
         wheels=wheels,
@@ -264,7 +282,7 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
         height_m=float(every[:, 2].max() - axle[2]),
         masses_kg=masses_kg,
         mass_kg=float(mass[others].sum()),
-        com_m=mass[others] @ data.xipos[others] / mass[others].sum() - axle,
+        com_m=com_m,
         fixed_joints=tuple(
             model.joint(k).name
             for k in range(model.njnt)
@@ -276,6 +294,8 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, description: Description)
         lidar=None if lidar is None else lidar._replace(place=lidar.place - axle),
         notes=tuple(notes),
         root=model.body(root).name,
+        root_place=data.xpos[root].copy(),
+        root_quat_wxyz=data.xquat[root].copy(),
     )
 
 

@@ -12,6 +12,7 @@ import io
 import logging
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -111,6 +112,10 @@ def read_mitsuba(
         for element in root.iter():
             for key, text in element.items():
                 element.set(key, re.sub(r"\$(\w+)", lambda name: values.get(name[1], name[0]), text))
+        for element in (*root.iter("bsdf"), *root.iter("shape")):
+            named = Counter(filter(None, (each.get("name") for each in element)))
+            for twice in [key for key, count in named.items() if count > 1][:1]:
+                raise ValueError(f"{element.tag} {element.get('id')!r} has {twice!r} twice, expected it once")
         bsdfs: dict[str, ET.Element] = {}
         for bsdf in root.iter("bsdf"):
             if bsdfs.setdefault(bsdf.get("id", ""), bsdf) is not bsdf and bsdf.get("id"):

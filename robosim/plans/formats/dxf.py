@@ -33,8 +33,6 @@ UNITS_M = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 10: 0.9144, 14: 0.1, 
 #: Entities that are drawn as lines, as areas by one outline, and as areas by several.
 LINES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 SOLIDS, HATCHES = ("SOLID", "TRACE"), ("HATCH", "MPOLYGON")
-#: Attributes of the width of lines.
-_WIDTHS = {"LWPOLYLINE": "const_width", "POLYLINE": "default_start_width"}
 #: Most blocks within blocks, and entities in all; one of a block is copied, which takes as long as several.
 MOST_DEEP, MOST_ENTITIES, COPY = 20, 300_000, 5
 BINARY = b"AutoCAD Binary DXF"
@@ -129,12 +127,39 @@ def _shapes(entities: Iterable[tuple["DXFEntity", str]], unit_m: float) -> Itera
         if kind == "HATCH":  # without islands that its style ignores
             paths = graphic.paths
             paths.paths = list(paths.rendering_paths(graphic.dxf.hatch_style)) or paths.paths
-        outlines = list(from_hatch(graphic)) if kind in HATCHES else [make_path(graphic)]
-        lines = tuple(
-            unit_m * np.array([(point.x, point.y) for point in path.flattening(FLAT_M / unit_m)])
-            for path in outlines
-            if len(path)
-        )
-        width = entity.dxf.get(_WIDTHS[kind], 0.0) if kind in _WIDTHS else 0.0
-        if lines:
-            yield Shape((layer,), lines, kind not in LINES, unit_m * width)
+        widths = _widths(graphic) if kind in ("LWPOLYLINE", "POLYLINE") else [0.0]
+        if len(set(widths)) > 1:
+            pieces: dict[float, list[Any]] = {}
+            for piece, width in zip(graphic.virtual_entities(), widths, strict=True):
+                pieces.setdefault(width, []).append(make_path(piece))
+        else:
+            pieces = {widths[0]: list(from_hatch(graphic)) if kind in HATCHES else [make_path(graphic)]}
+        for width, outlines in pieces.items():
+            lines = tuple(
+                unit_m * np.array([(point.x, point.y) for point in path.flattening(FLAT_M / unit_m)])
+                for path in outlines
+                if len(path)
+            )
+            if lines:
+                yield Shape((layer,), lines, kind not in LINES, unit_m * width)
+
+
+def _widths(polyline: Any) -> list[float]:
+    """Widths that the segments of a polyline are drawn with, in drawing units; of tapered ones the mean."""
+    dxf = polyline.dxf
+    if polyline.dxftype() == "LWPOLYLINE":
+        if dxf.get("const_width", 0.0):  # counts more than those of segments in AutoCAD
+            return [dxf.const_width]
+        ends, is_closed = [point[2:4] for point in polyline], polyline.closed
+    elif polyline.is_2d_polyline:
+        ends = [
+            (
+                vertex.dxf.get("start_width", dxf.default_start_width),
+                vertex.dxf.get("end_width", dxf.default_end_width),
+            )
+            for vertex in polyline.vertices
+        ]
+        is_closed = polyline.is_closed
+    else:
+        return [0.0]
+    return [float(np.mean(each)) for each in (ends if is_closed else ends[:-1])] or [0.0]

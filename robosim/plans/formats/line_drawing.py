@@ -19,6 +19,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import reduce
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -183,7 +184,7 @@ def _walls(shapes: Sequence[Shape], thickness_m: float, resolution_m: float) -> 
         if shape.is_area:
             rings = [shapely.Polygon(ring) for ring in shape.lines if len(ring) >= 3]
             areas = [shapely.make_valid(ring) for ring in rings]
-            if shape.is_nonzero and len(rings) > 1:
+            if shape.is_nonzero and (len(rings) > 1 or not all(map(shapely.is_valid, rings))):
                 solid.append(_wound_around(rings, areas))
             else:
                 solid.append(reduce(shapely.symmetric_difference, areas, shapely.Polygon()))
@@ -205,9 +206,24 @@ def _wound_around(rings: list[shapely.Polygon], areas: list[shapely.Geometry]) -
     """The area of the nonzero rule, of outlines and what each of them encloses."""
     outlines = shapely.get_exterior_ring(rings)
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all(outlines)]))
-    around, face = shapely.STRtree(shapely.point_on_surface(faces)).query(areas, predicate="contains")
-    turns = np.bincount(face, np.where(shapely.is_ccw(outlines), 1, -1)[around], len(faces))
+    inside = shapely.point_on_surface(faces)
+    around, face = shapely.STRtree(inside).query(areas, predicate="contains")
+    crosses = ~shapely.is_valid(rings)
+    signs = np.where(crosses, 0, np.where(shapely.is_ccw(outlines), 1, -1))
+    turns = np.bincount(face, signs[around], len(faces))
+    for outline in outlines[crosses]:
+        turns += _turns(shapely.get_coordinates(outline), shapely.get_coordinates(inside))
     return shapely.union_all(faces[turns != 0])
+
+
+def _turns(outline: Float[np.ndarray, "n 2"], points: Float[np.ndarray, "k 2"]) -> Float[np.ndarray, " k"]:
+    """How often a closed line, which may cross itself, turns counter-clockwise around points."""
+    turns = np.zeros(len(points))
+    for (x0, y0), (x1, y1) in pairwise(outline):
+        left = (x1 - x0) * (points[:, 1] - y0) - (points[:, 0] - x0) * (y1 - y0)
+        turns += (y0 <= points[:, 1]) & (points[:, 1] < y1) & (left > 0)
+        turns -= (y1 <= points[:, 1]) & (points[:, 1] < y0) & (left < 0)
+    return turns
 
 
 def _thickened(lines: shapely.Geometry, width_m: float) -> shapely.Geometry:

@@ -168,13 +168,16 @@ def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, in
 def _scale_normalised(tree: dict[str, Any]) -> bool:
     """Give meshes of normalised integers, which trimesh reads as plain, a node with their scale (glTF 2.0, 3.6.2.2)."""
     scale: dict[int, float] = {}
+    accessors = _listed(tree, "accessors")
     for number, mesh in enumerate(_listed(tree, "meshes")):
         largest = set()
         for primitive in mesh.get("primitives", ()):
-            accessor = _listed(tree, "accessors")[primitive.get("attributes", {}).get("POSITION", 0)]
-            if "sparse" in accessor:
+            accessor = accessors[primitive.get("attributes", {}).get("POSITION", 0)]
+            if "sparse" in accessor or (
+                "indices" in primitive and "sparse" in accessors[primitive["indices"]]
+            ):
                 raise ValueError(
-                    "its positions are sparse, which is not supported; export it with all of them"
+                    "its positions or indices are sparse, which is not supported; export it with all of them"
                 )
             if primitive.get("mode", 4) == _FAN:
                 raise ValueError("it has triangle fans, which are not supported; export it with triangles")

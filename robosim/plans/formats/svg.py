@@ -6,8 +6,8 @@ groups, by the labels that Inkscape gives them, their ids or their classes; shap
 class too. The lower left corner of the picture is the origin of `map`.
 
 A picture's size in mm, cm, in, pt or pc is that of the building, unless a unit is given: then the view box has that
-unit, and without either a drawing is an error. Left out: text, pictures, clipping, dashes, what covers what; with
-a warning, symbols with view boxes, and rules of style sheets for more than a name.
+unit, and without either a drawing is an error. Left out: text, pictures, clipping, what covers what; with a
+warning, dashes, symbols with view boxes, and rules of style sheets for more than a name.
 
 Reference: W3C, Scalable Vector Graphics 2 (2018), chapter 8 (coordinate systems, transformations and units).
 """
@@ -47,6 +47,8 @@ _LENGTHS = {"r", "rx", "ry", "width", "height", "stroke-width"}
 _UNDRAWN, _PLACE = ("symbol", "marker", "mask", "foreignObject"), ("viewBox", "x", "y")
 #: Selectors of style sheets that are read, and rules of a sheet as such.
 _SELECTOR = re.compile(r"\s*(\*|@.*|#[\w-]+|[\w-]*\.?[\w-]+)\s*")
+#: A property of style that breaks a line; zeros and words do not.
+_DASHED = re.compile(r"stroke-dasharray\s*:[^;}]*[1-9]")
 _NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
@@ -110,6 +112,15 @@ def _rearrange(root: ET.Element, path: Path) -> None:
         logger.warning(
             f"{path}: {scaled} symbols or drawings within the drawing, which have a view box or place, are left out. "
             "Unlink and ungroup them."
+        )
+    styles = [
+        f"stroke-dasharray:{each.get('stroke-dasharray', '')};{each.get('style', '')};{each.text or ''}"
+        for each in root.iter()
+    ]
+    if dashed := sum(map(bool, map(_DASHED.search, styles))):
+        logger.warning(
+            f"{path}: dashed lines, by {dashed} styles with stroke-dasharray, are read as full ones. Take out those "
+            "that are no walls."
         )
     text = re.sub(r"/\*.*?\*/", "", " ".join(sheet.text or "" for sheet in sheets), flags=re.DOTALL)
     rules = [rule for piece in text.split("{")[:-1] for rule in piece.rpartition("}")[2].split(",")]

@@ -206,7 +206,7 @@ def camera_info(scale=1, offset=(0, 0), **changes):
     return message("sensor_msgs/msg/CameraInfo", **values | changes)
 
 
-def depth_recording(infos):
+def depth_recording(infos, name="image"):
     """The round with depth images of a camera that looks ahead, 0.4 m above the base: roll -90, yaw -90 degrees."""
     rows = [row for row in recording(scans=False) if row[0] != "/tf_static"]
     optical = message("geometry_msgs/msg/Quaternion", x=-0.5, y=0.5, z=-0.5, w=0.5)
@@ -226,7 +226,7 @@ def depth_recording(infos):
             step=2 * WIDTH,
             data=depth.view(np.uint8).ravel(),
         )
-        rows.append(("/camera/depth/image", t, image))
+        rows.append((f"/camera/depth/{name}", t, image))
     return rows + [(f"/camera/{name}/camera_info", TIMES[0], info) for name, info in infos.items()]
 
 
@@ -252,6 +252,34 @@ def test_depth_images_become_scans_of_a_slice(infos, tmp_path):
         [hall_ranges(compose(pose, np.array([0.1, 0, 0])), log.beams()[k]) for k, pose in enumerate(POSES)]
     )
     assert np.percentile(np.abs(log.range_m - expected)[seen], 90) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "is_noted"),
+    [
+        (
+            "image_rect",
+            {"p": camera_info().k.reshape(3, 3) @ np.eye(3, 4), "k": camera_info(scale=2).k},
+            False,
+        ),
+        ("image_rect", {}, False),
+        ("image_raw", {"p": camera_info(scale=2).k.reshape(3, 3) @ np.eye(3, 4)}, True),
+        ("image_raw", {"d": np.array([0.1, 0, 0, 0, 0])}, True),
+    ],
+)
+def test_rectified_depth_images_are_of_the_projection_matrix(name, changes, is_noted, tmp_path):
+    """sensor_msgs/CameraInfo: K describes raw images, with distortion D, and P rectified ones."""
+    report: dict = {}
+    changes = {key: value.ravel() for key, value in changes.items()}
+    rows = depth_recording({"depth": camera_info(**changes)}, name)
+    log = read_bag(write_bag(tmp_path / "run", "mcap", rows), report=report)
+    seen = np.isfinite(log.range_m)
+    expected = np.array(
+        [hall_ranges(compose(pose, np.array([0.1, 0, 0])), log.beams()[k]) for k, pose in enumerate(POSES)]
+    )
+    assert 60 < seen[0].sum() <= 120
+    assert np.percentile(np.abs(log.range_m - expected)[seen], 90) < 0.02
+    assert any("distortion is not undone" in note for note in report["assumed"]) == is_noted
 
 
 def test_read_bag_rejects_depth_images_of_another_size(tmp_path):

@@ -1,6 +1,7 @@
 """Radio bands in episodes: what a band sets, and what policies and classifiers are not given in it."""
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,3 +86,10 @@ def test_the_power_of_a_data_set_is_that_of_its_radio():
         "loss_db": 6.0,
         "half_window": 5,
     }
+
+
+def test_a_bandwidth_in_khz_is_rejected():
+    """80 MHz of Wi-Fi as 80000, whose noise would be 30 dB too high."""
+    radio = RadioLinkConfig().in_band("wifi-5")
+    with pytest.raises(ValueError, match=r"bandwidth_mhz is 80000 at a carrier of 5.21 GHz.* not in kHz"):
+        replace(radio, sounding=replace(radio.sounding, bandwidth_mhz=80_000.0))

@@ -6,6 +6,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from robosim.cli import main
 from robosim.episode_config import EpisodeConfig
@@ -97,6 +98,22 @@ def test_transforms_lead_from_the_map_to_the_estimated_and_the_true_robot(folder
         off = compose(correction, odometry) - episode.estimates[k]
         assert np.abs([off[0], off[1], wrap(off[2])]).max() < 1e-9
         assert by_child["base_link_true"][k][:2] == pytest.approx(episode.poses[k][:2], abs=1e-12)
+
+
+def test_velocities_of_odometry_lead_from_one_pose_to_the_next(messages):
+    """nav_msgs/Odometry: the twist is in the child frame; a constant one moves by its matrix exponential."""
+    times, odometry = zip(*messages["/odom"], strict=True)
+    poses = [
+        np.array([each.pose.pose.position.x, each.pose.pose.position.y, yaw_of(each.pose.pose.orientation)])
+        for each in odometry
+    ]
+    for k, each in enumerate(odometry):
+        linear, w = each.twist.twist.linear, each.twist.twist.angular.z
+        rates = np.array([[0, -w, linear.x], [w, 0, linear.y], [0, 0, 0]])
+        end = expm(rates * (times[k] - times[k - 1] if k else 1.0))
+        moved = between(poses[max(k - 1, 0)], poses[k])
+        assert [*end[:2, 2], np.arctan2(end[1, 0], end[0, 0])] == pytest.approx(moved, abs=1e-6)
+    assert max(abs(each.twist.twist.linear.x) for each in odometry) > 0.1
 
 
 def test_map_and_pictures_are_those_of_the_episode(folder, messages):

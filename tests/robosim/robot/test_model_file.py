@@ -128,14 +128,80 @@ def test_what_is_no_differential_drive_is_an_error(tmp_path: Path, text: str, re
     assert "robot.urdf" in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("x", [-0.12, 0.0, 0.18])
-def test_a_described_robot_drives_straight_wherever_its_mass_is(tmp_path: Path, x: float) -> None:
-    """The hull reaches 0.1 m behind the axle and 0.3 m ahead; without casters beyond the mass it would tip."""
-    text = URDF.replace("WHEELS", TWO).replace('<inertial><origin xyz="0.05', f'<inertial><origin xyz="{x}')
+@pytest.mark.parametrize(("x", "y"), [(-0.12, 0), (0.0, 0), (0.18, 0), (0.05, 0.1), (0.05, -0.1), (0, 0.2)])
+def test_a_described_robot_drives_straight_wherever_its_mass_is(tmp_path: Path, x: float, y: float) -> None:
+    """The hull reaches 0.1 m behind the axle and 0.3 m ahead, the wheels 0.15 m to the sides.
+
+    Without casters beyond the mass, and in line with it, the robot would tip.
+    """
+    text = URDF.replace("WHEELS", TWO).replace(
+        '<inertial><origin xyz="0.05 0', f'<inertial><origin xyz="{x} {y}'
+    )
     world = World(open_floor(), robot=read_robot(_write(tmp_path, "cart.urdf", text)))
     world.reset(start := np.array([2.0, 2.0, 0.3]))
     world.move(np.array([0.5, 0.0, 0.0]))
     np.testing.assert_allclose(between(start, world.pose), [0.5, 0, 0], atol=2e-3)
+
+
+def test_a_centre_of_mass_beyond_the_wheels_is_noted(tmp_path: Path) -> None:
+    text = URDF.replace("WHEELS", TWO).replace(
+        '<inertial><origin xyz="0.05 0', '<inertial><origin xyz="0.05 -0.2'
+    )
+    path = _write(tmp_path, "cart.urdf", text)
+    assert any(
+        "0.2 m to the right of the axle's middle, beyond its wheels" in each for each in model_of(path).notes
+    )
+    assert read_robot(path).model is None
+
+
+@pytest.mark.parametrize("is_framed", [False, True])
+@pytest.mark.parametrize("yaw_deg", [0, 180, 90, 30])
+def test_the_pose_at_which_mjcf_starts_does_not_matter(tmp_path: Path, yaw_deg: int, is_framed: bool) -> None:
+    """The pose of a free body, or of a frame around it, is where it starts: camera and wheels go with it."""
+    turned = f'<body name="base" euler="0 0 {yaw_deg}"'
+    text = MJCF.replace('<body name="base"', turned)
+    if is_framed:
+        text = MJCF.replace("<body", f'<frame pos="3 0 0" euler="0 0 {yaw_deg}"><body', 1)
+        text = text.replace("</worldbody>", "</frame></worldbody>")
+    path = _write(tmp_path, "disk.xml", text)
+    assert any(f"turned by {yaw_deg} degrees" in each for each in model_of(path).notes) == (yaw_deg != 0)
+    robot = read_robot(path)
+    assert robot.camera is not None and robot.camera.ahead_m == pytest.approx(0.1)
+    world = World(open_floor(), robot=robot)
+    for wanted in ((0.5, 0.0, 0.0), (0.0, 0.0, 1.0)):
+        world.reset(start := np.array([2.0, 2.0, 0.3]))
+        world.move(np.array(wanted))
+        np.testing.assert_allclose(between(start, world.pose), wanted, atol=1e-3)
+
+
+def test_a_base_of_which_y_points_ahead_may_be_turned_to_x(tmp_path: Path) -> None:
+    text = MJCF
+    for own, turned in (
+        ('<body name="base"', '<body name="base" euler="0 0 -90"'),
+        ('pos="0.1 0 0.3"', 'pos="0 0.1 0.3"'),
+        ("0 -1 0 0 0 1", "1 0 0 0 0 1"),
+        ('pos="0 0.15', 'pos="-0.15 0'),
+        ('pos="0 -0.15', 'pos="0.15 0'),
+        ('axis="0 -1 0"', 'axis="1 0 0"'),
+        ("90 0 0", "0 90 0"),
+        ("0.15 0 -0.04", "0 0.15 -0.04"),
+    ):
+        assert own in text
+        text = text.replace(own, turned)
+    robot = read_robot(_write(tmp_path, "disk.xml", text))
+    assert robot.camera is not None and robot.camera.ahead_m == pytest.approx(0.1)
+
+
+def test_wheels_turn_on_joints_in_frames(tmp_path: Path) -> None:
+    text = MJCF.replace('0.15 -0.02"', '0.15 0"').replace('mass="0.1"/>', 'mass="0.1"/></frame>')
+    for name in ("l", "r"):
+        framed = f'<frame pos="0 0 -0.02" euler="90 0 0"><joint name="{name}" axis="0 0 1"/></frame>'
+        hinge = f'<joint name="{name}" axis="0 -1 0" damping="0.01"/>'
+        text = text.replace(hinge, framed + '<frame pos="0 0 -0.02">')
+    world = World(open_floor(), robot=read_robot(_write(tmp_path, "disk.xml", text)))
+    world.reset(start := np.array([2.0, 2.0, 0.3]))
+    world.move(np.array([0.5, 0.0, 0.0]))
+    np.testing.assert_allclose(between(start, world.pose), [0.5, 0, 0], atol=1e-3)
 
 
 def test_a_robot_of_which_only_wheels_collide_is_noted(tmp_path: Path) -> None:

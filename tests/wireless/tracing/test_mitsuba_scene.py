@@ -133,6 +133,10 @@ def test_a_rectangle_reflects_like_the_mirror_image(tmp_path):
         ),
         (lambda text: text.replace("<shape", '<bsdf type="diffuse" id="m"/><shape', 1), "two materials 'm'"),
         (lambda text: text.replace('name="thickness"', 'name="depth"'), "material 'm' has 'depth'"),
+        (  # as in Mitsuba 3, where a property may be set once
+            lambda text: text.replace("</bsdf>", '<float name="thickness" value="0.3"/></bsdf>', 1),
+            "bsdf 'm' has 'thickness' twice",
+        ),
         (lambda text: text.replace('value="$t"', 'value="nan"'), "thickness_m is nan"),
         (lambda text: text.replace("concrete", "cheese"), "--scene-material m=concrete"),
         (lambda text: text.replace('type="itu-radio-material"', 'type="diffuse"'), "material 'm' is 'm'"),

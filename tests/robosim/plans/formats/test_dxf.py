@@ -112,6 +112,22 @@ def test_hatches_and_wide_polylines(tmp_path):
     assert not is_free(plan, 5.12, 2) and is_free(plan, 5.18, 2)
 
 
+@pytest.mark.parametrize("version", ["R2000", "R12"])
+def test_polylines_are_as_wide_as_each_vertex_says(version, tmp_path):
+    """Codes 40 and 41 of a vertex are the widths of the segment that it begins: 0.3 m, and 0.1 to 0.3 m."""
+    drawing = Drawing(version=version)
+    drawing.space.add_polyline2d(OUTER, close=True, dxfattribs={"layer": "WALL"})
+    if version == "R12":
+        add, layer = drawing.space.add_polyline2d, {"layer": "WALL", "default_start_width": 0.9}
+    else:
+        add, layer = drawing.space.add_lwpolyline, {"layer": "WALL"}
+    corners = [(5, 1, 0.3, 0.3), (5, 3, 0.1, 0.3), (2, 3, 0.5, 0.5)]
+    add(corners, format="xyse", dxfattribs=layer)
+    plan = read_plan(drawing.save(tmp_path), unit_m=1.0)
+    assert not is_free(plan, 5.12, 2) and is_free(plan, 5.18, 2)
+    assert not is_free(plan, 3.5, 3.08) and is_free(plan, 3.5, 3.13)
+
+
 def test_what_is_hidden_is_no_wall(tmp_path):
     """Layers that are off or frozen, invisible entities, and paper space."""
     drawing = Drawing()

@@ -302,6 +302,17 @@ def test_scene_graphs_turn_mirror_and_scale(tmp_path, nodes):
     assert_is_the_body(json.dumps(tree), tmp_path / "a.gltf")
 
 
+def sparse_gltf(number):
+    """The body as glTF of which an accessor replaces one of its values (glTF 2.0, 3.6.2.3)."""
+    tree = gltf()
+    tree["accessors"][number]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": 1, "componentType": 5123},
+        "values": {"bufferView": number},
+    }
+    return tree
+
+
 @pytest.mark.parametrize(
     ("tree", "words"),
     [
@@ -311,6 +322,7 @@ def test_scene_graphs_turn_mirror_and_scale(tmp_path, nodes):
         ),
         (gltf(extensionsRequired=["KHR_meshopt_compression"]), "KHR_meshopt_compression"),
         (gltf(mode=6), "triangle fans"),
+        *((sparse_gltf(number), "positions or indices are sparse") for number in (0, 1)),
         (gltf(node={"extensions": {"EXT_mesh_gpu_instancing": {}}}), "EXT_mesh_gpu_instancing"),
     ],
 )

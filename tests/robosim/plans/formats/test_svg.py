@@ -135,6 +135,11 @@ def test_read_svg_draws_a_symbol_where_it_is_used(tmp_path):
         ('<symbol id="s" viewBox="0 0 9 9"><path d="M0 0H9V9Z"/></symbol><use href="#s"/>', "1 symbols or"),
         ('<svg x="200" y="100"><path d="M0 0H50V50Z"/></svg>', "1 symbols or"),
         ("<style>.a,g &gt; text{fill:none}</style>", "style sheet for 'g > text' are not read"),
+        (
+            '<g stroke-dasharray="none" style="stroke-dasharray: 0.5 , 1"/>',
+            "by 1 styles with stroke-dasharray",
+        ),
+        ("<style>.a{fill:none;stroke-dasharray:4}</style>", "by 1 styles with stroke-dasharray"),
     ],
 )
 def test_read_svg_warns_of_what_it_leaves_out(tmp_path, caplog, content, message):
@@ -218,3 +223,13 @@ def test_read_svg_rejects_numbers_that_are_nan(tmp_path, shape):
     with pytest.raises(MapError, match="expected finite numbers") as error:
         read_plan(save(tmp_path, f'<g id="wall"><path d="{ring(OUTER)}"/>{shape}</g>'), unit_m=1.0)
     assert ".svg" in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("rule", ["nonzero", "evenodd"])
+def test_the_middle_of_a_star_is_filled_by_the_nonzero_rule(tmp_path, rule):
+    """SVG 2, 13.4.2: the outline of a pentagram, which crosses itself, winds twice around its middle."""
+    angle = np.pi / 2 + 2 * np.arange(5) * 2 * np.pi / 5
+    star = ring(np.column_stack([1.5 + np.cos(angle), 2 + np.sin(angle)]))
+    plan = read_plan(save(tmp_path, f'<g id="walls">{WALLS}<path fill-rule="{rule}" d="{star}"/></g>'))
+    assert is_free(plan, 1.5, 2.0) == (rule == "evenodd")
+    assert not is_free(plan, 1.5, 2.6) and is_free(plan, 1.5, 1.5)
