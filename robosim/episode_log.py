@@ -73,7 +73,7 @@ class EpisodeLog:
     contacts: list[Contact] | None = None
     """Contacts with people and others who move; None without them."""
     ended: str = "running"
-    """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
+    """Why the episode ended: arrived, another arrived, explored, out of steps, lost, interrupted, terminated."""
     seeks_target: bool = True
     """Whether the target is searched for; an episode of exploration is scored by its coverage."""
     robot: str = "robot"
@@ -126,8 +126,16 @@ class EpisodeLog:
     @property
     def path_length_m(self) -> float:
         """Length of the true path until the robot arrived, or to its end [m]."""
-        legs = np.hypot(*np.diff(np.array(self.poses)[:, :2], axis=0).T)
-        return float(legs[: self.arrived_at].sum())
+        return float(self._legs_m[: self.arrived_at].sum())
+
+    @property
+    def driven_m(self) -> float:
+        """Length of the whole true path, also past the target [m]."""
+        return float(self._legs_m.sum())
+
+    @property
+    def _legs_m(self) -> Float[np.ndarray, " n"]:
+        return np.hypot(*np.diff(np.array(self.poses)[:, :2], axis=0).T)
 
     def result(self) -> dict[str, Any]:
         """Scores of the episode, all but the times the same for the same seed."""
