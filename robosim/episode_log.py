@@ -126,16 +126,8 @@ class EpisodeLog:
     @property
     def path_length_m(self) -> float:
         """Length of the true path until the robot arrived, or to its end [m]."""
-        return float(self._legs_m[: self.arrived_at].sum())
-
-    @property
-    def driven_m(self) -> float:
-        """Length of the whole true path, also past the target [m]."""
-        return float(self._legs_m.sum())
-
-    @property
-    def _legs_m(self) -> Float[np.ndarray, " n"]:
-        return np.hypot(*np.diff(np.array(self.poses)[:, :2], axis=0).T)
+        legs = np.hypot(*np.diff(np.array(self.poses)[:, :2], axis=0).T)
+        return float(legs[: self.arrived_at].sum())
 
     def result(self) -> dict[str, Any]:
         """Scores of the episode, all but the times the same for the same seed."""

@@ -70,6 +70,8 @@ class TeamLog:
         if len(self.robots) == 1:
             return first
         logs = self.robots.values()
+        # To the end: robots that explore go on past the target.
+        legs_m = [np.diff(np.array(log.poses)[:, :2], axis=0) for log in logs]
         contacts = [contact for log in logs for contact in log.contacts or ()]
         # The first bodies that a robot meets are the other robots.
         with_robots = [contact for contact in contacts if contact.body < len(logs) - 1]
@@ -79,7 +81,7 @@ class TeamLog:
             **first,
             "coverage": self.coverage[-1],
             "robots": len(logs),
-            "path_length_all_m": sum(log.driven_m for log in logs),
+            "path_length_all_m": sum(float(np.hypot(*legs.T).sum()) for legs in legs_m),
             "collisions": sum(motion.collided for log in logs for motion in log.motions),
             "overlap": self.overlap[-1],
             "contacts_between_robots": of_robots,

@@ -87,7 +87,7 @@ def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: 
         "coverage": log.coverage or log.first.coverage,
         "overlap": log.overlap,
         "contacts": result.get("contacts_between_robots", 0),
-        "km": sum(robot.driven_m for robot in log.robots.values()) / 1000,
+        "km": result.get("path_length_all_m", result["path_length_m"]) / 1000,
     }
 
 

@@ -159,7 +159,7 @@ def test_team_interrupted_leaves_the_lost_robot_lost(scene) -> None:
 
 
 def test_first_robot_is_the_one_that_arrived_first_also_where_none_seeks_the_target() -> None:
-    """Two robots explore past a target 2 m away and back, in steps of 1 m and of 2 m; driven is all of it."""
+    """Two robots explore past a target 2 m away and back, in steps of 1 m and of 2 m; paths are whole."""
     logs = {}
     for name, step_m in (("robot1", 1.0), ("robot2", 2.0), ("robot3", -1.0)):
         xs = step_m * np.array([0, 1, 2, 1, 0])
