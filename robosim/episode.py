@@ -105,21 +105,23 @@ def run_team(
                 log.add_seen([search.judge.coverage for search in searches.values()])
             if interrupt.is_requested:
                 _end(searches, interrupt.word)
-            if any(search.log.ended != "running" for search in searches.values()):
+            if any(searches[name].log.ended != "running" for name in sensed):
                 break
-            decisions = {}
-            for name in team.next_decision():
+            going, decisions = team.next_decision(), {}
+            for name in searches.keys() - going:
+                searches[name].log.ended = "lost"
+            for name in going:
                 team.deliver(name)
                 decisions[name] = agents[name].decide()
             if all(decision is None for decision in decisions.values()):
-                _end(searches, "explored" if decisions else "lost")
+                _end(searches, "explored")
                 break
             sensed = world.step(
                 {name: searches[name].command(decision, on_step) for name, decision in decisions.items()}
             )
     for name, search in searches.items():
         if search.log.ended == "running":
-            search.log.ended = "another arrived" if name in team.going else "lost"
+            search.log.ended = "another arrived"
         log.maps[name] = search.finish()
     log.sent_bytes = team.exchange.sent_bytes
     log.frames = {name: member.frames.known for name, member in team.members.items() if member.frames}
@@ -163,4 +165,5 @@ class _Search:
 
 def _end(searches: Mapping[str, _Search], word: str) -> None:
     for search in searches.values():
-        search.log.ended = word
+        if search.log.ended != "lost":
+            search.log.ended = word

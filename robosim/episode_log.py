@@ -73,7 +73,7 @@ class EpisodeLog:
     contacts: list[Contact] | None = None
     """Contacts with people and others who move; None without them."""
     ended: str = "running"
-    """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
+    """Why the episode ended: arrived, another arrived, explored, out of steps, lost, interrupted, terminated."""
     seeks_target: bool = True
     """Whether the target is searched for; an episode of exploration is scored by its coverage."""
     robot: str = "robot"

@@ -177,7 +177,7 @@ def _words(value: Any, default: Any, prefix: str) -> list[str]:
         if prefix == "robot." and field.name in _OF_SENSORS:
             option, prefix_here = _OF_SENSORS[field.name], ""
         else:
-            prefix_here = prefix
+            prefix_here = "" if field.name == "robots" else prefix
         if mine is None and field.name == "camera":
             continue  # the robot's name says so
         if hasattr(mine, "__dataclass_fields__"):

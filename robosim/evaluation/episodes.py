@@ -234,7 +234,8 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
         raise KeyboardInterrupt
     seconds = perf_counter() - begin
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
-    timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
+    decisions = sum(robot.steps for robot in team.robots.values())
+    timing = {**log.seconds, "wall": seconds, "decisions_per_s": decisions / loop_s if loop_s else 0.0}
     row = _row(job, team, building, entrants[log.robot].config.simulator.robot)
     head = Head(row=row, seeks_target=log.seeks_target, timing=timing, made_by=job.made_by)
     end = log.poses[-1], log.coverage[-1], team.maps[log.robot], log.times()

@@ -1,6 +1,7 @@
 """Log of a team: the logs of its robots, the floor that they have seen together, and the scores computed from them."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +24,8 @@ class TeamLog:
     maps: dict[str, MapEstimate] = field(default_factory=dict)
     """Last map of each robot, as far as it was reported of the others' maps: continued by them."""
     coverage: list[float] = field(default_factory=list)
-    """Part of the reachable floor that the robots have seen together, after each decision; empty for one robot."""
+    """Part of the floor that a robot or more can reach, which those have seen together, after each decision; empty for
+    one robot."""
     overlap: list[float] = field(default_factory=list)
     """Part of what was seen that several robots have seen, after each decision."""
     sent_bytes: Mapping[str, int] = field(default_factory=dict)
@@ -31,10 +33,10 @@ class TeamLog:
     frames: Mapping[str, Mapping[str, RelativePose]] = field(default_factory=dict)
     """Starts of others relative to that of each robot, as it has estimated them; empty if starts are known."""
 
-    def add_seen(self, coverages: Iterable[Coverage]) -> None:
+    def add_seen(self, coverages: Sequence[Coverage]) -> None:
         """Add what the robots have seen so far."""
         seen = np.sum([coverage.seen for coverage in coverages], axis=0, dtype=np.uint8)
-        region = next(iter(coverages)).region
+        region = np.any([coverage.region for coverage in coverages], axis=0)
         reachable, together, twice = (int(np.count_nonzero(cells)) for cells in (region, seen, seen > 1))
         self.coverage.append(together / max(reachable, 1))
         self.overlap.append(twice / max(together, 1))
@@ -55,9 +57,12 @@ class TeamLog:
 
     @property
     def first(self) -> EpisodeLog:
-        """Log of the robot that arrived, or of the first one if none did."""
-        logs = list(self.robots.values())
-        return next((log for log in logs if log.arrived_at is not None), logs[0])
+        """Log of the robot that arrived first; if none did, of the first one that was not lost."""
+
+        def rank(log: EpisodeLog) -> tuple[float, bool]:
+            return math.inf if log.arrived_at is None else log.arrived_at, log.ended == "lost"
+
+        return min(self.robots.values(), key=rank)
 
     def result(self) -> dict[str, Any]:
         """Scores of the robot that arrived first, or of the only one; with others also those of the team."""
@@ -65,6 +70,8 @@ class TeamLog:
         if len(self.robots) == 1:
             return first
         logs = self.robots.values()
+        # To the end: robots that explore go on past the target.
+        legs_m = [np.diff(np.array(log.poses)[:, :2], axis=0) for log in logs]
         contacts = [contact for log in logs for contact in log.contacts or ()]
         # The first bodies that a robot meets are the other robots.
         with_robots = [contact for contact in contacts if contact.body < len(logs) - 1]
@@ -74,7 +81,7 @@ class TeamLog:
             **first,
             "coverage": self.coverage[-1],
             "robots": len(logs),
-            "path_length_all_m": sum(log.path_length_m for log in logs),
+            "path_length_all_m": sum(float(np.hypot(*legs.T).sum()) for legs in legs_m),
             "collisions": sum(motion.collided for log in logs for motion in log.motions),
             "overlap": self.overlap[-1],
             "contacts_between_robots": of_robots,

@@ -1,6 +1,6 @@
 """Teams that explore: floor that the robots have seen together over time, by their number and by what they exchange.
 
-Robots start next to each other. The floor of a plan is that which the first robot reaches; overlap is the part of the
+Robots start next to each other. The floor of a plan is that which the robots reach; overlap is the part of the
 seen floor that several robots have seen when the team has seen `SHARE` of it.
 """
 
@@ -87,7 +87,7 @@ def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: 
         "coverage": log.coverage or log.first.coverage,
         "overlap": log.overlap,
         "contacts": result.get("contacts_between_robots", 0),
-        "km": sum(robot.path_length_m for robot in log.robots.values()) / 1000,
+        "km": result.get("path_length_all_m", result["path_length_m"]) / 1000,
     }
 
 

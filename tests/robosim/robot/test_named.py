@@ -25,6 +25,7 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.files import write_json
 from robosim.support.parts import to_dict
 from robosim.support.reading import FileError
+from robosim.team.team_config import TeamConfig
 from slam.poses import between
 
 START = np.array([2.0, 2.0, 0.3])
@@ -137,3 +138,9 @@ def test_options_of_a_robot_with_sensors_are_in_the_settings() -> None:
     options = command_options(EpisodeConfig().of_robot(TURTLEBOT3_BURGER))
     assert options.startswith("--config settings.json ") and "--lidar lds-01" in options
     assert "outline" not in options and "sensors" not in options
+
+
+def test_options_of_a_team_are_those_of_the_command_line() -> None:
+    team = TeamConfig(robots="jackal,turtlebot4", exchange="none", lose=("1@5", "2@7"))
+    options = command_options(EpisodeConfig(team=team))
+    assert options == "--robots jackal,turtlebot4 --team.exchange none --team.lose 1@5 2@7"

@@ -3,10 +3,12 @@
 import json
 from dataclasses import replace
 from shutil import copytree
+from signal import SIGTERM, raise_signal
 
 import numpy as np
 import pytest
 
+from robosim.agent import Agent
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.entrants import Entrant, make_entrants, starts_near
@@ -16,9 +18,11 @@ from robosim.episode_log import EpisodeLog
 from robosim.movers.movers import Contact, MoversConfig
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.recording.episode_file import robots_of_team
+from robosim.robot.motion import Motion
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from robosim.step import Step
+from robosim.task.coverage import Coverage
 from robosim.task.tasks import Task
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_log import TeamLog
@@ -127,6 +131,64 @@ def test_team_of_lost_robots_ends(scene) -> None:
     config = replace(_CONFIG, team=TeamConfig(robots="2", lose=("1@5", "2@7")))
     team = _run(scene, config)
     assert [log.ended for log in team.robots.values()] == ["lost", "lost"]
+
+
+def test_team_robot_stays_lost_when_the_others_have_explored_all(scene, monkeypatch) -> None:
+    """The result is that of a robot that went on, not of the first one, which was lost after two steps."""
+    decide, calls = Agent.decide, iter(range(100))
+    monkeypatch.setattr(Agent, "decide", lambda self: decide(self) if next(calls) < 7 else None)
+    config = replace(_CONFIG, team=TeamConfig(robots="2", exchange="none", lose=("1@2",)))
+    team = _run(scene, config)
+    assert {name: (log.ended, log.steps) for name, log in team.robots.items()} == {
+        "robot1": ("lost", 2),
+        "robot2": ("explored", 5),
+    }
+    assert (team.result()["ended"], team.result()["steps"]) == ("explored", 5)
+
+
+def test_team_interrupted_leaves_the_lost_robot_lost(scene) -> None:
+    def interrupt(log: EpisodeLog, step: Step) -> None:
+        if log.robot == "robot2" and step.number == 3:
+            raise_signal(SIGTERM)
+
+    building, places = scene
+    config = replace(_CONFIG, team=TeamConfig(robots="2", exchange="none", lose=("1@2",)))
+    team = run_team(building, make_entrants(building, places, _TASK, config), interrupt)
+    assert [log.ended for log in team.robots.values()] == ["lost", "terminated"]
+    assert team.first.robot == "robot2"
+
+
+def test_first_robot_is_the_one_that_arrived_first_also_where_none_seeks_the_target() -> None:
+    """Two robots explore past a target 2 m away and back, in steps of 1 m and of 2 m; paths are whole."""
+    logs = {}
+    for name, step_m in (("robot1", 1.0), ("robot2", 2.0), ("robot3", -1.0)):
+        xs = step_m * np.array([0, 1, 2, 1, 0])
+        poses = [np.array([x, 0.0, 0.0]) for x in xs]
+        task = Task(np.zeros(3), np.array([2.0, 0.0]), 1.0)
+        motions = [Motion(pose=np.zeros(3), collided=False, duration_s=1.0)] * 4
+        logs[name] = EpisodeLog(
+            task, poses=poses, estimates=poses, motions=motions, coverage=[0.5] * 5, robot=name
+        )
+    team = TeamLog(logs, coverage=[0.5], overlap=[0.5])
+    assert team.first.robot == "robot2"
+    assert team.result()["arrived_at_step"] == 1
+    assert team.result()["path_length_all_m"] == 4 + 8 + 4
+
+
+def test_coverage_of_a_team_counts_what_any_of_unequal_hulls_reaches() -> None:
+    """A wide robot reaches the first room only; all seen is 1 in either order, and overlap that room."""
+    plan = _plan()
+    everywhere, first_room = plan.free, plan.free.copy()
+    first_room[:, 82:] = False
+    coverages = [Coverage(plan, region, 1.5) for region in (first_room, everywhere)]
+    for order in (coverages, coverages[::-1]):
+        team = TeamLog({})
+        team.add_seen(order)
+        for coverage in order:
+            coverage._unseen[:] = False
+        team.add_seen(order)
+        assert team.coverage[-1] == 1.0
+        assert team.overlap[-1] == first_room.sum() / everywhere.sum()
 
 
 def test_robots_are_lost_by_their_order_whatever_their_names(scene) -> None:
