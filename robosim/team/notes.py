@@ -75,11 +75,8 @@ class Notebook:
             note for notes in self._notes.values() for topic, note in notes.items() if topic.author == author
         ]
 
-    def news_for(self, other: "Notebook", subject: str, most_bytes: float) -> Iterator[Note]:
-        """Notes of which another robot has no edition, or an earlier one, as many as fit."""
+    def news_for(self, other: "Notebook", subject: str) -> Iterator[Note]:
+        """Notes of which another robot has no edition, or an earlier one."""
         for topic, note in self._notes[subject].items():
             if topic.author != other.owner and other.edition(topic) < note.edition:
-                most_bytes -= note.size
-                if most_bytes < 0:
-                    return
                 yield note

@@ -64,7 +64,7 @@ class Team:
         self.going = [
             name for name in self.going if not self._config.is_lost(self._in_order[name], self._decision)
         ]
-        self.exchange.begin(self._decision)
+        self.exchange.begin(self._decision, self.going)
         return self.going
 
     def deliver(self, name: str) -> None:

@@ -8,7 +8,7 @@ Left out: bodies of other robots in the paths, interference between pairs, near 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import combinations
 
@@ -49,10 +49,10 @@ class TeamRadio:
         """Last measurements of each robot by the one that sent, of which azimuths are in the frame of the robot; none
         of robots that were not received."""
 
-    def measure(self) -> None:
-        """Trace and sound all links at the true places of the robots."""
+    def measure(self, going: Collection[str]) -> None:
+        """Trace and sound all links between robots that are going, at their true places."""
         self.measured = {name: {} for name in self._robots}
-        for pair in self._snr_db:
+        for pair in combinations(going, 2):
             for sender, receiver in (pair[::-1], pair):
                 self._sound(sender, receiver)
             paths = self._link.paths

@@ -42,7 +42,7 @@ def _decide(member: Member, own_map: MapEstimate) -> MapEstimate:
 
 def _send(sender: Member, receiver: Member) -> None:
     for subject in ("status", "measurement", "tile"):
-        for note in list(sender.notes.news_for(receiver.notes, subject, np.inf)):
+        for note in sender.notes.news_for(receiver.notes, subject):
             receiver.receive(note)
 
 

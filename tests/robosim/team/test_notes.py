@@ -5,8 +5,8 @@ import numpy as np
 from robosim.team.notes import Notebook
 
 
-def _pass_on(sender: Notebook, receiver: Notebook, most_bytes: float = np.inf, subject: str = "tile") -> int:
-    notes = list(sender.news_for(receiver, subject, most_bytes))
+def _pass_on(sender: Notebook, receiver: Notebook) -> int:
+    notes = list(sender.news_for(receiver, "tile"))
     for note in notes:
         receiver.receive(note)
     return len(notes)
@@ -17,7 +17,7 @@ def test_notebook_content_is_a_copy() -> None:
     values = np.arange(5)
     author.write("tile", values)
     values[:] = 0
-    (note,) = author.news_for(reader, "tile", np.inf)
+    (note,) = author.news_for(reader, "tile")
     assert note.read().tolist() == [0, 1, 2, 3, 4]
 
 
@@ -28,7 +28,7 @@ def test_notebook_later_edition_replaces_earlier() -> None:
     assert _pass_on(author, reader) == 0
     author.write("tile", "second", (1, 2))
     assert _pass_on(author, reader) == 1
-    (note,) = reader.news_for(Notebook("c"), "tile", np.inf)
+    (note,) = reader.news_for(Notebook("c"), "tile")
     assert (note.read(), note.edition) == ("second", 2)
 
 
@@ -40,12 +40,3 @@ def test_notebook_passes_on_notes_of_others_but_not_to_their_author() -> None:
     assert _pass_on(b, c) == 1
     # It has it from b already.
     assert _pass_on(a, c) == 0
-
-
-def test_notebook_sends_no_more_than_fits() -> None:
-    author, reader = Notebook("a"), Notebook("b")
-    for k in range(4):
-        author.write("tile", np.random.default_rng(k).bytes(1000), (k,))
-    size = next(author.news_for(reader, "tile", np.inf)).size
-    assert _pass_on(author, reader, 2.5 * size) == 2
-    assert _pass_on(author, reader) == 2
