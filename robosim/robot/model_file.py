@@ -1,19 +1,18 @@
 """Robots from descriptions in URDF and MJCF.
 
 MuJoCo reads both (`robosim.robot.description`). x points ahead and z upwards, in the robot's own frame where a file
-turns it around z in the world. The wheels are the hinges around y whose
-bodies are round and reach down to the floor, one on each side (`robosim.robot.driven_wheels`); where there are more of
-the same size, such as of a skid-steered base, the robot turns on an axle in their middle. The hull is the convex
-outline of all that collides, from above: a disk, if it is one to 2 %. The mass is the sum of what the file states.
+turns it around z in the world. The wheels are the hinges around y whose bodies are round and reach down to the floor,
+one on each side (`robosim.robot.driven_wheels`); where there are more of the same size, such as of a skid-steered base,
+the robot turns on an axle in their middle. The hull is the convex outline of all that collides, from above: a disk, if
+it is one to 2 %. The mass is the sum of what the file states.
 `robosim.robot.described_sensors` lists what counts as a camera or lidar. What a description does not state is listed
 in a warning: speeds, and what kind of sensors there are.
 
 A robot with one wheel on each side and its centre of mass between them is simulated with its own masses, inertias and
-wheels (`attach_model`). Contacts are
-those of `robosim.robot.body`: wheels are spheres, a sphere before and one behind stands for all casters, and walls meet
-the outline. Inertias that violate A + B >= C are balanced. Other joints are fixed, whatever their limits: what hangs on
-them counts by mass and outline. Left out: steered, mecanum and omnidirectional wheels, which are errors; xacro, which
-must be expanded; bodies of MJCF that do not hang on the robot.
+wheels (`attach_model`). Contacts are those of `robosim.robot.body`: wheels are spheres, a sphere before and one behind
+stands for all casters, and walls meet the outline. Inertias that violate A + B >= C are balanced. Other joints are
+fixed, whatever their limits: what hangs on them counts by mass and outline. Left out: steered, mecanum and
+omnidirectional wheels, which are errors; xacro, which must be expanded; bodies of MJCF that do not hang on the robot.
 """
 
 import logging
