@@ -117,9 +117,9 @@ def _camera(folder: Path) -> CameraConfig:
         return CameraConfig(**check_object(camera or {}))
 
 
-def _mean_rates(moved: Float[np.ndarray, "3"], duration_s: float) -> Float[np.ndarray, "3"]:
+def _mean_rates(displacement: Float[np.ndarray, "3"], duration_s: float) -> Float[np.ndarray, "3"]:
     """Constant velocities [m/s], [m/s], [rad/s] in the robot's frame that give a displacement; zero in no time."""
-    x, y, turn = moved
+    x, y, turn = displacement
     half = turn / 2
     stretch = half / math.tan(half) if half else 1.0
     return np.array([stretch * x + half * y, stretch * y - half * x, turn]) / (duration_s or math.inf)
@@ -142,9 +142,9 @@ class _Messages:
         self, episode: RecordedEpisode, times: Float[np.ndarray, " m"], camera: CameraConfig
     ) -> Iterator[tuple[str, float, Any]]:
         """Topics, times [s] and messages."""
-        moved = episode.columns["odometry"][1:]
-        odometry = list(accumulate(moved, compose, initial=np.zeros(3)))
-        rates = [np.zeros(3), *map(_mean_rates, moved, np.diff(times))]
+        displacements = episode.columns["odometry"][1:]
+        odometry = list(accumulate(displacements, compose, initial=np.zeros(3)))
+        rates = [np.zeros(3), *map(_mean_rates, displacements, np.diff(times))]
         place = self._pose((camera.ahead_m, 0.0, camera.height_m), _OPTICAL)
         yield "/tf_static", 0.0, self._tf(0.0, "base_link", "camera", place)
         map_: Layer | None = None

@@ -54,7 +54,7 @@ class Exchange:
         if self._config.exchange == "perfect":
             return
         for pair, left in self._bytes_left.items():
-            # Time that was not used is lost, unless a note is on its way.
+            # Time that was not used is lost, unless a part of a note was sent in it.
             carried = left if pair in self._waiting else 0.0
             granted = self._radio.rate_bps(pair) * self._config.airtime * _DECISION_S / 8
             self._bytes_left[pair] = carried + granted

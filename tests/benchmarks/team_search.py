@@ -115,7 +115,7 @@ def search(
     building, places = scene(Path(plan), reader, config.building, hull_m)
     entrants = make_entrants(building, places, task_of(places, task), config)
     gc.collect()
-    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory counts anew, by proc(5)
+    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory starts again, by proc(5)
     before_mb, begin = resident_mb("VmRSS"), time.process_time()
     team = run_team(building, entrants)
     seconds = time.process_time() - begin

@@ -111,8 +111,8 @@ def test_velocities_of_odometry_lead_from_one_pose_to_the_next(messages):
         linear, w = each.twist.twist.linear, each.twist.twist.angular.z
         rates = np.array([[0, -w, linear.x], [w, 0, linear.y], [0, 0, 0]])
         end = expm(rates * (times[k] - times[k - 1] if k else 1.0))
-        moved = between(poses[max(k - 1, 0)], poses[k])
-        assert [*end[:2, 2], np.arctan2(end[1, 0], end[0, 0])] == pytest.approx(moved, abs=1e-6)
+        displacements = between(poses[max(k - 1, 0)], poses[k])
+        assert [*end[:2, 2], np.arctan2(end[1, 0], end[0, 0])] == pytest.approx(displacements, abs=1e-6)
     assert max(abs(each.twist.twist.linear.x) for each in odometry) > 0.1
 
 
