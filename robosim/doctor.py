@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -69,7 +69,7 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Run all checks; none of them raises."""
-    systems = {system: _system(system) for system in SYSTEM_NAMES}
+    systems = _systems()
     fits = (3, 11) <= sys.version_info[:2] < (3, 15)
     return [
         Finding("python", fits, platform.python_version(), "" if fits else "use Python 3.11 to 3.14"),
@@ -123,6 +123,18 @@ def _check(
         trouble = error.trouble if isinstance(error, OpenGLError) else said[0]
         return Finding(component, False, trouble, remedy(error, module), needed)
     return outcome if isinstance(outcome, Finding) else Finding(component, True, outcome, needed=needed)
+
+
+def _systems() -> dict[GLSystem, Finding]:
+    """Whether pyrender draws on each OpenGL system; one that is not installed is not needed if another draws."""
+    findings = {system: _system(system) for system in SYSTEM_NAMES}
+    drawing = [SYSTEM_NAMES[system] for system, finding in findings.items() if finding.works]
+    return {
+        system: replace(finding, fix=f"nothing: {drawing[0]} draws")
+        if drawing and missing(system)
+        else finding
+        for system, finding in findings.items()
+    }
 
 
 def _system(system: GLSystem) -> Finding:

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from robosim import doctor
 from robosim.camera.rendering.gl_systems import INSTALL, OpenGLError
-from robosim.doctor import Finding, _camera, _check, _system, remedy, report
+from robosim.doctor import Finding, _camera, _check, _system, _systems, remedy, report
 from robosim.support.installation import EXTRAS, install_command
 
 
@@ -129,6 +129,18 @@ def test_the_system_that_is_used_and_why(monkeypatch, setting, default, osmesa, 
     assert finding.works == (fix == "")
     assert expected in finding.detail
     assert finding.fix == fix
+
+
+@pytest.mark.parametrize(("egl", "expected"), [(DRAWS, "nothing: EGL draws"), (FAILS, INSTALL["osmesa"])])
+def test_a_system_that_is_not_installed_is_not_needed_if_another_draws(monkeypatch, egl, expected):
+    lack = OpenGLError("OSMesa is not installed.", INSTALL["osmesa"])
+    monkeypatch.setattr(doctor, "missing", {"osmesa": lack, "egl": None}.get)
+    monkeypatch.setattr(
+        doctor, "_system", {"osmesa": Finding("", False, lack.trouble, lack.remedy), "egl": egl}.get
+    )
+    findings = _systems()
+    assert findings["osmesa"].fix == expected
+    assert findings["egl"] is egl
 
 
 def test_no_system_to_use(monkeypatch):
