@@ -176,8 +176,7 @@ class Searches:
         if requested is None:
             # Nothing is drawn from a single plan, so that its random numbers do not depend on this.
             return int(rng.integers(count)) if count > 1 else 0
-        if np.ndim(requested) or isinstance(requested, bool) or requested not in range(count):
-            raise ValueError(f"Reset option plan is {requested}, expected a number of 0 to {count - 1}.")
+        check_number("Reset option plan", requested, 0, count - 1, whole=True)
         return int(requested)
 
     def _enter(self, plan: FloorPlan) -> Place:

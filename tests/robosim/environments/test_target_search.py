@@ -231,9 +231,9 @@ def test_senseless_settings_are_rejected(options, message, monkeypatch):
     ("options", "message"),
     [
         ({"goal": 1}, "goal"),
-        ({"plan": 3}, "plan is 3, expected a number of 0 to 0"),
-        ({"plan": np.array([0, 0])}, r"plan is \[0 0\], expected a number of 0 to 0"),
-        ({"plan": False}, "plan is False, expected a number"),
+        ({"plan": 3}, "plan is 3, expected a whole number from 0 to 0"),
+        ({"plan": np.array([0, 0])}, r"plan is \[0 0\], expected a whole number from 0 to 0"),
+        ({"plan": False}, "plan is False, expected a whole number"),
         ({"difficulty": -1}, r"difficulty is -1\.0, expected 0 to 1"),
         ({"difficulty": np.nan}, "difficulty is nan"),
     ],
