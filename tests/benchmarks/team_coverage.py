@@ -1,10 +1,13 @@
 """Teams that explore: floor that the robots have seen together over time, by their number and by what they exchange.
 
 Robots start next to each other. The floor of a plan is that which the robots reach; overlap is the part of the
-seen floor that several robots have seen when the team has seen `SHARE` of it.
+seen floor that several robots have seen when the team has seen `SHARE` of it, where it stops.
 """
 
+from collections.abc import Sequence
+from signal import SIGTERM, raise_signal
 from typing import Any
+from unittest.mock import patch
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,10 +19,14 @@ from robosim.building.reach import reach
 from robosim.entrants import make_entrants
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
+from robosim.episode_log import EpisodeLog
 from robosim.plans.files import find_plans, read_plan
 from robosim.simulator import SimulatorConfig
+from robosim.step import Step
+from robosim.task.coverage import Coverage
 from robosim.task.tasks import make_task
 from robosim.team.team_config import ExchangeName, TeamConfig
+from robosim.team.team_log import TeamLog
 from tests.benchmarks.harness import DEFAULT, Options, run_units
 from tests.benchmarks.results import Results
 
@@ -33,7 +40,7 @@ def main(
     *,
     sizes: tuple[int, ...] = (1, 2, 4, 8),
     exchanges: tuple[ExchangeName, ...] = ("perfect", "radio", "none"),
-    max_steps: int = 3000,
+    max_steps: int = 6000,
     options: OmitArgPrefixes[Options] = DEFAULT,
 ) -> Results:
     """Decisions until teams have seen 90 % of a floor over those of one robot, overlap, contacts; curves.
@@ -81,7 +88,8 @@ def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: 
     )
     places = reach(building, *config.simulator.robot.hull_m)
     task = make_task(places, np.random.default_rng(seed))
-    log = run_team(building, make_entrants(building, places, task, config))
+    with patch.object(TeamLog, "add_seen", _add_seen):
+        log = run_team(building, make_entrants(building, places, task, config), _on_step)
     result = log.result()
     return {
         "coverage": log.coverage or log.first.coverage,
@@ -89,6 +97,22 @@ def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: 
         "contacts": result.get("contacts_between_robots", 0),
         "km": result.get("path_length_all_m", result["path_length_m"]) / 1000,
     }
+
+
+_add_to_log = TeamLog.add_seen
+
+
+def _add_seen(log: TeamLog, coverages: Sequence[Coverage]) -> None:
+    """Add what a team has seen, and end its episode if that is enough."""
+    _add_to_log(log, coverages)
+    if log.coverage[-1] >= SHARE:
+        raise_signal(SIGTERM)
+
+
+def _on_step(log: EpisodeLog, step: Step) -> None:
+    """End the episode of a robot that has seen enough."""
+    if log.coverage[-1] >= SHARE:
+        raise_signal(SIGTERM)
 
 
 def until(curve: dict[str, Any]) -> int | None:
@@ -99,7 +123,7 @@ def until(curve: dict[str, Any]) -> int | None:
 
 def _add(results: Results, table: str, row: str, curve: dict[str, Any], alone: dict[str, Any]) -> None:
     steps, reference = until(curve), until(alone)
-    results.add(table, row, "seen at the end", 100 * curve["coverage"][-1], "%", digits=0)
+    results.add(table, row, "seen", 100 * curve["coverage"][-1], "%", digits=0)
     if steps is not None:
         results.add(table, row, "decisions", steps, digits=0)
         if reference:
