@@ -352,12 +352,13 @@ def test_the_list_names_all_benchmarks(capsys):
 
 def test_team_coverage(pair, options):
     """Two robots see two rooms sooner than one does, and what both saw is a part of it."""
-    results = team_coverage.main((pair,), sizes=(2,), exchanges=("perfect",), max_steps=200, options=options)
+    exchanges = ("perfect", "none")
+    results = team_coverage.main((pair,), sizes=(2,), exchanges=exchanges, max_steps=200, options=options)
     rows = results.tables()["pair"][1:]
-    assert [row[0] for row in rows] == ["1 robot", "2 robots, perfect"]
-    decisions = column(results, "pair", "decisions")
-    assert 0 < decisions["2 robots, perfect"] <= decisions["1 robot"]
-    assert 0 <= column(results, "pair", "overlap")["2 robots, perfect"] <= 100
+    assert [row[0] for row in rows] == ["1 robot", "2 robots, perfect", "2 robots, none"]
+    decisions, overlap = column(results, "pair", "decisions"), column(results, "pair", "overlap")
+    assert 0 < decisions["2 robots, perfect"] <= decisions["1 robot"] < 200
+    assert 0 <= overlap["2 robots, perfect"] <= overlap["2 robots, none"] <= 100
 
 
 def test_team_search(pair, options, tmp_path):
