@@ -39,21 +39,30 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo quick gates lint test coverage docs linkcheck faults fuzz bench bench-compare install python system system-all dist fresh fresh-wheel fresh-container clean
+.PHONY: demo quick gates types-and-loops types loops lint test coverage docs linkcheck faults fuzz bench bench-compare install python system system-all dist fresh fresh-wheel fresh-container clean
 
 demo: install
 	$(BIN)/robosim warm-up --episode
 	$(BIN)/robosim episode office --seed 2 --out $(OUT)
 	@echo "Replay it in a browser: $(BIN)/robosim live $(OUT)"
 
-test: gates
+test: types-and-loops
 	$(BIN)/pytest -n auto --dist worksteal
 
-quick: gates
+quick: types-and-loops
 	$(BIN)/pytest -n auto --dist worksteal -m "not slow"
 
-gates: lint
+gates: lint types
+
+# All loops are compiled while mypy checks types: tests would wait for each other's.
+types-and-loops: lint
+	@$(MAKE) --no-print-directory -j2 types loops
+
+types:
 	$(BIN)/mypy
+
+loops:
+	$(BIN)/robosim warm-up
 
 lint: $(VENV)/.test-installed
 	$(BIN)/ruff check .

@@ -12,11 +12,9 @@ from pathlib import Path
 # for bytecode under another name, so libraries imported by it would be compiled again in each process.
 import matplotlib.pyplot  # noqa: F401
 import numba  # noqa: F401
-import numpy as np
 import pytest
 import scipy.optimize  # noqa: F401
 import torch  # noqa: F401
-import trimesh
 from slow_tests import mark_slow
 from typecheck import check_all_again
 
@@ -46,16 +44,6 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("needs the real floor plans in ../shared, which are not part of this project")
     return SHARED
-
-
-@pytest.fixture(scope="session", autouse=True)
-def loops_for_any_mesh() -> None:
-    """On a new machine two processes that run tests compile side by side: one what its tests need, the other this."""
-    if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
-        from wireless import Tracer, TracerConfig
-
-        box = Tracer(trimesh.creation.box((8, 6, 3)), config=TracerConfig(scene="space"))
-        box.trace(np.zeros((1, 3)), np.ones((1, 3)), workers=1)
 
 
 @pytest.fixture(autouse=True)

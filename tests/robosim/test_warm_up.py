@@ -3,7 +3,7 @@
 import gc
 import importlib
 import logging
-import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -22,8 +22,10 @@ LEFT_OUT = {
     "wireless.tracing.reweighed.reweigh",
 }
 
-#: A short episode.
+#: Versions of loops that are in memory after the warm-up, and after a short episode.
 CODE = """
+import sys
+
 import numpy as np
 
 from robosim.building.building import make_building
@@ -31,29 +33,37 @@ from robosim.building.reach import reach
 from robosim.episode import run_episode
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.files import read_plan
+from robosim.support.compiled import Loop
 from robosim.task.tasks import make_task
+from robosim.warm_up import call_loops
 
+
+def versions():
+    loops = {value for module in list(sys.modules.values()) for value in vars(module).values() if type(value) is Loop}
+    return {(loop.__module__, loop.__name__, str(types)) for loop in loops for types in loop.dispatcher.signatures}
+
+
+for half in range(2):
+    call_loops(half, episode=True)
+before = versions()
 config = EpisodeConfig(seed=2, max_steps=12, goal="fused")
 building = make_building(read_plan("cottage"))
 places = reach(building, 0.1, config.simulator.robot.height_m)
 run_episode(building, places, make_task(places, np.random.default_rng(2)), config)
+print(len(before), sorted(versions() - before))
 """
 
 
-def run(command: list[str], folder: Path) -> subprocess.CompletedProcess:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
-    return subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True)
+def run(command: list[str]) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *command], capture_output=True, text=True)
 
 
-def test_an_episode_compiles_nothing_after_the_warm_up(tmp_path):
-    """Without it, the episode says that it compiles. Both have the same results (see the tests of episodes)."""
-    done = run(["-m", "robosim", "warm-up", "--episode"], tmp_path)
-    assert done.returncode == 0 and "Compiled" in done.stdout, done.stderr
-    files = set(tmp_path.rglob("*.nbc"))
-    assert len(files) > 100
-    assert "robosim warm-up" not in run(["-c", CODE], tmp_path).stderr
-    assert set(tmp_path.rglob("*.nbc")) == files
-    assert "All loops were compiled before" in run(["-m", "robosim", "warm-up", "--episode"], tmp_path).stdout
+def test_an_episode_compiles_nothing_after_the_warm_up():
+    """An episode calls loops with no types of arguments that the warm-up has not called them with."""
+    done = run(["-c", CODE])
+    count, new = done.stdout.split(maxsplit=1)
+    assert int(count) > 20, done.stderr
+    assert new == "[]\n"
 
 
 def all_loops() -> set[Loop]:
@@ -93,10 +103,17 @@ def test_warm_up_reaches_every_loop(monkeypatch):
     assert missing == LEFT_OUT
 
 
+def test_the_second_warm_up_compiles_nothing():
+    """And both say so."""
+    for printed in ("Compiled|All loops were compiled before", "All loops were compiled before"):
+        assert re.search(printed, run(["-m", "robosim", "warm-up", "--episode"]).stdout)
+
+
 def test_without_a_cache_folder_it_is_an_error(tmp_path, monkeypatch):
     """The message names the remedy."""
     (tmp_path / "robosim").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    done = run(["-m", "robosim", "warm-up"], tmp_path)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    done = run(["-m", "robosim", "warm-up"])
     assert done.returncode == 2
     assert "Set NUMBA_CACHE_DIR to a writable folder" in " ".join(done.stderr.split())
