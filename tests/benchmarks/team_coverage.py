@@ -77,7 +77,7 @@ def main(
 
 
 def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: int) -> dict[str, Any]:
-    """Curves of coverage and overlap of a team that explores, its contacts and kilometres."""
+    """Coverage over time of robots that explore; of a team also overlap and contacts at the end, and kilometres."""
     building = make_building(read_plan(plan))
     config = EpisodeConfig(
         goal="explore",
@@ -95,7 +95,7 @@ def explore(plan: str, size: int, exchange: ExchangeName, max_steps: int, seed: 
         "coverage": log.coverage or log.first.coverage,
         "overlap": result.get("overlap", 0.0),
         "contacts": result.get("contacts_between_robots", 0),
-        "km": result.get("path_length_all_m", result["path_length_m"]) / 1000,
+        "km": result.get("path_length_all_m", 0.0) / 1000,
     }
 
 
@@ -129,7 +129,6 @@ def _add_rows(
         took, reached = decisions(cases), np.mean([curve["coverage"][-1] >= SHARE for curve in cases])
         results.add(table, row, f"saw {SHARE:.0%}", 100 * reached, "% of starts", digits=0, cases=len(cases))
         results.add(table, row, "decisions", took.mean(), digits=0)
-        results.add(table, row, "driven", sum(curve["km"] for curve in cases), "km", digits=2)
         if size == 1:
             continue
         mean, *ends = np.exp(bootstrap(by_plan(np.log(took / alone)[:, None], plans), None))
@@ -139,6 +138,7 @@ def _add_rows(
         if exchange != "none" and overlap.get((size, "none")):
             ratio = overlap[size, exchange] / overlap[size, "none"]
             results.add(table, row, "over none", ratio, digits=2, bar=OVERLAP)
+        results.add(table, row, "driven", sum(curve["km"] for curve in cases), "km", digits=2)
         results.add(table, row, "contacts", sum(curve["contacts"] for curve in cases), digits=0)
 
 
