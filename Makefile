@@ -72,7 +72,7 @@ lint: $(VENV)/.test-installed
 
 # Warnings are errors. `make test` runs the code blocks of the pages.
 docs: $(VENV)/.docs-installed
-	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+	$(BIN)/sphinx-build -j auto -W --keep-going -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
 linkcheck: $(VENV)/.docs-installed

@@ -105,6 +105,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "plot_gallery": os.environ.get("GALLERY", "1") != "0",
     "abort_on_example_error": True,
+    "parallel": True,  # as many processes as Sphinx has
     "download_all_examples": False,
     "first_notebook_cell": "# In a new environment: %pip install robosim-wireless",
     "remove_config_comments": True,

@@ -180,7 +180,7 @@ def _connect(address: str) -> Any:
     except ImportError as error:
         raise ValueError(f"--cluster needs dask. Install it with `{install_command('cluster')}`.") from error
     try:
-        return Client(address, timeout="20s")
+        return Client(address)
     except (OSError, ValueError) as error:
         raise ValueError(f"cluster is {address!r}, where no dask scheduler answers ({error}).") from error
 

@@ -18,6 +18,7 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.workers import Workers
 from tests.plans import two_rooms
 
+dask = pytest.importorskip("dask", reason="needs the extra cluster")
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 
 
@@ -124,6 +125,7 @@ def test_a_lost_scheduler_is_an_error_of_one_line(cluster):
     """With its address; finished calls have been handed over."""
     done = []
     with (
+        dask.config.set({"distributed.comm.timeouts.connect": "2s"}),
         pytest.raises(
             ChildProcessError, match=r"the dask scheduler at tcp.* does not answer \(.*same command"
         ),
