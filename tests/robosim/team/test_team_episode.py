@@ -249,6 +249,16 @@ def test_team_mapper_is_given_places_of_others_that_report_them(
     assert list(has_places.values())[-1] == knows
 
 
+@pytest.mark.parametrize("apart_m", [0.0, 0.19])
+def test_run_team_rejects_robots_that_start_in_each_other(scene, apart_m: float) -> None:
+    building, places = scene
+    entrants = make_entrants(building, places, _TASK, _CONFIG)
+    start = _TASK.start + np.array([0.0, apart_m, 0.0])
+    entrants["robot2"] = entrants["robot1"]._replace(task=replace(_TASK, start=start))
+    with pytest.raises(ValueError, match=f"robot2 starts {apart_m:.2f} m from robot1, expected 0.20 m"):
+        run_team(building, entrants)
+
+
 def test_starts_near_have_room_for_unequal_hulls(scene) -> None:
     building, places = scene
     wide = reach(building, 0.3, 0.5)
