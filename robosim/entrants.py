@@ -1,5 +1,6 @@
 """Tasks and configurations of the robots of an episode; those of a team start close together."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -17,6 +18,8 @@ from robosim.world import ROBOT
 
 #: Space between the hulls of two robots at their starts [m].
 _GAP_M = 0.3
+#: Least distance from the target at which a robot has not arrived [m].
+_FARTHER_M = math.nextafter(ARRIVAL_M, math.inf)
 
 
 class Entrant(NamedTuple):
@@ -65,26 +68,30 @@ def tasks_near(task: Task, reaches: Sequence[Reach]) -> list[Task]:
     """
     to_target_m = cache(lambda places: places.travel_m(task.target))
     tasks = [task]
-    for start, places in zip(starts_near(task.start, reaches)[1:], reaches[1:], strict=True):
+    for start, places in zip(starts_near(task, reaches)[1:], reaches[1:], strict=True):
         shortest_m = places.remaining_m(to_target_m(places), start[:2]) - ARRIVAL_M
         tasks.append(replace(task, start=start, shortest_m=max(shortest_m, 0.0)))
     return tasks
 
 
-def starts_near(start: Float[np.ndarray, "3"], reaches: Sequence[Reach]) -> list[Float[np.ndarray, "3"]]:
+def starts_near(task: Task, reaches: Sequence[Reach]) -> list[Float[np.ndarray, "3"]]:
     """Starts of several robots: that of the first, and the nearest places with room for the hulls of the others.
+
+    No other robot starts where it has arrived.
 
     Raises:
         MapError: If there is no room for so many.
     """
+    start = task.start
     from_start_m = cache(lambda places: places.travel_m(start[:2]))
     starts = [start]
     for places in reaches[1:]:
         travel_m = from_start_m(places)
         is_free = np.isfinite(travel_m) & places.roomy
-        for other, room in zip(starts, reaches, strict=False):
-            apart_m = np.hypot(*(places.plan.centres(is_free) - other[:2]).T)
-            is_free[is_free] = apart_m >= places.hull.turning_m + room.hull.turning_m + _GAP_M
+        gaps_m = [places.hull.turning_m + room.hull.turning_m + _GAP_M for room in reaches[: len(starts)]]
+        for place, gap_m in zip((task.target, *starts), (_FARTHER_M, *gaps_m), strict=True):
+            apart_m = np.hypot(*(places.plan.centres(is_free) - place[:2]).T)
+            is_free[is_free] = apart_m >= gap_m
         if not is_free.any():
             raise MapError(
                 f"{places.plan.name}: there is room for {len(starts)} of {len(reaches)} robots at the start "

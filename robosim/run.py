@@ -1,5 +1,7 @@
 """Run of an episode with a progress display and output files."""
 
+import hashlib
+import json
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -33,7 +35,7 @@ from robosim.support.parts import part_name, to_dict
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.task.tasks import Anchor, make_task, with_anchors
+from robosim.task.tasks import Anchor, Task, make_task, with_anchors
 from robosim.team.team_log import TeamLog
 from slam.grid import MapEstimate
 
@@ -133,17 +135,25 @@ def record_episode(
         with noted_interrupt("writing the files"):
             about = {"plan": plan.name, "goal": part_name(config.goal), "seed": config.seed}
             about |= {} if alone else {"robots": len(entrants)}
+            run = _run_digest(plan, task, config)
             for name, folder in folders.items():
                 folder.mkdir(exist_ok=True)
-                _write_robot(folder, building, team.robots[name], team.maps[name], about, steps[name])
+                head = about if alone else {**about, "run": run, "robot": name}
+                _write_robot(folder, building, team.robots[name], team.maps[name], head, steps[name])
                 if not alone:
                     content = {
-                        **about,
+                        **head,
                         **team.robots[name].result(),
                         "config": to_dict(entrants[name].config),
                     }
                     write_json(folder / "result.json", plain(content))
             return _write_team(out, building, config, team, watch, about)
+
+
+def _run_digest(plan: FloorPlan, task: Task, config: EpisodeConfig) -> str:
+    """A text that only robots of the same run share."""
+    run = [plan.digest(), task.start, task.target, to_dict(config)]
+    return hashlib.sha256(json.dumps(plain(run)).encode()).hexdigest()[:16]
 
 
 def _write_robot(

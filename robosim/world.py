@@ -10,6 +10,7 @@ robots sense is for their agents (`robosim.agent`); the truth is for judges, log
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -101,8 +102,19 @@ class World:
         return other
 
     def reset(self, tasks: Mapping[str, Task], rng: np.random.Generator) -> dict[str, Observation]:
-        """Put each robot at the start of its task, and the target in its place; all noise depends on the generator."""
+        """Put each robot at the start of its task, and the target in its place; all noise depends on the generator.
+
+        Raises:
+            ValueError: If two robots stand in each other, or one where its hull does not fit.
+        """
         alone = len(self.robots) == 1
+        for (name, robot), (other, mate) in combinations(self.robots.items(), 2):
+            apart_m = float(np.hypot(*(tasks[name].start - tasks[other].start)[:2]))
+            if apart_m < (least_m := robot.config.robot.hull.inner_m + mate.config.robot.hull.inner_m):
+                raise ValueError(
+                    f"{other} starts {apart_m:.2f} m from {name}, expected {least_m:.2f} m or more, or their hulls "
+                    "meet. robosim.make_entrants chooses starts with room."
+                )
         for name, robot in self.robots.items():
             others = [tasks[other].start for other in self.robots if other != name]
             robot.teammates.place(np.reshape(others, (-1, 3)))

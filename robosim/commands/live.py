@@ -103,14 +103,17 @@ def live(
         raise ValueError(
             f"export is {str(export)!r} for {plan!r}, expected a name that ends in .html, and the folder of an episode."
         )
+    folder = Path(plan) if Path(plan).is_dir() else None
+    for name, value, default in (("robots", robots, "1"), ("people", people, 0)):
+        if folder is not None and value != default:
+            raise ValueError(
+                f"{name} is {value}, but {plan} is a recording of its {name}. Leave --{name} out."
+            )
     viser_module()
     check_address(host, 0 if export is not None else port)
     if export is not None:
         _export(Path(plan), export)
         return
-    folder = Path(plan) if Path(plan).is_dir() else None
-    if folder is not None and robots != "1":
-        raise ValueError(f"robots is {robots}, but {plan} is a recording of its robots. Leave --robots out.")
     floor_plan = None if folder else read_place(plan, reading)
     from robosim.episode_config import EpisodeConfig
     from robosim.live.page import Page

@@ -61,7 +61,7 @@ def export_page(recordings: Sequence[Recording]) -> str:
     finally:
         close_server(server)
     title = escape(
-        " | ".join(f"{recording.title}: {recording.ended or 'running'}" for recording in recordings)
+        " | ".join(f"{recording.title}: {recording.outcome or 'running'}" for recording in recordings)
     )
     legend = search_legend([robot.robot for robot in recordings[0].robots])
     legend = f'<details open style="{_STYLE}"><summary><b>{title}</b></summary>{legend}</details>'

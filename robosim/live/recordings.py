@@ -49,6 +49,12 @@ class Recording:
         """This robot and the others of its team."""
         return [self, *self.mates]
 
+    @property
+    def outcome(self) -> str:
+        """How the robot that arrived, or else the first one that was not lost, ended; empty while the search runs."""
+        ends = [robot.ended for robot in self.robots]
+        return min(ends, key=lambda ended: (not ended.startswith("arrived"), ended.startswith("lost")))
+
     def __len__(self) -> int:
         with self._lock:
             return len(self._rows)

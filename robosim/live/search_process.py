@@ -121,7 +121,8 @@ class SearchProcess:
                         number, row = content
                         self.recording.robots[number].add(row)
                     else:
-                        self.recording.ended = content
+                        for robot, ended in zip(self.recording.robots, content, strict=True):
+                            robot.ended = ended
                 self._on_change(self)
         if not self.error and (self.recording is None or not self.recording.ended):
             self.error = "the process of the search was killed"
@@ -197,8 +198,8 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
         since = monotonic()
         return action
 
-    log = run_team(building, entrants, send).first
-    if not log.steps:
+    logs = run_team(building, entrants, send).robots.values()
+    if last < 0:
         begin()
-    length_m = log.path_length_m
-    pipe.send(("ended", f"{log.ended} after {counted(log.steps, 'step')} and {length_m:.1f} m"))
+    ends = [f"{log.ended} after {counted(log.steps, 'step')} and {log.path_length_m:.1f} m" for log in logs]
+    pipe.send(("ended", ends))

@@ -328,7 +328,14 @@ class _Reading:
             stamps, first = np.unique(values[:, 0], return_index=True)
             places = matrices(f"{topic}", stamps, values[first, 1:])
             if child:
-                places = places @ self._places(child, base, stamps, "they count as the same")
+                to_base = self._places(child, base, stamps, "they count as the same")
+                moved_m = float(np.ptp(to_base[:, :2, 3], axis=0).max())
+                if moved_m > _FIXED_M:
+                    self._note(
+                        f"{topic} is of {child}, which moves by {moved_m:.2f} m on {base}, where the scans are taken: "
+                        "if that is another robot, choose other odometry by --odometry-topic"
+                    )
+                places = places @ to_base
             track = self._of_frame(topic, stamps, places, base, frame)
         odom = _odometry_frame(frames, base) if track is None and base in frames else None
         if odom is not None and source in (None, "tf"):

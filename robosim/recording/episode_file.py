@@ -303,7 +303,7 @@ def read_team(folder: Path) -> dict[str, RecordedEpisode]:
     first = read_head(folder / names[0] / EPISODE).row
 
     def check(head: Head) -> None:
-        for key in ("plan", "policy", "seed", "target", "robots"):
+        for key in ("plan", "policy", "seed", "target", "robots", "run"):
             if head.row.get(key) != first.get(key):
                 raise ValueError(f"of another run than {names[0]}: {key} is {shown(head.row.get(key))}")
 
@@ -314,6 +314,9 @@ def read_team(folder: Path) -> dict[str, RecordedEpisode]:
             f"{folder}: it has episodes of {', '.join(names)}, expected those of {shown(size)} robots from robot1 on. "
             "Run the episode again, or give the folder of one robot."
         )
+    for name, episode in episodes.items():
+        if (robot := episode.head.row.get("robot", name)) != name:
+            raise FileError(f"{episode.path}: the episode of {shown(robot)}. Run the episode again.")
     return episodes
 
 

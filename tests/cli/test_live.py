@@ -79,6 +79,8 @@ def test_a_folder_of_nothing_is_rejected(tmp_path, fails):
 
 def test_robots_of_a_recording_and_no_robots_are_rejected(tmp_path, fails):
     assert "is a recording of its robots. Leave --robots out" in fails("live", tmp_path, "--robots", 2)
+    command = ("live", tmp_path, "--people", 5, "--export", tmp_path / "a.html")
+    assert "is a recording of its people. Leave --people out" in fails(*command)
     assert "robots is '0', expected 1 to 100" in fails("live", "flat", "--robots", 0, "--no-browser")
 
 

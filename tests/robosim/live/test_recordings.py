@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robosim.live.recordings import check_results, read_evaluation, read_recording
+from robosim.live.recordings import Recording, check_results, read_evaluation, read_recording
 from robosim.recording.episode_file import EPISODE, read_episode
 from robosim.run import record_episode
 from robosim.support.reading import FileError
@@ -42,6 +42,21 @@ def test_a_recording_of_a_team_has_all_robots(quick, tmp_path):
     for robot in robots:
         episode = read_episode(tmp_path / robot.robot)
         assert np.array_equal(robot.trajectories(3)[0], episode.poses[:3, :2])
+
+
+@pytest.mark.parametrize(
+    ("ends", "outcome"),
+    [
+        (("lost", "another arrived", "arrived"), "arrived"),
+        (("lost", "out of steps"), "out of steps"),
+        (("lost", "lost"), "lost"),
+        (("", ""), ""),
+    ],
+)
+def test_outcome_of_a_team_is_not_that_of_a_robot_that_was_lost(ends, outcome):
+    robots = [Recording("search", [], None, ended=ended) for ended in ends]
+    robots[0].mates = robots[1:]
+    assert robots[0].outcome == outcome
 
 
 def test_a_damaged_file_is_one_line_with_its_name(recorded, tmp_path):

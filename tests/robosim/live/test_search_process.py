@@ -83,6 +83,7 @@ def test_a_search_of_a_team_makes_steps_of_all_robots(search, quick):
     for robot in process.recording.robots:
         shown = np.array([robot[i].true.pose for i in range(len(robot))])
         assert np.array_equal(shown, np.array(team.robots[robot.robot].poses[:5]))
+        assert f"{team.robots[robot.robot].path_length_m:.1f} m" in robot.ended
 
 
 def test_a_waiting_search_makes_single_steps(search):

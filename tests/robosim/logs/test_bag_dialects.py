@@ -287,6 +287,24 @@ def test_read_bag_reads_the_transforms_of_the_robot_of_the_scans(tmp_path, caplo
     assert "/r2/tf, /r2/tf_static do not count" in caplog.text
 
 
+@pytest.mark.parametrize("robot", ["r1", "r2"])
+def test_read_bag_warns_of_odometry_of_another_robot(robot, tmp_path, caplog):
+    """Two robots below one map, as in the bag of a team."""
+    rows = [row for row in recording() if row[0] == "/scan"]
+    for _, _, scan in rows:
+        scan.header.frame_id = "r1/laser"
+    rows.append(("/tf_static", 100.0, transform(0.0, "r1/base_link", "r1/laser", placed(MOUNT))))
+    for name, poses in (("r1", POSES), ("r2", POSES[::-1])):
+        rows += moving("map", f"{name}/base_link", poses)
+        rows += [
+            (f"/{name}/odom", t, odometry(t, pose, child=f"{name}/base_link"))
+            for t, pose in zip(TIMES, poses, strict=True)
+        ]
+    topics = BagTopics(odometry_topic=f"/{robot}/odom")
+    assert_hall(read_bag(write_round(tmp_path / "run", rows), topics))
+    assert ("/r2/odom is of r2/base_link, which moves by" in caplog.text) == (robot == "r2")
+
+
 def test_read_bag_leaves_out_transforms_of_a_frame_to_itself(tmp_path):
     """They are left out by tf2 too."""
     rows = [("/tf_static", 98.0, transform(0.0, "laser", "laser", placed(IDENTITY))), *recording()]

@@ -50,9 +50,10 @@ def test_a_replay_of_a_team_is_its_video(tmp_path):
         assert picture.size[0] <= 2400
 
 
-def write_robot(folder, seed=7):
+def write_robot(folder, seed=7, **identity):
     """An episode of two steps of a robot of a team of three."""
     row = {**stored_episodes.row("pair", 0, "fused", (5.0, 2.0), seed=seed), "robots": 3}
+    row |= {"run": "a", "robot": folder.name, **identity}
     write_episode(folder / EPISODE, row, np.array([(1.0, 0.6, 0.1 * k) for k in range(3)]))
 
 
@@ -67,6 +68,14 @@ def write_robot(folder, seed=7):
         (
             lambda folder: write_robot(folder / "robot2", seed=8),
             "robot2/episode.npz: .*another run than robot1: seed is 8",
+        ),
+        (
+            lambda folder: write_robot(folder / "robot2", run="b"),
+            "robot2/episode.npz: .*another run than robot1: run is 'b'",
+        ),
+        (
+            lambda folder: write_robot(folder / "robot2", robot="robot1"),
+            "robot2/episode.npz: the episode of 'robot1'",
         ),
     ],
 )

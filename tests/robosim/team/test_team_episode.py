@@ -17,13 +17,13 @@ from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.movers.movers import Contact, MoversConfig
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
-from robosim.recording.episode_file import robots_of_team
+from robosim.recording.episode_file import read_head, robots_of_team
 from robosim.robot.motion import Motion
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from robosim.step import Step
 from robosim.task.coverage import Coverage
-from robosim.task.tasks import Task
+from robosim.task.tasks import ARRIVAL_M, Task
 from robosim.team.team_config import TeamConfig
 from robosim.team.team_log import TeamLog
 from robosim.world import World
@@ -249,13 +249,30 @@ def test_team_mapper_is_given_places_of_others_that_report_them(
     assert list(has_places.values())[-1] == knows
 
 
+@pytest.mark.parametrize("apart_m", [0.0, 0.19])
+def test_run_team_rejects_robots_that_start_in_each_other(scene, apart_m: float) -> None:
+    building, places = scene
+    entrants = make_entrants(building, places, _TASK, _CONFIG)
+    start = _TASK.start + np.array([0.0, apart_m, 0.0])
+    entrants["robot2"] = entrants["robot1"]._replace(task=replace(_TASK, start=start))
+    with pytest.raises(ValueError, match=f"robot2 starts {apart_m:.2f} m from robot1, expected 0.20 m"):
+        run_team(building, entrants)
+
+
 def test_starts_near_have_room_for_unequal_hulls(scene) -> None:
     building, places = scene
     wide = reach(building, 0.3, 0.5)
-    starts = starts_near(_TASK.start, [places, wide, places])
+    starts = starts_near(_TASK, [places, wide, places])
     gaps = [np.hypot(*(starts[i] - starts[k])[:2]) for i, k in ((0, 1), (1, 2), (0, 2))]
     assert min(gaps[:2]) >= 0.1 + 0.3 + 0.3 and gaps[2] >= 0.5
     assert all(place.part_at(start[:2]) for place, start in zip([places, wide, places], starts, strict=True))
+
+
+def test_starts_near_leave_the_place_where_a_robot_has_arrived(scene) -> None:
+    _, places = scene
+    second = starts_near(_TASK, [places] * 2)[1]
+    starts = starts_near(replace(_TASK, target=second[:2]), [places] * 3)
+    assert min(np.hypot(*(start[:2] - second[:2])) for start in starts) > ARRIVAL_M
 
 
 def test_starts_near_rejects_more_robots_than_there_is_room_for(scene) -> None:
@@ -264,7 +281,7 @@ def test_starts_near_rejects_more_robots_than_there_is_room_for(scene) -> None:
     plan = FloorPlan(occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="closet")
     places = reach(make_building(plan), *_CONFIG.simulator.robot.hull_m)
     with pytest.raises(MapError, match="there is room for"):
-        starts_near(np.array([0.6, 0.6, 0.0]), [places] * 20)
+        starts_near(replace(_TASK, start=np.array([0.6, 0.6, 0.0])), [places] * 20)
 
 
 def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
@@ -277,7 +294,12 @@ def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
         assert {"episode.npz", "map.yaml", "trajectory.tum", "estimate.tum"} <= {
             p.name for p in folder.iterdir()
         }
-        assert json.loads((folder / "result.json").read_text())["steps"] == 8
+        row = json.loads((folder / "result.json").read_text())
+        assert row["steps"] == 8 and row["robot"] == name
+        assert read_head(folder / "episode.npz").row["run"] == row["run"]
+    other = replace(config, team=replace(config.team, exchange="none"))
+    record_episode(_plan(), other, tmp_path / "other", start=_TASK.start, target=_TASK.target, video=False)
+    assert json.loads((tmp_path / "other" / "robot1" / "result.json").read_text())["run"] != row["run"]
 
 
 def test_record_episode_replaces_robots_of_an_earlier_team(tmp_path) -> None:
