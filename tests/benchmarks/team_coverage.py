@@ -132,12 +132,13 @@ def _add_rows(
         if size == 1:
             continue
         mean, *ends = np.exp(bootstrap(by_plan(np.log(took / alone)[:, None], plans), None))
-        spread, bar = (float(ends[0]), float(ends[1])) if len(cases) > 1 else None, BARS.get(size)
-        results.add(table, row, "over one robot", float(mean), digits=2, spread=spread, bar=bar)
+        spread = (float(ends[0]), float(ends[1])) if len(cases) > 1 else None
+        bar = BARS.get(size) if exchange != "none" else None
+        results.add(table, row, "over one", float(mean), digits=2, spread=spread, bar=bar)
         results.add(table, row, "overlap", 100 * overlap[size, exchange], "%", digits=0)
         if exchange != "none" and overlap.get((size, "none")):
             ratio = overlap[size, exchange] / overlap[size, "none"]
-            results.add(table, row, "over none", ratio, digits=2, bar=OVERLAP)
+            results.add(table, row, "overlap over none", ratio, digits=2, bar=OVERLAP)
         results.add(table, row, "driven", sum(curve["km"] for curve in cases), "km", digits=2)
         results.add(table, row, "contacts", sum(curve["contacts"] for curve in cases), digits=0)
 
