@@ -5,12 +5,10 @@ suite. Robots start next to each other, move without dynamics, and follow `fused
 tasks; intervals draw floors and homes again. A search that is given up counts with all its steps. What a robot takes
 that knows the target, the oracle, says how much is to be gained.
 
-Memory of a search is by how much the resident memory grows at most while it runs; a robot more takes the mean over
-tasks of what a team takes more than one robot, divided among its others. Decisions of a team are those of all its
-robots.
+Memory is the peak of a process that searches the first of the tasks and nothing else; a robot more takes what a team
+takes more than one robot, divided among its others. Decisions of a team are those of all its robots.
 """
 
-import gc
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -63,26 +61,26 @@ def main(
     results = Results()
     out = options.folder("team_search")
 
+    def arguments(suite: Suite, task: SuiteTask, size: int, goal: str = "fused") -> tuple[Any, ...]:
+        plan = str(suite.plans[task.plan])
+        return (plan, suite.reader, suite.seed, task, goal, size, exchange, max_steps)
+
     def searched(suite: Suite, chosen: list[SuiteTask], size: int, goal: str = "fused") -> dict[str, Any]:
         units = {
-            f"{task.plan} {task.number} {goal} {size}": (
-                str(suite.plans[task.plan]),
-                suite.reader,
-                suite.seed,
-                task,
-                goal,
-                size,
-                exchange,
-                max_steps,
-            )
-            for task in chosen
+            f"{task.plan} {task.number} {goal} {size}": arguments(suite, task, size, goal) for task in chosen
         }
         return run_units(search, units, out, workers=options.workers)
+
+    def peak_mb(suite: Suite, task: SuiteTask, size: int) -> float:
+        """A unit alone has a process of its own."""
+        name = f"{task.plan} {task.number} memory {size}"
+        return float(run_units(peak_of, {name: arguments(suite, task, size)}, out)[name])
 
     suite = read_suite(campus)
     chosen = [task for task in suite.tasks if task.number in tasks]
     oracle = searched(suite, chosen, 1, "oracle")
     _compare(results, "campus", chosen, sizes, oracle.values(), lambda size: searched(suite, chosen, size))
+    _add_memory(results, "campus", sizes, lambda size: peak_mb(suite, chosen[0], size))
     suite = read_suite(homes)
     oracle = searched(suite, list(suite.tasks), 1, "oracle")
     known = {(t.plan, t.number): run for t, run in zip(suite.tasks, oracle.values(), strict=True)}
@@ -90,6 +88,7 @@ def main(
     hard = [task for task in suite.tasks if classes[task.plan, task.number] == "hard"][:hard_tasks]
     of_hard = [known[task.plan, task.number] for task in hard]
     _compare(results, "homes", hard, sizes, of_hard, lambda size: searched(suite, hard, size))
+    _add_memory(results, "homes", sizes, lambda size: peak_mb(suite, hard[0], size))
     return options.finish("team_search", results)
 
 
@@ -103,7 +102,7 @@ def search(
     exchange: ExchangeName,
     max_steps: int,
 ) -> dict[str, Any]:
-    """Steps, arrival, contacts, metres, CPU seconds, peak memory and trajectories of a team."""
+    """Steps, arrival, contacts, metres, CPU seconds and trajectories of a team."""
     config = EpisodeConfig(
         goal=goal,
         max_steps=max_steps,
@@ -114,9 +113,7 @@ def search(
     hull_m = config.simulator.robot.hull_m
     building, places = scene(Path(plan), reader, config.building, hull_m)
     entrants = make_entrants(building, places, task_of(places, task), config)
-    gc.collect()
-    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory starts again, by proc(5)
-    before_mb, begin = resident_mb("VmRSS"), time.process_time()
+    begin = time.process_time()
     team = run_team(building, entrants)
     seconds = time.process_time() - begin
     logs, result = team.robots.values(), team.result()
@@ -128,15 +125,15 @@ def search(
         "km": sum(log.path_length_m for log in logs) / 1000,
         "decisions": sum(log.steps for log in logs),
         "cpu_s": seconds,
-        "memory_mb": resident_mb("VmHWM") - before_mb,
         "poses": {name: np.array(log.poses, np.float32) for name, log in team.robots.items()},
     }
 
 
-def resident_mb(field: str) -> float:
-    """Resident memory of this process [MB]: now (VmRSS) or at its peak (VmHWM)."""
+def peak_of(*arguments: Any) -> float:
+    """Peak of the resident memory of this process after a search [MB]."""
+    search(*arguments)
     status = Path("/proc/self/status").read_text()
-    return int(status.split(f"{field}:")[1].split()[0]) * 1024 / 1e6
+    return int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e6
 
 
 def _compare(
@@ -164,10 +161,19 @@ def _compare(
         if size > 1:
             contacts = _column(runs, "contacts").sum()
             results.add(table, row, "contacts between robots", contacts, digits=0)
-            more_mb = (_column(runs, "memory_mb") - _column(alone, "memory_mb")).mean() / (size - 1)
-            results.add(table, row, "memory of a robot more", more_mb, "MB", digits=0, bar=MEMORY_MB)
             speed = _speed(runs) / _speed(alone)
             results.add(table, row, "decisions per CPU second over one", speed, digits=2, bar=SPEED)
+
+
+def _add_memory(
+    results: Results, table: str, sizes: tuple[int, ...], peak_mb: Callable[[int], float]
+) -> None:
+    """Add what each robot more takes."""
+    alone_mb = peak_mb(1)
+    for size in sizes:
+        more_mb = (peak_mb(size) - alone_mb) / (size - 1)
+        row = f"{size} robots"
+        results.add(table, row, "memory of a robot more", more_mb, "MB", digits=0, bar=MEMORY_MB)
 
 
 def _add_ratio(
