@@ -253,10 +253,10 @@ def trace_plans(
     """Paths of each transmitter, to receivers in blocks."""
 
     def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-        receivers, (start, triangle) = np.ascontiguousarray(rx[0][rxs]), part_of(*rx[1], rxs)
+        receivers, (start, triangle) = rx[0][rxs], part_of(*rx[1], rxs)
         views = views_of(layers, receivers, start, triangle, limits._replace(target_order=-1))
         tx_start, tx_triangle = part_of(*tx[1], txs)
-        for i, source in enumerate(np.ascontiguousarray(tx[0][txs])):
+        for i, source in enumerate(tx[0][txs]):
             seen = visible(source, tx_triangle[tx_start[i] : tx_start[i + 1]], triangle)
             yield trace_links(layers, setting, source, seen, receivers, start, triangle, views)
 

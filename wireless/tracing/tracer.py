@@ -377,7 +377,9 @@ class Tracer:
                     raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_CURVES}")
                 scene = self._in_space()
                 break
-        tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
+        # Loops are compiled for each layout of arrays.
+        tx_local, rx_local = (np.ascontiguousarray(points - scene.origin) for points in (tx, rx))
+        tables = scene.tables(tx_local, rx_local, workers)
         if self._curved is not None:
             keep = self.config.max_paths * (1 if self._scattering is None else 2)
             tables = self._curved.added(tables, tx - scene.origin, rx - scene.origin, keep, workers)
