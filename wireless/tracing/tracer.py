@@ -382,10 +382,10 @@ class Tracer:
         tables = scene.tables(tx_local, rx_local, workers)
         if self._curved is not None:
             keep = self.config.max_paths * (1 if self._scattering is None else 2)
-            tables = self._curved.added(tables, tx - scene.origin, rx - scene.origin, keep, workers)
+            tables = self._curved.added(tables, tx_local, rx_local, keep, workers)
         if self._scattering is not None:
             scattering = self._scattering if scene is self.scene else self._scattering_in_space()
-            tables = scattering.added(tables, tx - scene.origin, rx - scene.origin, self.config.max_paths)
+            tables = scattering.added(tables, tx_local, rx_local, self.config.max_paths)
         return self._paths(tx, rx, tables, scene.origin)
 
     coverage = trace_coverage
