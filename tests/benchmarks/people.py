@@ -11,7 +11,6 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.evaluation.episodes import read_job_head
-from robosim.evaluation.search_scores import bootstrap, by_plan
 from robosim.support.reading import FileError, shown
 from robosim.support.run_folder import SETTINGS
 from robosim.support.text_in import read_json
@@ -71,7 +70,7 @@ def add(
     results.add("arrived", label, policy, arrived, "%", digits=0, cases=n)
     results.add("SPL", label, policy, float(np.mean([row["spl"] for row in own.values()])), digits=2, cases=n)
     both = {
-        key: np.log(row["steps"] / alone[key]["steps"])
+        key: row["steps"] / alone[key]["steps"]
         for key, row in own.items()
         if key in alone
         and row["arrived"]
@@ -80,9 +79,8 @@ def add(
     }
     if both:
         ratios = np.array(list(both.values()))
-        value, low, high = np.exp(bootstrap(by_plan(ratios[:, None], [plan for plan, _, _ in both]), None))
-        results.add("steps", label, policy, value, digits=2, spread=(low, high), cases=len(both))
-        median = float(np.exp(np.median(ratios)))
+        results.add_ratio("steps", label, policy, ratios, [plan for plan, _, _ in both])
+        median = float(np.exp(np.median(np.log(ratios))))
         results.add("steps, median", label, policy, median, digits=2, cases=len(both))
     for name in ("contacts_by_robot", "contacts_by_others"):
         count = sum(row.get(name, 0) for row in own.values())

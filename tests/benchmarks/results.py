@@ -9,11 +9,16 @@ import json
 import platform
 import re
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.evaluation.search_scores import bootstrap, by_plan
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Where published results are.
@@ -60,6 +65,20 @@ class Results:
         more = {"unit": unit, "digits": digits, "cases": cases and int(cases), "bar": _plain(bar)}
         known = {key: one for key, one in {**numbers, **more}.items() if one not in (None, "")}
         self.rows.append({"table": table, "row": row, "name": name, **known})
+
+    def add_ratio(
+        self,
+        table: str,
+        row: str,
+        name: str,
+        ratios: Float[np.ndarray, " n"],
+        plans: Sequence[str],
+        bar: float | None = None,
+    ) -> None:
+        """Add the geometric mean of ratios, one for each case, with an interval that draws their plans again."""
+        mean, low, high = np.exp(bootstrap(by_plan(np.log(ratios)[:, None], plans), None)).tolist()
+        spread = (low, high) if len(ratios) > 1 else None
+        self.add(table, row, name, mean, digits=2, spread=spread, cases=len(ratios), bar=bar)
 
     def tables(self) -> dict[str, list[list[str]]]:
         """Cells of each table by its name, the head first."""

@@ -149,24 +149,15 @@ def add_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:
                 continue
             for name in ("all", *CLASSES):
                 ratios = [
-                    (key[0], np.log(own / steps[other][key]))
+                    (key[0], own / steps[other][key])
                     for key, own in steps[policy].items()
                     if name in ("all", classes[key])
                     and 0 < steps[other].get(key, np.inf) < np.inf
                     and 0 < own < np.inf
                 ]
                 if ratios:
-                    plans, logs = zip(*ratios, strict=True)
-                    value, low, high = np.exp(bootstrap(by_plan(np.array(logs)[:, None], plans), None))
-                    results.add(
-                        f"steps over {other}",
-                        policy,
-                        name,
-                        value,
-                        digits=2,
-                        spread=(low, high),
-                        cases=len(ratios),
-                    )
+                    plans, values = zip(*ratios, strict=True)
+                    results.add_ratio(f"steps over {other}", policy, name, np.array(values), plans)
 
 
 def add_spl_ratios(scored: Sequence[Mapping[str, Any]], results: Results) -> None:

@@ -23,7 +23,6 @@ from robosim.entrants import make_entrants
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
-from robosim.evaluation.search_scores import bootstrap, by_plan
 from robosim.plans.files import find_plans, read_plan
 from robosim.simulator import SimulatorConfig
 from robosim.step import Step
@@ -131,10 +130,8 @@ def _add_rows(
         results.add(table, row, "decisions", took.mean(), digits=0)
         if size == 1:
             continue
-        mean, *ends = np.exp(bootstrap(by_plan(np.log(took / alone)[:, None], plans), None))
-        spread = (float(ends[0]), float(ends[1])) if len(cases) > 1 else None
         bar = BARS.get(size) if exchange != "none" else None
-        results.add(table, row, "over one", float(mean), digits=2, spread=spread, bar=bar)
+        results.add_ratio(table, row, "over one", took / alone, plans, bar)
         results.add(table, row, "overlap", 100 * overlap[size, exchange], "%", digits=0)
         if exchange != "none" and overlap.get((size, "none")):
             ratio = overlap[size, exchange] / overlap[size, "none"]

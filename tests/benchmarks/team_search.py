@@ -22,7 +22,7 @@ from robosim.entrants import make_entrants
 from robosim.episode import run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.evaluation.episodes import scene, task_of
-from robosim.evaluation.search_scores import bootstrap, by_plan, difficulty
+from robosim.evaluation.search_scores import difficulty
 from robosim.evaluation.suite import Suite, SuiteTask, read_suite
 from robosim.simulator import SimulatorConfig
 from robosim.team.team_config import ExchangeName, TeamConfig
@@ -145,13 +145,15 @@ def _compare(
     searched: Callable[[int], Mapping[str, Any]],
 ) -> None:
     """Add rows of one robot, of one that knows the target, and of teams."""
-    alone = list(searched(1).values())
-    _add_ratio(results, table, "oracle", tasks, list(oracle), alone)
+    alone, plans = list(searched(1).values()), [task.plan for task in tasks]
+    alone_steps = _column(alone, "steps")
+    results.add_ratio(table, "oracle", "steps over one", _column(list(oracle), "steps") / alone_steps, plans)
     for size in (1, *sizes):
         runs = alone if size == 1 else list(searched(size).values())
         row = f"{size} robots" if size > 1 else "1 robot"
         if size > 1:
-            _add_ratio(results, table, row, tasks, runs, alone, BARS[table].get(size))
+            ratios = _column(runs, "steps") / alone_steps
+            results.add_ratio(table, row, "steps over one", ratios, plans, BARS[table].get(size))
         km = _column(runs, "km").sum()
         results.add(table, row, "arrived", 100 * _column(runs, "arrived").mean(), "%", digits=0, bar=100)
         results.add(table, row, "driven", km, "km", digits=2)
@@ -174,23 +176,6 @@ def _add_memory(
         more_mb = (peak_mb(size) - alone_mb) / (size - 1)
         row = f"{size} robots"
         results.add(table, row, "memory of a robot more", more_mb, "MB", digits=0, bar=MEMORY_MB)
-
-
-def _add_ratio(
-    results: Results,
-    table: str,
-    row: str,
-    tasks: list[SuiteTask],
-    runs: list[Any],
-    alone: list[Any],
-    bar: float | None = None,
-) -> None:
-    """Add the steps of runs over those of one robot."""
-    ratios = _column(runs, "steps") / _column(alone, "steps")
-    values = by_plan(np.log(ratios)[:, None], [task.plan for task in tasks])
-    mean, *ends = np.exp(bootstrap(values, None))
-    spread = (float(ends[0]), float(ends[1]))
-    results.add(table, row, "steps over one", float(mean), digits=2, spread=spread, cases=len(tasks), bar=bar)
 
 
 def _column(runs: list[Any], name: str) -> Float[np.ndarray, " n"]:
