@@ -113,7 +113,10 @@ class Agent:
                 self.member.begin(map_, self.mapper.tracked_map())
                 map_ = self.shared_map(map_)
                 estimates = replace(
-                    estimates, map=map_, received=self.member.received(), robots=self.member.robots
+                    estimates,
+                    map=map_,
+                    received=self.member.received(),
+                    measure_robots=self.member.measure_robots,
                 )
         with self._watch.stage("goal"):
             around = self._avoidance.around(map_)

@@ -28,8 +28,9 @@ class Estimates:
     it is needed: the covariances take milliseconds."""
     received: Sequence[Measurement] = ()
     """Measurements of the target that other robots of a team have taken, since the last decision."""
-    robots: Mapping[str, Measurement] = field(default_factory=dict)
-    """Radio measurements of the other robots of a team by name, as they were last taken."""
+    measure_robots: Callable[[], Mapping[str, Measurement]] = dict
+    """Returns the radio measurements of the other robots of a team by name, at the last occasion. Call it only where it
+    is needed: a measurement takes milliseconds."""
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:

@@ -108,11 +108,16 @@ def first_path_m(paths: Paths, sounding: SoundingConfig) -> float:
     return speed_of_light * float(delay_s[0, 0])
 
 
+def _receiver(config: RadioLinkConfig) -> tuple[Sounder, PathEstimator]:
+    """Sounder and estimator for any building."""
+    return _make_receiver(config.transmitter, config.receiver, config.estimator, config.sounding)
+
+
 @cache
-def _receiver(
+def _make_receiver(
     transmitter: Part, receiver: Part, estimator: Part, sounding: SoundingConfig
 ) -> tuple[Sounder, PathEstimator]:
-    """Sounder and estimator for any building, whose tables take seconds to compute."""
+    """Their tables take seconds to compute."""
     ends = TERMINAL.make(transmitter, field="transmitter"), TERMINAL.make(receiver, field="receiver")
     sounder = Sounder(*ends, sounding)
     return sounder, ESTIMATOR.make(estimator, sounder, field="estimator")
@@ -130,8 +135,7 @@ class RadioLink:
                 f"{building.height_m:g} m."
             )
         self._tracer = Tracer(building, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
-        c = self.config
-        self.sounder, self._estimator = _receiver(c.transmitter, c.receiver, c.estimator, c.sounding)
+        self.sounder, self._estimator = _receiver(self.config)
         self._target = np.full(3, np.nan)
         self.tables = RadioTables(building, self._tracer, self.config.tables)
         self.paths: Paths | None = None
@@ -147,6 +151,13 @@ class RadioLink:
         """Return the receiver's link with another transmitter; they take turns, without interference."""
         other = copy(self)
         other._target, other.paths, other._unblocked = np.full(3, np.nan), None, None
+        return other
+
+    def between_receivers(self) -> "RadioLink":
+        """Return the link of one such receiver to another, traced live."""
+        other = self.clone()
+        other.config = replace(self.config, transmitter=self.config.receiver, engine="live", tables=None)
+        other.sounder, other._estimator = _receiver(other.config)
         return other
 
     def place(self, target: Float[np.ndarray, "2"]) -> None:

@@ -48,9 +48,9 @@ class Exchange:
         if self._radio is None:
             return
         if is_occasion or (self._config.starts == "unknown" and decision % _LOOKS == 0):
-            self._radio.measure(going)
-            for name, member in self._members.items():
-                member.measured(self._radio.measured[name])
+            received = self._radio.measure(going)
+            for member in self._members.values():
+                member.measured(received)
         if self._config.exchange == "perfect":
             return
         for pair, left in self._bytes_left.items():

@@ -9,7 +9,7 @@ not know (`robosim.team.frames`) but stores it until then.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from robosim.step import Decision
 from robosim.team.frames import Frames, seen_robots
 from robosim.team.notes import Note, Notebook, Topic
 from robosim.team.shared_map import SharedMap, TileChanges
+from robosim.team.team_radio import PairMeasurements
 from robosim.team.yielding import AROUND_M, NEAR_M, Yielding
 from slam.actions import FORWARD_M, Action
 from slam.graph.tracked_map import TrackedMap
@@ -108,9 +109,9 @@ class Member:
         self._measurements = 0
         self._received: list[Measurement] = []
         self._inbox: list[Note] = []
-        self.robots: dict[str, Measurement] = {}
-        """Radio measurements of other robots when they were last taken, by robot, with azimuths in `map`."""
-        self._measured: Mapping[str, Measurement] | None = None
+        self.measure_robots: Callable[[], Mapping[str, Measurement]] = dict
+        """Returns radio measurements of other robots as of the last occasion, by robot, with azimuths in `map`."""
+        self._measured: Callable[[], PairMeasurements] | None = None
         self.frames: Frames | None = None
         """Where the frames of the others lie; None if all know their starts in one frame."""
         self._start, self._radio = np.zeros(3), RadioLinkConfig()
@@ -142,8 +143,8 @@ class Member:
                 places.append([*there, status.radius_m])
         return np.array(places)
 
-    def measured(self, measured: Mapping[str, Measurement]) -> None:
-        """Receive the radio of other robots, with azimuths in the frame of the robot."""
+    def measured(self, measured: Callable[[], PairMeasurements]) -> None:
+        """Receive the radio of other robots; it is sounded when it is first needed."""
         self._measured = measured
 
     def receive(self, note: Note) -> None:
@@ -158,7 +159,7 @@ class Member:
         """
         self._decision += 1
         if self._measured is not None:
-            self._interpret(self._measured, own_map.pose)
+            self._interpret(self._measured, np.array(own_map.pose))
             self._measured = None
         for note in self._inbox if self.frames is None else self._in_frame(self.frames, tracked):
             content, author = note.read(), note.topic.author
@@ -203,14 +204,15 @@ class Member:
             explored[rows, columns][covered] = True
         return replace(merged, explored=explored, claims=tuple(claims), moving=(*tracks, *robots))
 
-    def _interpret(self, measured: Mapping[str, Measurement], pose: Float[np.ndarray, "3"]) -> None:
-        """Turn measurements of other robots into `map`, and report those in sight."""
-        self.robots = {
-            name: replace(m, pose=np.array(pose), aoa_rad=wrap(m.aoa_rad + pose[2]))
-            for name, m in measured.items()
+    def _interpret(self, measured: Callable[[], PairMeasurements], pose: Float[np.ndarray, "3"]) -> None:
+        """Turn measurements of other robots into `map`; while starts are unknown, report those in sight."""
+        self.measure_robots = lambda: {
+            name: replace(m, pose=pose, aoa_rad=wrap(m.aoa_rad + pose[2]))
+            for name, m in measured()[self.name].items()
         }
-        seen = seen_robots(self.robots, between(self._start, pose), self._radio)
-        if self.frames is not None and seen:
+        if self.frames is None:
+            return
+        if seen := seen_robots(self.measure_robots(), between(self._start, pose), self._radio):
             self.notes.write("robots", seen, (self._decision,))
             self.frames.add(self.name, self._decision, seen)
 

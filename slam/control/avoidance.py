@@ -52,8 +52,8 @@ class AvoidanceConfig:
     """Distance that a step keeps between hull and person [m]."""
     squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
     """Distance after several waits, for places where there is no more space [m]."""
-    robots_m: Annotated[float, Range(0, 5, "m")] = 0.1
-    """The same between robots, which do not step aside by themselves [m]."""
+    robots_m: Annotated[float, Range(0, 5, "m")] = 0.15
+    """The same between robots, which do not step aside by themselves, and whose maps drift apart by centimetres [m]."""
     waits: Annotated[int, Range(1, 1000, "waits")] = 2
     """Waits in which the distance falls to `squeeze_m`."""
     deviations: Annotated[float, Range(0, 5)] = 0.5

@@ -40,7 +40,7 @@ _CONFIG = EpisodeConfig(
 )
 
 
-def _plan() -> FloorPlan:
+def three_rooms() -> FloorPlan:
     """Three rooms in a row with doors of 0.9 m."""
     occupancy = np.full((84, 244), OCCUPIED, np.uint8)
     for left in (2, 82, 162):
@@ -51,7 +51,7 @@ def _plan() -> FloorPlan:
 
 @pytest.fixture(scope="module")
 def scene() -> tuple[Building, Reach]:
-    building = make_building(_plan())
+    building = make_building(three_rooms())
     return building, reach(building, *_CONFIG.simulator.robot.hull_m)
 
 
@@ -177,7 +177,7 @@ def test_first_robot_is_the_one_that_arrived_first_also_where_none_seeks_the_tar
 
 def test_coverage_of_a_team_counts_what_any_of_unequal_hulls_reaches() -> None:
     """A wide robot reaches the first room only; all seen is 1 in either order, and overlap that room."""
-    plan = _plan()
+    plan = three_rooms()
     everywhere, first_room = plan.free, plan.free.copy()
     first_room[:, 82:] = False
     coverages = [Coverage(plan, region, 1.5) for region in (first_room, everywhere)]
@@ -286,7 +286,9 @@ def test_starts_near_rejects_more_robots_than_there_is_room_for(scene) -> None:
 
 def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
     config = replace(_CONFIG, max_steps=8)
-    result = record_episode(_plan(), config, tmp_path, start=_TASK.start, target=_TASK.target, video=True)
+    result = record_episode(
+        three_rooms(), config, tmp_path, start=_TASK.start, target=_TASK.target, video=True
+    )
     assert result["robots"] == 2
     assert {"result.json", "map.png", "episode.mp4"} <= {path.name for path in tmp_path.iterdir()}
     for name in ("robot1", "robot2"):
@@ -298,7 +300,9 @@ def test_record_episode_of_a_team_writes_files_of_each_robot(tmp_path) -> None:
         assert row["steps"] == 8 and row["robot"] == name
         assert read_head(folder / "episode.npz").row["run"] == row["run"]
     other = replace(config, team=replace(config.team, exchange="none"))
-    record_episode(_plan(), other, tmp_path / "other", start=_TASK.start, target=_TASK.target, video=False)
+    record_episode(
+        three_rooms(), other, tmp_path / "other", start=_TASK.start, target=_TASK.target, video=False
+    )
     assert json.loads((tmp_path / "other" / "robot1" / "result.json").read_text())["run"] != row["run"]
 
 
@@ -306,7 +310,7 @@ def test_record_episode_replaces_robots_of_an_earlier_team(tmp_path) -> None:
     """A robot of it would be drawn and exported with those of the new one; other episodes stay."""
     for robots in ("3", "2"):
         config = replace(_CONFIG, max_steps=1, team=TeamConfig(robots=robots))
-        record_episode(_plan(), config, tmp_path, start=_TASK.start, target=_TASK.target, video=False)
+        record_episode(three_rooms(), config, tmp_path, start=_TASK.start, target=_TASK.target, video=False)
         copytree(tmp_path / "robot2", tmp_path / "robot-of-mine", dirs_exist_ok=True)
     assert robots_of_team(tmp_path) == ["robot1", "robot2"]
     assert (tmp_path / "robot-of-mine" / "episode.npz").is_file()
@@ -315,9 +319,9 @@ def test_record_episode_replaces_robots_of_an_earlier_team(tmp_path) -> None:
 def test_first_robot_starts_where_its_own_hull_fits(tmp_path) -> None:
     wide = tmp_path / "wide.yaml"
     wide.write_text("radius_m: 0.8\n")
-    places = reach(make_building(_plan()), 0.8)
+    places = reach(make_building(three_rooms()), 0.8)
     config = replace(_CONFIG, max_steps=1, team=TeamConfig(robots=f"{wide},turtlebot"))
-    result = record_episode(_plan(), config, tmp_path, video=False)
+    result = record_episode(three_rooms(), config, tmp_path, video=False)
     assert places.part_at(np.array(result["start"])[:2])
 
 
