@@ -1,7 +1,7 @@
 """Tasks and configurations of the robots of an episode; those of a team start close together."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from robosim.building.building import Building
 from robosim.building.reach import Reach, reach
 from robosim.episode_config import EpisodeConfig
 from robosim.plans.floorplan import MapError
+from robosim.support.checks import check_some
 from robosim.task.tasks import ARRIVAL_M, Task
 from robosim.world import ROBOT
 
@@ -58,6 +59,18 @@ def make_entrants(building: Building, places: Reach, task: Task, config: Episode
     by_robot = [reaches[config.simulator.robot.hull_m] for config in configs]
     entrants = map(Entrant, tasks_near(task, by_robot), configs, by_robot)
     return dict(zip(team.names, entrants, strict=True))
+
+
+def check_entrants(building: Building, entrants: Mapping[str, Entrant]) -> None:
+    """Raise ValueError unless there are robots, whose reach is in this building."""
+    check_some("entrants", entrants, "a robot or more")
+    for name, entrant in entrants.items():
+        plan = entrant.reach.plan
+        if plan is not building.plan and plan.digest() != building.plan.digest():
+            raise ValueError(
+                f"reach of {name} is in {plan.name!r}, another plan than that of the building, {building.plan.name!r}. "
+                "Take reach(building, ...)."
+            )
 
 
 def tasks_near(task: Task, reaches: Sequence[Reach]) -> list[Task]:

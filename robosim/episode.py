@@ -15,14 +15,13 @@ import numpy as np
 from robosim.agent import Agent, make_agent
 from robosim.building.building import Building
 from robosim.building.reach import Reach
-from robosim.entrants import Entrant
+from robosim.entrants import Entrant, check_entrants
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.judge import Judge
 from robosim.policies.shortest import TrueMapper
 from robosim.simulator import Observation
 from robosim.step import Decision, Step, idle
-from robosim.support.checks import check_some
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.randomness import named_generator
 from robosim.support.stopwatch import Stopwatch
@@ -70,9 +69,12 @@ def run_team(
 ) -> TeamLog:
     """Drive robots by name until the first one arrives, as `run_episode` does with one; return the log of all.
 
-    All have the team's settings of the first; ValueError if there is none.
+    All have the team's settings of the first.
+
+    Raises:
+        ValueError: If there is no robot, or the reach of one is in another plan.
     """
-    check_some("entrants", entrants, "a robot or more")
+    check_entrants(building, entrants)
     watch, first = watch or Stopwatch(), next(iter(entrants.values())).config
     agents = {name: make_agent(entrant.config, entrant.task, watch) for name, entrant in entrants.items()}
     world = World(

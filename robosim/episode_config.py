@@ -56,6 +56,12 @@ class EpisodeConfig:
                     "--mapper classical."
                 )
 
+        for text in self.team.lose:
+            if int(text.partition("@")[2]) >= self.max_steps:
+                raise ValueError(
+                    f"team.lose is {text}, expected a decision before max_steps = {self.max_steps}. Give more steps."
+                )
+
     @property
     def robots(self) -> list[RobotConfig]:
         """Robots of the team; ValueError if there is none of a name."""

@@ -153,11 +153,14 @@ class Searches:
         drawn = {"plan": place.plan.name, "difficulty": difficulty}
         return {name: (observation, {**info, **drawn}) for name, (observation, info) in begun.items()}
 
-    def step(self, actions: Mapping[str, Any]) -> dict[str, Outcome]:
-        """Do one action with each of these robots, one after the other; the others stand still."""
+    def commands_of(self, actions: Mapping[str, Any]) -> dict[str, Command]:
+        """Return the commands of robots for their actions; ValueError if one is none."""
+        return {name: self.robots[name].command_of(action) for name, action in actions.items()}
+
+    def step(self, commands: Mapping[str, Command]) -> dict[str, Outcome]:
+        """Do one command with each of these robots, one after the other; the others stand still."""
         if self._place is None:
             raise RuntimeError("The search has not begun. Call reset first.")
-        commands = {name: self.robots[name].command_of(action) for name, action in actions.items()}
         sensed = self._world.step(commands)
         outcomes = {name: self.robots[name].after(observation) for name, observation in sensed.items()}
         if any(outcome.arrived for outcome in outcomes.values()):

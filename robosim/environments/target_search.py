@@ -83,7 +83,9 @@ class TargetSearch(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Do one action."""
-        observation, reward, arrived, info = self._searches.step({ROBOT: action})[ROBOT]
+        observation, reward, arrived, info = self._searches.step(self._searches.commands_of({ROBOT: action}))[
+            ROBOT
+        ]
         return observation, reward, arrived, False, info
 
     def render(self) -> UInt8[np.ndarray, "height width 3"] | str | None:

@@ -112,7 +112,8 @@ class TargetSearchTeam(ParallelEnv[str, Seen, Any]):
             raise ValueError(
                 f"actions are of {sorted(map(str, actions))}, expected one of each of {self.agents}."
             )
-        outcomes = self._searches.step({agent: actions[agent] for agent in self.agents})
+        commands = self._searches.commands_of({agent: actions[agent] for agent in self.agents})
+        outcomes = self._searches.step(commands)
         self._note_poses()
         is_over = any(outcome.arrived for outcome in outcomes.values())
         is_late = len(self._trails) > self.max_steps

@@ -26,6 +26,7 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.checks import check_number
 from robosim.team.team_config import MOST, robot_names
 from robosim.world import ROBOT
+from slam.actions import Command
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import DummyVecEnv
@@ -139,18 +140,13 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
 
     def step(self, actions: np.ndarray) -> Batch:
         """Do one action with each robot; robots whose search has ended start a new one instead, or stand still."""
-        rewards, chosen = np.zeros(self.num_envs), list(iterate(self.action_space, actions))
-        if len(chosen) != self.num_envs:
-            raise ValueError(
-                f"there are {len(chosen)} actions, expected one of each of {self.num_envs} robots."
-            )
+        commands, rewards = self._commands_of(actions), np.zeros(self.num_envs)
         arrived, late = np.zeros(len(self._teams), bool), np.zeros(len(self._teams), bool)
         infos: dict[str, Any] = {}
         for i, team in enumerate(self._teams):
-            if not self._over[i]:
-                slots = self._slots(i)
-                outcomes = team.step(dict(zip(team.robots, chosen[slots.start : slots.stop], strict=True)))
-                for slot, outcome in zip(slots, outcomes.values(), strict=True):
+            if i in commands:
+                outcomes = team.step(commands[i])
+                for slot, outcome in zip(self._slots(i), outcomes.values(), strict=True):
                     self._seen[slot], rewards[slot], _, info = outcome
                     infos = self._add_info(infos, info, slot)
                 arrived[i] = any(outcome.arrived for outcome in outcomes.values())
@@ -183,6 +179,19 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
             self._seen[slot] = observation
             infos = self._add_info(infos, info, slot)
         return infos
+
+    def _commands_of(self, actions: np.ndarray) -> dict[int, dict[str, Command]]:
+        """Commands of the teams whose search goes on; ValueError if an action is none, before any robot moves."""
+        chosen = list(iterate(self.action_space, actions))
+        if len(chosen) != self.num_envs:
+            raise ValueError(
+                f"there are {len(chosen)} actions, expected one of each of {self.num_envs} robots."
+            )
+        commands = {}
+        for i in np.flatnonzero(~self._over).tolist():
+            of_team = [chosen[slot] for slot in self._slots(i)]
+            commands[i] = self._teams[i].commands_of(dict(zip(self._teams[i].robots, of_team, strict=True)))
+        return commands
 
     def _slots(self, i: int) -> range:
         """Places of the robots of team i in all arrays."""

@@ -83,6 +83,18 @@ def test_step_takes_an_action_of_each_robot(count):
         env.step(np.zeros(count, int))
 
 
+def test_no_robot_moves_if_an_action_of_another_is_none():
+    env = TargetSearchVector(3, PLAN, observe=("pose",))
+    before, _ = env.reset(seed=0)
+    before = {key: values.copy() for key, values in before.items()}
+    with pytest.raises(ValueError, match="an action is 9, expected a number of 0 to 2"):
+        env.step(np.array([1, 0, 9]))
+    seen, *_ = env.step(np.array([1, 1, 1]))
+    env.reset(seed=0)
+    assert_same(seen, env.step(np.array([1, 1, 1]))[0])
+    assert not np.array_equal(seen["pose"], before["pose"])
+
+
 def test_teams_do_step_for_step_what_lone_teams_do():
     """Two teams of two, over searches that end and start again after 6 steps."""
     ours = gymnasium.make_vec(ID, 4, robots=2, max_episode_steps=6, **OPTIONS)

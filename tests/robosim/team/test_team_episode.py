@@ -16,6 +16,7 @@ from robosim.episode import run_episode, run_team
 from robosim.episode_config import EpisodeConfig
 from robosim.episode_log import EpisodeLog
 from robosim.movers.movers import Contact, MoversConfig
+from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.recording.episode_file import read_head, robots_of_team
 from robosim.robot.motion import Motion
@@ -117,6 +118,18 @@ def test_team_that_starts_at_the_target_ends_at_once(scene) -> None:
     team = _run(scene, replace(_CONFIG, goal="oracle"), _task((9.0, 2.0, 0.0), (9.1, 2.0)))
     assert [log.ended for log in team.robots.values()] == ["arrived", "another arrived"]
     assert team.first.steps == 0
+
+
+def test_team_with_places_of_another_building_is_rejected(scene) -> None:
+    _, places = scene
+    other = make_building(read_plan("flat"))
+    with pytest.raises(ValueError, match=r"reach of robot is in 'rooms', another plan than .* 'flat'"):
+        run_episode(other, places, _TASK, replace(_CONFIG, team=TeamConfig()))
+
+
+def test_team_loss_after_the_last_decision_is_rejected() -> None:
+    with pytest.raises(ValueError, match=r"team\.lose is 1@40, expected a decision before max_steps = 40"):
+        replace(_CONFIG, team=TeamConfig(robots="2", lose=("1@40",)))
 
 
 def test_team_lost_robot_stops_and_the_others_go_on(scene) -> None:
