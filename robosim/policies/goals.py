@@ -18,7 +18,7 @@ building and the pose. All policies are called once per decision, and all arrive
 
 A `.safetensors` file of `robosim train search` is a policy like the last.
 
-Reference: arXiv 2110.14789 for all but `shortest`, `rss`, `fused` and `learned`.
+Reference: arXiv 2110.14789 for `oracle`, `visual`, `snr`, `los` and `los-or-first`.
 """
 
 from collections.abc import Callable
