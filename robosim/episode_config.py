@@ -56,6 +56,11 @@ class EpisodeConfig:
                     "--mapper classical."
                 )
 
+        if self.known_map is not None and self.mapper not in ("classical", "neural"):
+            raise ValueError(
+                "mapper is given with known_map, which has a mapper of its own. Leave one of them out."
+            )
+
         for text in self.team.lose:
             if int(text.partition("@")[2]) >= self.max_steps:
                 raise ValueError(

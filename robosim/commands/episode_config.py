@@ -89,7 +89,9 @@ def _without_sensors(simulator: SimulatorConfig, words: Sequence[str]) -> Simula
     has_camera = robot.camera is not None and (camera or simulator.camera) != "none"
     has_lidar = (lidar or robot.lidar) != "none"
     for word in words:
-        if not has_camera and (word.startswith("--image.") or (word == "--camera" and camera != "none")):
+        if not has_camera and (
+            word.startswith(("--image.", "--depth-noise.")) or (word == "--camera" and camera != "none")
+        ):
             raise ValueError(
                 f"{word} is given, but the robot has no camera. Leave it out, or choose another robot."
             )

@@ -40,11 +40,14 @@ from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     from robosim.movers.movers import MoversConfig
+    from robosim.radio.scene import RadioSite
     from wireless.motion.bodies import Bodies
     from wireless.paths import Paths
 
 #: Options of the radio that a scene decides itself.
 PLAN_ONLY = ("material", "tolerance", "wall_thickness", "wall_gap", "floor_ceiling")
+#: Default rate of impulse responses along a trajectory.
+RATE_HZ = 100.0
 
 
 def trace(
@@ -54,7 +57,7 @@ def trace(
     grid: float | None = None,
     rx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction] = (),
     along: Path | None = None,
-    rate: Annotated[float, Range(1e-3, 1e6, "Hz"), ADVANCED] = 100.0,
+    rate: Annotated[float, Range(1e-3, 1e6, "Hz"), ADVANCED] = RATE_HZ,
     people: Annotated[int, Range(0, 1000, "people"), ADVANCED] = 0,
     mover: Annotated[MoverPart, ADVANCED] = "none",
     seed: Annotated[int, SEED, ADVANCED] = 0,
@@ -174,8 +177,15 @@ def trace(
         raise ValueError(
             "An antenna or array is given, which count with --csi or --grid only. Give --csi 64x312.5kHz."
         )
-    if bounds is not None and (alone or along):
-        raise ValueError("bounds is given without a grid. Give --grid 1, or leave it out.")
+    for name, value in {"bounds": bounds, "bandwidth_mhz": bandwidth_mhz}.items():
+        if value is not None and (alone or along):
+            raise ValueError(f"{name} is given without a grid. Give --grid 1, or leave it out.")
+    if along is None and rate != RATE_HZ:
+        raise ValueError(f"rate is {rate:g}, which samples a trajectory. Give --along, or leave it out.")
+    if along is not None and config.threshold_dbm is not None:
+        raise ValueError(
+            "threshold_dbm is given with along, but impulse responses have no link states. Leave it out."
+        )
     noise = BANDS[band].sounding
     if bandwidth_mhz is not None:
         noise = replace(noise, bandwidth_mhz=bandwidth_mhz)
@@ -198,11 +208,11 @@ def trace(
     if alone:
         site = radio_site(place, config)
         bodies = standing_bodies(site, movers, seed)
-        paths = trace_link(site, folder, tx=tx, rx=rx, bodies=bodies, console=console)
+        paths = trace_link(site, folder, tx=tx, rx=rx, bodies=bodies, plots=plots, console=console)
         if offsets is not None:
             write_csi(folder, offsets, antennas, len(tx), rx=None, plots=plots)
             console.print(f"Wrote csi_{_numbers(len(tx))}.npz in {folder}")
-        _report_links(site.name, paths, folder, bodies)
+        _report_links(site, paths, folder, bodies, plots=plots)
         return
     with resume_hint(folder):
         result = trace_plan(
@@ -308,15 +318,18 @@ def _report_map(result: dict[str, Any], folder: Path, more: str) -> None:
     console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)
 
 
-def _report_links(name: str, paths: "Paths", folder: Path, bodies: "Bodies | None") -> None:
+def _report_links(
+    site: "RadioSite", paths: "Paths", folder: Path, bodies: "Bodies | None", *, plots: bool
+) -> None:
     """What the traced links have, on the terminal and as the command's result."""
     from robosim.datasets.standing import bodies_dict
     from wireless.paths import LinkCategory
 
-    states = [[LinkCategory(category).name.lower() for category in row] for row in paths.link_category()]
+    categories = paths.link_category(site.config.threshold_db)
+    states = [[LinkCategory(category).name.lower() for category in row] for row in categories]
     n_rx = len(paths.rx_position)
     result = {
-        "plan": name,
+        "plan": site.name,
         "tx_m": paths.tx_position,
         "rx_m": paths.rx_position[0] if n_rx == 1 else paths.rx_position,
         "paths": len(paths),
@@ -327,7 +340,8 @@ def _report_links(name: str, paths: "Paths", folder: Path, bodies: "Bodies | Non
     sources = counted(len(paths.tx_position), "transmitter")
     receivers = "the receiver" if n_rx == 1 else counted(n_rx, "receiver")
     console.print(f"{counted(len(paths), 'path')} from {sources} to {receivers}")
-    console.print(f"Wrote paths.parquet and rays_{_numbers(len(paths.tx_position))}.png in {folder}")
+    pictures = f" and rays_{_numbers(len(paths.tx_position))}.png" if plots else ""
+    console.print(f"Wrote paths.parquet{pictures} in {folder}")
 
 
 def dataset(

@@ -71,6 +71,7 @@ def plan(
         pose = np.array([*places.widest(), 0.0])
         export_mjcf(building, folder / "mujoco.xml", robot=robot, pose=pose)
     slabs = {str(material): itu_slab(material, MITSUBA_HZ)._asdict() for material in building.materials}
+    _, n_cells = np.unique(places.parts[places.indoors], return_counts=True)
     extruded = find_extruded(building.mesh, building.face_material.astype(np.int64), TracerConfig.snap_m)
     result = {
         "plan": floor_plan.name,
@@ -84,7 +85,8 @@ def plan(
         "height_m": robot.height_m,
         "furnishings": len(building.furnishings),
         "radio": "space" if extruded is None else "plan",
-        "parts": len(np.unique(places.parts[places.indoors])),
+        "parts": len(n_cells),
+        "small_parts": int((n_cells * floor_plan.resolution_m**2 < 1).sum()),
         "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in places.cut_off(1)],
     }
     emit_result(result, folder)
@@ -103,7 +105,8 @@ def _print_plan(result: dict[str, Any], n_furnishing_triangles: int) -> None:
     console.print(Text.assemble((result["plan"], "bold"), details))
     tall = f" and a height of {result['height_m']:g} m" if result["furnishings"] else ""
     parts = counted(result["parts"], "separate part")
-    console.print(f"A hull of radius {result['radius_m']:g} m{tall} can drive in {parts} of it.")
+    small = f" ({n} of less than 1 m2)" if (n := result["small_parts"]) else ""
+    console.print(f"A hull of radius {result['radius_m']:g} m{tall} can drive in {parts} of it{small}.")
     if count := result["furnishings"]:
         triangles = counted(n_furnishing_triangles, "triangle")
         console.print(f"{counted(count, 'furnishing')} placed in it, of {triangles}.")

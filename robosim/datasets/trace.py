@@ -247,6 +247,7 @@ def trace_link(
     tx: tuple[tuple[float, ...], ...],
     rx: tuple[tuple[float, ...], ...],
     bodies: Bodies | None = None,
+    plots: bool = True,
     console: Console | None = None,
 ) -> Paths:
     """Trace transmitters to receivers; writes `paths.parquet`, and the rays of one link of each as a picture.
@@ -265,7 +266,7 @@ def trace_link(
         _explain_outage(site, transmitters, paths.rx_position, paths.count() > 0)
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
-        for i in range(len(transmitters)):
+        for i in range(len(transmitters) if plots else 0):
             plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i), bodies)
     return paths
 

@@ -86,6 +86,10 @@ class RadioLinkConfig:
 
     def __post_init__(self) -> None:
         check_bandwidth(self.sounding.bandwidth_mhz, self.frequency_hz)
+        if self.tables is not None and self.engine == "live":
+            raise ValueError(
+                "tables is set, but engine is 'live', which has none. Set engine to cached or table."
+            )
 
     def in_band(self, name: str) -> "RadioLinkConfig":
         """Return the configuration in a band of `wireless.bands`: other carrier, power, waveform, and antennas."""

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -69,6 +70,15 @@ def test_a_plan_is_shown_and_exported(plan_file, tmp_path, capsys):
     assert {"building.glb", "building.ply", "mitsuba", "mujoco.xml", "reach.png"} <= names
     again = read_plan(next((tmp_path / "shown").glob("*.yaml")))
     assert (again.occupancy == two_rooms(0.8).occupancy).all()
+
+
+def test_plan_counts_parts_too_small_for_a_room(tmp_path, capsys):
+    """A room, and a nook of half a metre without a door."""
+    cells = np.ones((80, 100), np.uint8)
+    cells[5:75, 5:75] = cells[5:15, 85:95] = 0
+    np.save(tmp_path / "nook.npy", cells)
+    main(f"plan {tmp_path}/nook.npy --resolution 0.05 --out {tmp_path}/out".split())
+    assert "can drive in 2 separate parts of it (1 of less than 1 m2)" in capsys.readouterr().out
 
 
 def test_a_mesh_in_another_unit_with_another_axis_up(tmp_path, capsys):

@@ -153,6 +153,9 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
             "--tx 1,1 --grid 0.001",
             "between receivers: it makes 1000000 cells on each square metre. Try 0.15.",
         ),
+        ("--tx 1,1 --rx 2,1 --bandwidth-mhz 20", "bandwidth_mhz is given without a grid"),
+        ("--tx 1,1 --rx 2,1 --rate 50", "rate is 50, which samples a trajectory"),
+        ("--tx 1,1 --along a.tum --threshold-dbm -90", "threshold_dbm is given with along"),
         ("--tx 1,1 --rx 1,1", "rx (1, 1) m is where tx (1, 1, 1.5) m is"),
         ("--tx 2,2 --tx 1,1,1 --rx 1.001,1,1.002", "Move one of them by 5 mm or more"),
         ("--tx 1,1 --tx 2,2 --tx 1,1,1.5", "tx (1, 1, 1.5) m is given twice. Leave one of them out."),
@@ -305,6 +308,9 @@ def test_links_to_several_receivers_of_a_plan(plan_file, tmp_path, capsys, fails
     command = ["trace", str(plan_file), "--tx", "1,1", "--rx", "2,1", "--rx", "4,0.4"]
     main([*command, "--json", "--out", str(tmp_path / "out")])
     assert json.loads(capsys.readouterr().out)["states"] == [["los", "first_order"]]
+    main([*command, "--json", "--threshold-dbm", "100", "--no-plots", "--out", str(tmp_path / "weak")])
+    assert json.loads(capsys.readouterr().out)["states"] == [["outage", "outage"]]
+    assert not list((tmp_path / "weak").glob("*.png"))
     assert "rx is given 2 times with grid" in fails(*command, "--grid", "1")
 
 

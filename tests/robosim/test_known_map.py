@@ -8,6 +8,7 @@ import pytest
 from robosim import EpisodeConfig, SimulatorConfig, make_building, make_task, reach, read_plan, run_episode
 from robosim.navigation import known_map_of
 from robosim.support.reading import FileError
+from slam.mapping.classical import ClassicalMapper
 
 CONFIG = EpisodeConfig(
     goal="oracle", known_map="flat", simulator=SimulatorConfig(physics="kinematic"), max_steps=15
@@ -33,3 +34,8 @@ def test_known_map_of_a_turned_plan_is_rejected():
     plan = replace(read_plan("flat"), origin=(0.0, 0.0, 0.5))
     with pytest.raises(FileError, match=r"flat: the origin of the map is turned by 0\.5 rad"):
         known_map_of(plan)
+
+
+def test_known_map_with_another_mapper_is_rejected():
+    with pytest.raises(ValueError, match="mapper is given with known_map"):
+        replace(CONFIG, mapper=ClassicalMapper)
