@@ -42,12 +42,6 @@ class MoversConfig:
     tracking: Annotated[bool, ADVANCED] = True
     """Whether the robot tracks what moves, leaves it out of its map, and waits for it; else it takes it for walls."""
 
-    def __post_init__(self) -> None:
-        if not self.people and (self.person, self.walking) != (Body(), WalkersConfig()):
-            raise ValueError(
-                "person or walking is set, but people is 0. Give their number, such as --people 5."
-            )
-
     @property
     def any(self) -> bool:
         """Whether something moves."""

@@ -101,8 +101,6 @@ REJECTED = [
     ("epsiode flat", "the command is 'epsiode'. Did you mean 'episode'?"),
     ("train serach", "the command is 'serach'. Did you mean 'search'?"),
     ("episode flat --goal nowhere.safetensors", "nowhere.safetensors"),
-    ("episode flat --walking.speed-mps 2", "person or walking is set, but people is 0. Give their number"),
-    ("evaluate flat --person.radius-m 0.3", "person or walking is set, but people is 0"),
     ("episode flat --radio.tables {}", "tables is set, but engine is 'live'"),
     (
         "episode flat --robot jackal --depth-noise.level 1",
