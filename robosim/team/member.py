@@ -304,11 +304,11 @@ def _thing(number: int, status: Status, decision: int) -> MovingThing:
 
     One that has stood for a while is an obstacle to plan around (`slam.control.avoidance`).
     """
-    # It has not moved yet if its last decision is as late as this one.
-    waits_to_move = status.decision >= decision
+    # It has not moved yet if its last decision is as late as this one; else a wall may have stopped it before.
+    waits_to_move, step = status.decision >= decision, status.next_xy - status.pose[:2]
     return MovingThing(
         xy=status.pose[:2] if waits_to_move else status.next_xy,
-        velocity=status.next_xy - status.pose[:2] if waits_to_move else np.zeros(2),
+        velocity=step if waits_to_move else -step,
         covariance=1e-4 * np.eye(4),
         stood_s=float(status.stood),
         unseen_s=0.0,

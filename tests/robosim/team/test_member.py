@@ -1,5 +1,7 @@
 """What a robot of a team knows of the others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from robosim.policies.reason import ARRIVAL, EXPLORE, Reason
 from robosim.step import Decision
 from robosim.team.member import Member, Status
 from slam.actions import Action
+from slam.control.avoidance import Avoidance
 from slam.grid import GridFrame, MapEstimate
 from slam.hull import Hull
 
@@ -70,6 +73,23 @@ def test_member_claim_says_whether_the_other_expects_the_target(reason: Reason, 
     _send(first, second)
     (claim,) = _decide(second, _map(2.0)).claims
     assert claim.to_target is to_target
+
+
+def test_member_keeps_clear_of_where_another_may_have_been_stopped() -> None:
+    """The other has driven 0.25 m ahead, or a wall has stopped it; the member behind it waits until it reports."""
+    first, second = (Member(name, k, Hull(radius_m=0.1), 1) for k, name in enumerate("ab"))
+    estimate = _decide(second, _map(1.5))
+    second.report(estimate, _decision(estimate))
+    _decide(first, _map(1.0))
+    _send(second, first)
+    merged = _decide(first, _map(1.0))
+    (robot,) = merged.moving
+    assert robot.xy.tolist() == [1.75, 1.0]
+    assert (robot.xy + robot.velocity).tolist() == [1.5, 1.0]
+    avoidance = Avoidance()
+    assert avoidance.checked(merged, Action.FORWARD) is Action.WAIT
+    driven = replace(merged, moving=(replace(robot, velocity=np.zeros(2)),))
+    assert avoidance.checked(driven, Action.FORWARD) is Action.FORWARD
 
 
 def test_member_silent_robot_is_nowhere_but_still_bound_for_its_goal() -> None:
