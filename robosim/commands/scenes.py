@@ -17,6 +17,8 @@ from wireless.support.counting import counted
 
 #: Where walls in Mitsuba scenes reflect most like ours [Hz].
 MITSUBA_HZ = 28e9
+#: Parts of smaller area, such as gaps between furniture, are counted separately [m2].
+_SMALL_M2 = 1.0
 
 
 def plan(
@@ -86,7 +88,7 @@ def plan(
         "furnishings": len(building.furnishings),
         "radio": "space" if extruded is None else "plan",
         "parts": len(n_cells),
-        "small_parts": int((n_cells * floor_plan.resolution_m**2 < 1).sum()),
+        "small_parts": int((n_cells * floor_plan.resolution_m**2 < _SMALL_M2).sum()),
         "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in places.cut_off(1)],
     }
     emit_result(result, folder)
@@ -105,7 +107,7 @@ def _print_plan(result: dict[str, Any], n_furnishing_triangles: int) -> None:
     console.print(Text.assemble((result["plan"], "bold"), details))
     tall = f" and a height of {result['height_m']:g} m" if result["furnishings"] else ""
     parts = counted(result["parts"], "separate part")
-    small = f" ({n} of less than 1 m2)" if (n := result["small_parts"]) else ""
+    small = f" ({n} of less than {_SMALL_M2:g} m2)" if (n := result["small_parts"]) else ""
     console.print(f"A hull of radius {result['radius_m']:g} m{tall} can drive in {parts} of it{small}.")
     if count := result["furnishings"]:
         triangles = counted(n_furnishing_triangles, "triangle")

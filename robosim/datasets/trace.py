@@ -252,7 +252,7 @@ def trace_link(
 ) -> Paths:
     """Trace transmitters to receivers; writes `paths.parquet`, and the rays of one link of each as a picture.
 
-    With several receivers it is an instructive link. Bodies attenuate paths.
+    With several receivers it is an instructive link; without `plots` there is no picture. Bodies attenuate paths.
 
     Raises:
         ValueError: If a position does not fit.
@@ -266,7 +266,7 @@ def trace_link(
         _explain_outage(site, transmitters, paths.rx_position, paths.count() > 0)
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
-        for i in range(len(transmitters) if plots else 0):
+        for i in range(len(transmitters)) if plots else ():
             plot_link(out / f"rays_tx{i + 1}.png", site, paths, i, choose_link(paths, i), bodies)
     return paths
 

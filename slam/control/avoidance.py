@@ -53,7 +53,7 @@ class AvoidanceConfig:
     squeeze_m: Annotated[float, Range(0, 5, "m")] = 0.05
     """Distance after several waits, for places where there is no more space [m]."""
     robots_m: Annotated[float, Range(0, 5, "m")] = 0.15
-    """The same between robots, which do not step aside by themselves, and whose maps drift apart by centimetres [m]."""
+    """Distance from a robot after several waits: it does not step aside, and maps drift apart by centimetres [m]."""
     waits: Annotated[int, Range(1, 1000, "waits")] = 2
     """Waits in which the distance falls to `squeeze_m`."""
     deviations: Annotated[float, Range(0, 5)] = 0.5

@@ -30,11 +30,11 @@ def test_robots_in_sight_measure_directions_of_each_other(radio: TeamRadio) -> N
     measured = radio.measure(_POSES)()
     for receiver, sender in (("a", "b"), ("b", "a")):
         (x, y, yaw), there = _POSES[receiver], _POSES[sender]
-        found = measured[receiver][sender]
+        measurement = measured[receiver][sender]
         bearing_rad = np.arctan2(there[1] - y, there[0] - x) - yaw
-        assert abs(wrap(found.aoa_rad[0] - bearing_rad)) < np.radians(1.0)
-        assert found.probability.argmax() == LinkState.LOS
-        assert np.isnan(found.aod_rad).all()
+        assert abs(wrap(measurement.aoa_rad[0] - bearing_rad)) < np.radians(1.0)
+        assert measurement.probability.argmax() == LinkState.LOS
+        assert np.isnan(measurement.aod_rad).all()
     assert radio.rate_bps(("a", "b")) > 1e8
 
 
