@@ -11,6 +11,7 @@ Approximation algorithms for orienteering and discounted-reward TSP, SIAM J. Com
 """
 
 import math
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -68,16 +69,17 @@ def costs_between(travel_time: TravelTime, places: Float[np.ndarray, "k 2"]) -> 
     samples = [np.linspace(0, len(path) - 1, _JUNCTIONS).astype(int) for path in paths]
     ends = np.concatenate([path[k] for path, k in zip(paths, samples, strict=True)])
     rest = np.concatenate([cost[-1] - cost[k] for cost, k in zip(costs, samples, strict=True)])
-    between = np.zeros((len(places), len(places)))
-    for i, path in enumerate(paths):
-        legs = (travel_time.of_legs(path[-1], ends) + rest).reshape(len(paths), _JUNCTIONS).min(axis=1)
-        for j, other in enumerate(paths):
-            n = min(len(path), len(other))
-            same = (path[:n] == other[:n]).all(axis=1)
-            shared = n - 1 if same.all() else max(int(np.argmin(same)) - 1, 0)
-            between[i, j] = min(legs[j], costs[i][-1] + costs[j][-1] - 2 * costs[i][shared])
+    legs = np.array([travel_time.of_legs(path[-1], ends) + rest for path in paths])
+    between = legs.reshape(len(paths), len(paths), _JUNCTIONS).min(axis=2)
+    between = np.minimum(between, between.T)
+    for i, j in combinations(range(len(paths)), 2):
+        n = min(len(paths[i]), len(paths[j]))
+        same = (paths[i][:n] == paths[j][:n]).all(axis=1)
+        shared = n - 1 if same.all() else max(int(np.argmin(same)) - 1, 0)
+        along = costs[i][-1] + costs[j][-1] - 2 * costs[i][shared]
+        between[i, j] = between[j, i] = min(between[i, j], along)
     np.fill_diagonal(between, 0.0)
-    return np.minimum(between, between.T)
+    return between
 
 
 def shared_areas(box: Box, places: Float[np.ndarray, "k 2"], range_m: float) -> Float[np.ndarray, " k"]:
