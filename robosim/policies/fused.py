@@ -216,7 +216,7 @@ class Fused:
             regions,
             times,
             estimate.claims,
-            most=c.candidates,
+            n_max=c.candidates,
             head_start=c.head_start,
             horizon=c.horizon,
         )

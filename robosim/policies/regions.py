@@ -129,7 +129,7 @@ def values_first(
     travel_time: TravelTime,
     claims: Sequence[Claim],
     *,
-    most: int,
+    n_max: int,
     head_start: float,
     horizon: float,
 ) -> Float[np.ndarray, " k"]:
@@ -142,7 +142,7 @@ def values_first(
         regions: With belief, and the most promising first.
         travel_time: Travel time from the robot.
         claims: Where other robots are bound.
-        most: Regions in an order, the first ones; the work doubles with each.
+        n_max: Regions in an order, the first ones; the work doubles with each.
         head_start: Decisions added to each route.
         horizon: Decisions after which a belief is worth less by a factor of e.
     """
@@ -156,7 +156,7 @@ def values_first(
         np.exp(-(decisions + head_start) / horizon) for decisions in (first, costs[:k, :k])
     )
     won = np.flatnonzero(auctioned(belief, discount_first, discount)) if claims else np.arange(k)
-    order = (won if len(won) else np.arange(k))[:most]
+    order = (won if len(won) else np.arange(k))[:n_max]
     values = np.zeros(k)
     values[order] = values_of_orders(belief[order], discount_first[0, order], discount[np.ix_(order, order)])
     return values
