@@ -22,7 +22,7 @@ from robosim.policies.arrival import Approach, FollowArrival, FollowConfig, Stuc
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.estimates import Estimates
 from robosim.policies.reason import GoalKind, Reason
-from robosim.policies.regions import FADES_M, Region, find_regions, values_first
+from robosim.policies.regions import FADES_M, Region, find_regions, regions_won, values_first
 from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
 from slam.exploration.explorer import Explorer
@@ -209,17 +209,18 @@ class Fused:
         survey = belief.survey(estimate)
         regions = find_regions(frontiers, lines_m, survey, belief.probability(), estimate.pose)
         regions.sort(key=lambda region: -region.belief / (region.decisions + c.far))
-        del regions[(2 if estimate.claims else 1) * c.candidates :]
+        if estimate.claims and regions:
+            regions = regions_won(
+                regions[: 2 * c.candidates],
+                times,
+                estimate.claims,
+                head_start=c.head_start,
+                horizon=c.horizon,
+            )
+        del regions[c.candidates :]
         if not regions:
             return None
-        values = values_first(
-            regions,
-            times,
-            estimate.claims,
-            n_max=c.candidates,
-            head_start=c.head_start,
-            horizon=c.horizon,
-        )
+        values = values_first(regions, times, head_start=c.head_start, horizon=c.horizon)
         if self._goal is not None:
             is_goal = [math.hypot(*(region.frontier.goal_xy - self._goal)) < 0.5 for region in regions]
             values[is_goal] *= c.keep

@@ -25,7 +25,7 @@ from jaxtyping import Float, Float32, Int
 
 from robosim.policies.route_directions import BLOCKING, MapSurvey
 from slam.actions import FORWARD_M
-from slam.exploration.claims import auctioned, reachable_place
+from slam.exploration.claims import auctioned, costs_from
 from slam.exploration.frontiers import Frontier
 from slam.exploration.tour import costs_between, values_of_orders
 from slam.grid import Claim
@@ -125,38 +125,56 @@ def cells_of_regions(
 
 
 def values_first(
+    regions: Sequence[Region], travel_time: TravelTime, *, head_start: float, horizon: float
+) -> Float[np.ndarray, " k"]:
+    """Value of the best order of all regions that begins with each of them: discounted belief.
+
+    Args:
+        regions: At most about twelve: the work doubles with each.
+        travel_time: Travel time from the robot.
+        head_start: Decisions added to each route.
+        horizon: Decisions after which a belief is worth less by a factor of e.
+    """
+    first = np.array([region.decisions for region in regions])
+    return values_of_orders(*_visits(regions, travel_time, first, head_start, horizon))
+
+
+def regions_won(
     regions: Sequence[Region],
     travel_time: TravelTime,
     claims: Sequence[Claim],
     *,
-    n_max: int,
     head_start: float,
     horizon: float,
-) -> Float[np.ndarray, " k"]:
-    """Value of the best order of regions that begins with each of them: discounted belief.
-
-    In a team the order is of the regions that the robot wins in an auction with the others
-    (`slam.exploration.claims`), or of all if it wins none. The others have a value of 0.
+) -> list[Region]:
+    """Regions that the robot wins in an auction with the others (`slam.exploration.claims`); all if it wins none.
 
     Args:
-        regions: With belief, and the most promising first.
+        regions: With belief.
         travel_time: Travel time from the robot.
         claims: Where other robots are bound.
-        n_max: Regions in an order, the first ones; the work doubles with each.
         head_start: Decisions added to each route.
         horizon: Decisions after which a belief is worth less by a factor of e.
     """
-    k, belief = len(regions), np.array([region.belief for region in regions])
-    places = [region.frontier.near_xy for region in regions]
-    goals = [reachable_place(claim, travel_time) for claim in claims]
-    costs = costs_between(travel_time, np.array(places + goals)) / FORWARD_M
-    before = np.array([claim.cost_m / FORWARD_M for claim in claims]).reshape(-1, 1)
-    first = np.vstack([[region.decisions for region in regions], before + costs[k:, :k]])
-    discount_first, discount = (
-        np.exp(-(decisions + head_start) / horizon) for decisions in (first, costs[:k, :k])
-    )
-    won = np.flatnonzero(auctioned(belief, discount_first, discount)) if claims else np.arange(k)
-    order = (won if len(won) else np.arange(k))[:n_max]
-    values = np.zeros(k)
-    values[order] = values_of_orders(belief[order], discount_first[0, order], discount[np.ix_(order, order)])
-    return values
+    others = [costs_from(claim, travel_time, _places(regions)) / FORWARD_M for claim in claims]
+    first = np.vstack([[region.decisions for region in regions], *others])
+    is_won = auctioned(*_visits(regions, travel_time, first, head_start, horizon))
+    return [region for region, won in zip(regions, is_won, strict=True) if won] or list(regions)
+
+
+def _visits(
+    regions: Sequence[Region],
+    travel_time: TravelTime,
+    first: Float[np.ndarray, "*n k"],
+    head_start: float,
+    horizon: float,
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "*n k"], Float[np.ndarray, "k k"]]:
+    """Belief of regions, and discounts on routes to each, of so many decisions from robots, and between them."""
+    between = costs_between(travel_time, _places(regions)) / FORWARD_M
+    discount_first, discount = (np.exp(-(decisions + head_start) / horizon) for decisions in (first, between))
+    return np.array([region.belief for region in regions]), discount_first, discount
+
+
+def _places(regions: Sequence[Region]) -> Float[np.ndarray, "k 2"]:
+    """Places (x, y) at which regions are entered [m]."""
+    return np.array([region.frontier.near_xy for region in regions]).reshape(-1, 2)

@@ -41,19 +41,10 @@ def costs_from(
     claim: Claim, from_robot: TravelTime, places: Float[np.ndarray, "k 2"]
 ) -> Float[np.ndarray, " k"]:
     """Costs at which another robot reaches places after its goal, over floor that the robot can reach."""
-    costs = _reachable(from_robot)
-    return claim.cost_m + travel_time_to(costs, costs.nearest(claim.xy)[0]).at(places)
-
-
-def reachable_place(claim: Claim, from_robot: TravelTime) -> Float[np.ndarray, "2"]:
-    """The place (x, y) [m] nearest to another robot's goal that the robot can reach."""
-    return _reachable(from_robot).nearest(claim.xy)[1]
-
-
-def _reachable(from_robot: TravelTime) -> CostMap:
     passable = np.isfinite(from_robot.cost_m)
     cost = np.where(passable, from_robot.cost_per_m, 1.0).astype(np.float32)
-    return CostMap(frame=from_robot.frame, cost=cost, passable=passable)
+    costs = CostMap(frame=from_robot.frame, cost=cost, passable=passable)
+    return claim.cost_m + travel_time_to(costs, costs.nearest(claim.xy)[0]).at(places)
 
 
 def auctioned(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robosim.policies.regions import Region, find_regions, values_first
+from robosim.policies.regions import Region, find_regions, regions_won, values_first
 from robosim.policies.route_directions import MapSurvey
 from slam.exploration.frontiers import Frontier
 from slam.grid import Claim, GridFrame, MapEstimate
@@ -118,7 +118,7 @@ def test_the_best_order_begins_with_the_region_on_the_route_to_others():
     field = travel_time(frame, np.ones(shape), np.ones(shape, bool), (10, 50))
     xs, amounts = (4.0, 8.0, -8.0), (0.1, 0.3, 0.3)
     regions = [Region(frontier(x, 0.0), amount, abs(x) / 0.25) for x, amount in zip(xs, amounts, strict=True)]
-    values = values_first(regions, field, (), n_max=3, head_start=10.0, horizon=100.0)
+    values = values_first(regions, field, head_start=10.0, horizon=100.0)
 
     def worth(*order: int) -> float:
         total, late, place = 0.0, 0.0, 0.0
@@ -147,12 +147,10 @@ def test_regions_are_left_to_a_robot_that_is_bound_for_them_unless_it_has_nearer
     field = travel_time(frame, np.ones(shape), np.ones(shape, bool), (10, 50))
     regions = [Region(frontier(x, 0.0), 0.2, abs(x) / 0.25) for x in (-4.0, 6.0, 8.0)]
 
-    def won(*goals: float, n_max: int = 3) -> list[Region]:
+    def won(*goals: float) -> list[Region]:
         claims = [Claim(np.array([x, 0.0]), 1.0) for x in goals]
-        values = values_first(regions, field, claims, n_max=n_max, head_start=10.0, horizon=400.0)
-        return [region for region, value in zip(regions, values, strict=True) if value > 0]
+        return regions_won(regions, field, claims, head_start=10.0, horizon=400.0)
 
     assert won(6.0) == regions[:1]
     assert won(-4.0) == regions[1:]
     assert won(-4.0, 6.0, 8.0) == regions
-    assert won(-4.0, n_max=1) == regions[1:2]
