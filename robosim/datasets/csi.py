@@ -81,8 +81,10 @@ def write_csi(
         }
         write_whole(folder / f"csi_tx{tx + 1}.npz", npz_bytes(arrays))
         if plots:
-            near = [] if rx is None else np.linalg.norm(paths.rx_position[:, : len(rx)] - rx, axis=1)
-            drawn = choose_link(paths, 0) if rx is None else int(np.argmin(near))
+            if rx is None:
+                drawn = choose_link(paths, 0)
+            else:
+                drawn = int(np.argmin(np.linalg.norm(paths.rx_position[:, : len(rx)] - rx, axis=1)))
             title = "Frequency response, transmitter {} to ({:.2f}, {:.2f}, {:.2f}) m"
             plot_response(
                 folder / f"csi_tx{tx + 1}.png",
