@@ -70,7 +70,7 @@ def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
         shapes = list(_shapes(_entities(document.modelspace(), "", [0], missing), unit_m))
         if missing:
             logger.warning(
-                f"{path}: blocks that it does not contain are left out: {'; '.join(sorted(missing))}."
+                f"{path}: blocks that it does not contain, and clippings, are left out: {'; '.join(sorted(missing))}."
             )
         return plan_from_shapes(shapes, path, options)
 
@@ -80,8 +80,10 @@ def _entities(
 ) -> Iterator[tuple["DXFEntity", str]]:
     """Entities with their layers, those of blocks in their places; `layer` is that of the block's reference.
 
-    Names of blocks that are missing, or are in other files, are added to `missing`.
+    Names of blocks that are missing, or are in other files, and clippings are added to `missing`.
     """
+    from ezdxf.xclip import XClip
+
     for entity in entities:
         count[0] += COPY if deep else 1
         inner: Any = entity
@@ -111,6 +113,10 @@ def _entities(
                 name, path = inner.dxf.name, "" if block is None else block.block.dxf.get("xref_path", "")
                 missing.add(f"{shown(name)} of {shown(path)}" if path else shown(name))
                 continue
+            if XClip(inner).is_clipping_enabled:
+                missing.add(
+                    f"the clipping (XCLIP) of {shown(inner.dxf.name)}, which is read whole: explode it"
+                )
             count[0] += COPY * inner.mcount * (inner.mcount > 1)
             if count[0] > MOST_ENTITIES:
                 raise MapError(

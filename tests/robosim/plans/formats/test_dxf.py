@@ -8,6 +8,7 @@ from robosim.plans.floorplan import MapError
 from tests.robosim.plans.formats.test_line_drawing import FREE_M2, INNER, OUTER, free_m2, is_free
 
 ezdxf = pytest.importorskip("ezdxf", reason="needs the extra dxf")
+xclip = pytest.importorskip("ezdxf.xclip")
 
 
 class Drawing:
@@ -300,3 +301,16 @@ def test_read_dxf_reports_objects_on_layers_of_walls_that_it_cannot_read(tmp_pat
     drawing.space.add_3dface([(1, 1), (2, 1), (2, 2)], dxfattribs={"layer": "WALL"})
     with pytest.raises(MapError, match=r"its walls are 1 '3DFACE', which are not read\. Explode them"):
         read_plan(drawing.save(tmp_path))
+
+
+def test_read_dxf_names_clipped_blocks(tmp_path, caplog):
+    """Also one within a block."""
+    drawing = Drawing()
+    for name, inner in (("a", None), ("b", "a")):
+        block = drawing.document.blocks.new(name)
+        block.add_lwpolyline(OUTER, close=True, dxfattribs={"layer": "WALL"})
+        if inner:
+            xclip.XClip(block.add_blockref(inner, (0, 0))).set_block_clipping_path([(0, 0), (1, 1)])
+    xclip.XClip(drawing.space.add_blockref("b", (0, 0))).set_block_clipping_path([(0, 0), (1, 1)])
+    read_plan(drawing.save(tmp_path))
+    assert "the clipping (XCLIP) of 'a'" in caplog.text and "the clipping (XCLIP) of 'b'" in caplog.text
