@@ -4,7 +4,7 @@ MuJoCo follows includes without end, makes any number of copies, waits for named
 without `<inertial>` the mass of their collision shapes in water. So files, copies and numbers are checked before it
 reads them, and a URDF file is reduced to links, their inertials and collision geometry, and joints that can turn;
 links without inertials have no mass.
-Sensors of Gazebo are listed with the link that each refers to.
+Sensors of Gazebo are listed with the link that each, or its pose by `relative_to`, refers to.
 """
 
 import math
@@ -290,10 +290,11 @@ def _sensor_tags(gazebo: ET.Element) -> Iterator[SensorTag]:
         _check_sensor(sensor)
         for optics in (sensor.findall("camera") or [sensor]) if is_camera else [sensor]:
             poses = [_numbers(each.find("pose"), "") for each in dict.fromkeys((sensor, optics))]
+            frames = [pose.get("relative_to") for pose in sensor.findall("pose")]
             hfov_rad = (*_numbers(optics.find("horizontal_fov"), ""), math.nan)[0]
             yield SensorTag(
                 name=sensor.get("name") or str(gazebo.get("reference")),
-                link=str(gazebo.get("reference")),
+                link=str(next(filter(None, frames), gazebo.get("reference"))),
                 is_camera=is_camera,
                 has_depth=bool(re.search("depth|rgbd|kinect", kind)),
                 poses=[pose for pose in poses if len(pose) == 6],
@@ -307,6 +308,13 @@ def _check_sensor(sensor: ET.Element) -> None:
         tag, is_size = element.tag, element.tag in ("width", "height", "samples", "horizontal_fov")
         if is_size and min(_numbers(element, ""), default=1) <= 0:
             raise ValueError(f"{tag} of sensor {sensor.get('name')} is {element.text}, expected more than 0")
+        if tag == "pose" and (
+            len(_numbers(element, "")) not in (0, 6) or element.get("degrees", "false") not in ("false", "0")
+        ):
+            raise ValueError(
+                f"pose of sensor {sensor.get('name')} is {one_line(element.text or '')!r} with {element.attrib}, "
+                "expected x, y, z [m], roll, pitch, yaw [rad]"
+            )
         widest = 6.3 if tag in ("horizontal", "vertical") else math.inf
         for low, high in (("min_angle", "max_angle"), ("min", "max"), ("near", "far")):
             ends = [*_numbers(element.find(low), ""), *_numbers(element.find(high), "")]

@@ -51,7 +51,7 @@ _SIMPLER_M, _ROUND = 0.002, 0.02
 _SIDE_M = 0.05
 #: Farthest place of a part [m], and greatest mass of one [kg].
 _MOST_M, _MOST_KG = 100.0, 10_000.0
-_REMEDY = "Give a URDF or MJCF file of a differential drive, xacro expanded, meshes where it says they are"
+_REMEDY = "Give URDF or MJCF of a differential drive, xacro expanded, meshes (binary STL, OBJ) where it says they are"
 #: Corners of circles.
 _CORNERS = 64
 #: What is taken where a description does not state it: a lidar, and the field of view of a camera [deg].

@@ -3,7 +3,8 @@
 Lines, polylines with bulges, arcs, circles, ellipses, splines, multilines, hatches and solids of the model space, those
 of blocks included, as `robosim.plans.formats.line_drawing` reads them. What is on layer 0 of a block is on the layer of
 its reference. Layers that are off or frozen are left out, and so are blocks whose reference is on a frozen
-layer, text, dimensions, meshes and paper space. The unit is the drawing's ($INSUNITS) or given; coordinates become
+layer, text, dimensions and paper space; surfaces, solids and objects of other programs with a warning, if they are on
+a layer of walls; and the frames of fitted polylines. The unit is the drawing's ($INSUNITS) or given; coordinates become
 those of `map`.
 
 Reference: Autodesk, DXF Reference (2018), sections Header and Entities.
@@ -11,6 +12,7 @@ Reference: Autodesk, DXF Reference (2018), sections Header and Entities.
 
 import logging
 import math
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +35,12 @@ UNITS_M = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 10: 0.9144, 14: 0.1, 
 #: Entities that are drawn as lines, as areas by one outline, and as areas by several.
 LINES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 SOLIDS, HATCHES = ("SOLID", "TRACE"), ("HATCH", "MPOLYGON")
+#: Entities that are no walls.
+_NOTES = re.compile(
+    "TEXT|ATT|DIM|LEADER|TOLER|TABLE|POINT|VIEWPORT|IMAGE|UNDERLAY|OLE|WIPEOUT|LIGHT|XLINE|RAY"
+)
+#: Flag of vertices that a fitted polyline does not pass through.
+_FRAME = 16
 #: Most blocks within blocks, and entities in all; one of a block is copied, which takes as long as several.
 MOST_DEEP, MOST_ENTITIES, COPY = 20, 300_000, 5
 BINARY = b"AutoCAD Binary DXF"
@@ -62,7 +70,7 @@ def read_dxf(path: Path, options: ReadingOptions) -> FloorPlan:
         shapes = list(_shapes(_entities(document.modelspace(), "", [0], missing), unit_m))
         if missing:
             logger.warning(
-                f"{path}: blocks that it does not contain are left out: {'; '.join(sorted(missing))}."
+                f"{path}: blocks that it does not contain, and clippings, are left out: {'; '.join(sorted(missing))}."
             )
         return plan_from_shapes(shapes, path, options)
 
@@ -72,11 +80,15 @@ def _entities(
 ) -> Iterator[tuple["DXFEntity", str]]:
     """Entities with their layers, those of blocks in their places; `layer` is that of the block's reference.
 
-    Names of blocks that are missing, or are in other files, are added to `missing`.
+    Names of blocks that are missing, or are in other files, and clippings are added to `missing`.
     """
+    from ezdxf.xclip import XClip
+
     for entity in entities:
         count[0] += COPY if deep else 1
-        for key, value in entity.dxfattribs().items():
+        inner: Any = entity
+        attributes = {**inner.graphic_properties(), **entity.dxfattribs()}
+        for key, value in attributes.items():
             if isinstance(value, float) and not math.isfinite(value):
                 raise MapError(
                     f"{key} of a {entity.dxftype()} is {value}, expected a number. Export it again."
@@ -86,14 +98,14 @@ def _entities(
                 f"it has blocks in blocks, more than {MOST_DEEP} deep, or more than {MOST_ENTITIES} entities. Explode "
                 "them, or export the layers of walls alone."
             )
-        layer_of_entity = layer if layer and entity.dxf.layer == "0" else entity.dxf.layer
+        layer_of_entity = attributes.get("layer", "0")
+        layer_of_entity = layer if layer and layer_of_entity == "0" else layer_of_entity
         kind = entity.dxftype()
-        inner: Any = entity
         known = inner.doc.layers.get(layer_of_entity) if layer_of_entity in inner.doc.layers else None
         # Layers of a block are drawn though that of its reference is off, but not if it is frozen.
         if known is not None and (known.is_frozen() or (known.is_off() and kind != "INSERT")):
             continue
-        if entity.dxf.get("invisible", 0):
+        if attributes.get("invisible", 0):
             continue
         if kind == "INSERT":
             block = inner.block()
@@ -101,6 +113,10 @@ def _entities(
                 name, path = inner.dxf.name, "" if block is None else block.block.dxf.get("xref_path", "")
                 missing.add(f"{shown(name)} of {shown(path)}" if path else shown(name))
                 continue
+            if XClip(inner).is_clipping_enabled:
+                missing.add(
+                    f"the clipping (XCLIP) of {shown(inner.dxf.name)}, which is read whole: explode it"
+                )
             count[0] += COPY * inner.mcount * (inner.mcount > 1)
             if count[0] > MOST_ENTITIES:
                 raise MapError(
@@ -123,7 +139,11 @@ def _shapes(entities: Iterable[tuple["DXFEntity", str]], unit_m: float) -> Itera
         graphic: Any = entity
         is_mesh = kind == "POLYLINE" and not (graphic.is_2d_polyline or graphic.is_3d_polyline)
         if is_mesh or kind not in (*LINES, *SOLIDS, *HATCHES):
+            if not _NOTES.search(kind):
+                yield Shape((layer,), (), unread=kind)
             continue
+        if kind == "POLYLINE":
+            graphic.vertices[:] = [each for each in graphic.vertices if not each.dxf.flags & _FRAME]
         if kind == "HATCH":  # without islands that its style ignores
             paths = graphic.paths
             paths.paths = list(paths.rendering_paths(graphic.dxf.hatch_style)) or paths.paths

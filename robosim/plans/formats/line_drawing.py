@@ -78,6 +78,8 @@ class Shape(NamedTuple):
     """Width that its lines are drawn with."""
     is_nonzero: bool = False
     """Whether outlines enclose what they wind around in all (nonzero rule), rather than an odd number of times."""
+    unread: str = ""
+    """Kind of an object that is not read; it has no lines."""
 
 
 def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOptions) -> FloorPlan:
@@ -92,7 +94,7 @@ def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOption
     for shape in shapes:
         # Copies of blocks lie on each other: their lines would cut each other into many pieces.
         rounded = tuple(np.round(line / FLAT_M).tobytes() for line in shape.lines)
-        if (key := (shape.names[0], shape.is_area, shape.width_m, rounded)) in known:
+        if (key := (shape.names[0], shape.is_area, shape.width_m, rounded)) in known and not shape.unread:
             continue
         known.add(key)
         points += sum(map(len, shape.lines))
@@ -101,7 +103,14 @@ def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOption
         if not all(np.isfinite(line).all() for line in shape.lines):
             raise MapError("it has coordinates that are NaN or infinite. Export it again.")
         drawn.append(shape)
-    chosen = _on_wall_layers(drawn, options.wall_layers, path)
+    on_layers = _on_wall_layers(drawn, options.wall_layers, path)
+    chosen = [shape for shape in on_layers if not shape.unread]
+    if unread := Counter(shape.unread for shape in on_layers if shape.unread):
+        listed = ", ".join(f"{count} {shown(kind)}" for kind, count in unread.most_common(_LISTED))
+        remedy = "Explode them into lines in the program that made them, or export the storey as a mesh."
+        if not chosen:
+            raise MapError(f"its walls are {listed}, which are not read. {remedy}")
+        logger.warning(f"{path}: {listed} on the layers of walls are not read. {remedy}")
     extent = shapely.total_bounds([shapely.multipoints(np.vstack(shape.lines)) for shape in chosen])
     _check_extent(np.ptp(extent.reshape(2, 2), axis=0), options.allow_large)
     walls = _walls(chosen, options.line_thickness_m or resolution_m, resolution_m)
@@ -136,7 +145,7 @@ def plan_from_shapes(shapes: Iterable[Shape], path: Path, options: ReadingOption
 
 def _on_wall_layers(drawn: Sequence[Shape], patterns: tuple[str, ...], path: Path) -> list[Shape]:
     """Shapes on the layers of walls: the given ones, or those named so, or the only one."""
-    layers = Counter(shape.names[0] for shape in drawn)
+    layers = Counter(shape.names[0] for shape in drawn if not shape.unread)
     listed = ", ".join(f"{shown(name)} ({count})" for name, count in layers.most_common(_LISTED))
     if len(layers) > _LISTED:
         listed += f" and {len(layers) - _LISTED} more"
@@ -147,8 +156,9 @@ def _on_wall_layers(drawn: Sequence[Shape], patterns: tuple[str, ...], path: Pat
         pattern: {name for name in known if fnmatchcase(known[name], pattern.lower())} for pattern in patterns
     }
     wanted = set().union(*of.values()) if patterns else set(filter(WALL_NAME.search, known))
-    is_only = len(layers) == 1 and not patterns
-    chosen = [shape for shape in drawn if is_only or not wanted.isdisjoint(shape.names)]
+    if len(layers) == 1 and not patterns:
+        wanted |= set(layers)
+    chosen = [shape for shape in drawn if not wanted.isdisjoint(shape.names)]
     missing = [shown(pattern) for pattern in patterns if not of[pattern]]
     if missing or not chosen:
         raise MapError(

@@ -212,7 +212,7 @@ def _is_inverted_wall(
     length: Float[np.ndarray, " n"],
     surface: Int[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " s"]:
-    """Find surfaces that enclose a thin volume, as of a wall, and face into it; none if rooms are such too."""
+    """Find surfaces that enclose a thin volume, of a wall or slab, and face into it; none if rooms are such too."""
     n = int(surface.max()) + 1
     area = np.bincount(surface, length, n)
     total = np.stack([np.bincount(surface, axis, n) for axis in normals.T])
@@ -220,9 +220,11 @@ def _is_inverted_wall(
     count = np.bincount(surface, minlength=n)
     middle = np.stack([np.bincount(surface, axis, n) / count for axis in triangles[:, 0].T], axis=1)
     volume = np.bincount(surface, np.einsum("ij,ij->i", triangles[:, 0] - middle[surface], normals), n) / 6
-    upright = np.bincount(surface, length * (np.abs(normals[:, 2]) < LEVEL_COSINE * length), n) / 2
+    is_level = np.abs(normals[:, 2]) >= LEVEL_COSINE * length
+    level = np.bincount(surface, length * is_level, n) / 2
     inwards = closed & (volume < 0)
-    thin = -2 * volume < _THICKEST_WALL_M * upright
+    # Upright as walls, or level as slabs between storeys.
+    thin = -2 * volume < _THICKEST_WALL_M * np.maximum(area / 2 - level, level)
     return inwards & thin & ~(inwards & ~thin).any()
 
 

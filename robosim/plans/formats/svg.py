@@ -7,7 +7,8 @@ class too. The lower left corner of the picture is the origin of `map`.
 
 A picture's size in mm, cm, in, pt or pc is that of the building, unless a unit is given: then the view box has that
 unit, and without either a drawing is an error. Left out: text, pictures, clipping, what covers what; with a
-warning, dashes, symbols with view boxes, and rules of style sheets for more than a name.
+warning, dashes, symbols with view boxes, rules of style sheets for more than a name, and colours with other separators
+than commas. Of colours for light and dark screens the light one counts.
 
 Reference: W3C, Scalable Vector Graphics 2 (2018), chapter 8 (coordinate systems, transformations and units).
 """
@@ -49,6 +50,15 @@ _UNDRAWN, _PLACE = ("symbol", "marker", "mask", "foreignObject"), ("viewBox", "x
 _SELECTOR = re.compile(r"\s*(\*|@.*|#[\w-]+|[\w-]*\.?[\w-]+)\s*")
 #: A property of style that breaks a line; zeros and words do not.
 _DASHED = re.compile(r"stroke-dasharray\s*:[^;}]*[1-9]")
+#: Paints of a style; the light one of two, as of draw.io; those of the group above; those that svgelements reads.
+_PAINT = re.compile(r"(?<![\w-])(?:fill|stroke)\s*:\s*([^;}]*[^;}\s])")
+_BY_SCHEME = re.compile(r"light-dark\(((?:[^(),]|\([^()]*\))*),[^;}]*")
+_INHERITED = re.compile(r"(?:^|(?<![\w-])(?:fill|stroke)\s*:)\s*(?:inherit|unset)(?![\w-])")
+_COLOUR = re.compile(
+    r"#[0-9a-f]{3,8}|url\([^)]*\)|[a-z-]+|rgba?\(\s*\d+\s*(,\s*\d+\s*){2}(,\s*[\d.]+\s*)?\)"
+    r"|(rgb|hsl)a?\([^,]*(,[^,]*%\s*){2}(,[^%]*)?\)",
+    re.IGNORECASE,
+)
 _NAN = re.compile(r"(?<![\w.#-])[+-]?(nan|inf(inity)?)(?![\w-])", re.IGNORECASE)
 _LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*([a-z%]*)\s*")
 
@@ -73,6 +83,7 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
                 if key in _LENGTHS and value.lstrip().startswith("-"):
                     raise MapError(f"{key} is {one_line(value)!r}, expected 0 or more. Export it again.")
         _check_copies(root)
+        _simplify_paints(root, path)
         _rearrange(root, path)
         (left, top, width, height), physical_m = _view(root, needs_unit=options.unit_m is None)
         unit_m = options.unit_m or physical_m
@@ -89,6 +100,29 @@ def read_svg(path: Path, options: ReadingOptions) -> FloorPlan:
         return plan_from_shapes(_shapes(picture, (), unit_m, height), path, options)
 
 
+def _simplify_paints(root: ET.Element, path: Path) -> None:
+    """Rewrite paints that svgelements reads as black, with a warning for colours that it may read wrongly."""
+    strange = []
+    for element in root.iter():
+        paints = {"fill", "stroke", "style"}.intersection(element.attrib)
+        texts = {key: element.attrib.pop(key) for key in sorted(paints)}
+        if element.tag.rpartition("}")[2] == "style":
+            texts[""] = element.text or ""
+        for key, text in texts.items():
+            text = _INHERITED.sub("", _BY_SCHEME.sub(r"\1", text.replace("!important", ""))).strip()
+            strange += _PAINT.findall(text if key in ("style", "") else f"fill:{text}")
+            if not key:
+                element.text = text
+            elif text:
+                element.set(key, text)
+    strange = [paint for paint in strange if not _COLOUR.fullmatch(paint)]
+    if strange:
+        logger.warning(
+            f"{path}: {len(strange)} colours such as {one_line(strange[0])!r} are not understood and may be read as "
+            "black or left out. Save it with colours such as #ffffff."
+        )
+
+
 def _rearrange(root: ET.Element, path: Path) -> None:
     """Take out what svgelements draws in a wrong place, with a warning; put style sheets before all shapes.
 
@@ -103,7 +137,7 @@ def _rearrange(root: ET.Element, path: Path) -> None:
                 scaled += 1
                 del child[:]
             if tag == "style":
-                child.text = (child.text or "").replace("!important", "").replace("}", ";}")
+                child.text = (child.text or "").replace("}", ";}")
             if tag in ("style", *_UNDRAWN):
                 parent.remove(child)
                 (sheets if tag == "style" else undrawn).append(child)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from robosim.robot.model_file import Model, model_of
+from robosim.support.reading import FileError
 from tests.made_robots import MJCF, TWO, URDF
 
 CART = URDF.replace("WHEELS", TWO)
@@ -106,6 +107,21 @@ def test_find_camera_takes_gazebo_sensors(tmp_path: Path) -> None:
 def test_find_camera_says_of_holders_without_a_camera(tmp_path: Path) -> None:
     model = _model(tmp_path, CART.replace("camera_link", "camera_mount"))
     assert model.camera is None and any("camera_mount are named after" in note for note in model.notes)
+
+
+def test_find_lidar_places_a_gazebo_sensor_by_relative_to(tmp_path: Path) -> None:
+    """0.1 m ahead of the camera at (0.28, 0, 0.15), though it belongs to the base."""
+    tags = """<gazebo reference="base"><sensor type="gpu_lidar" name="rp"><pose relative_to="camera_link">0.1 0 0 0 0 0
+      </pose></sensor></gazebo></robot>"""
+    lidar = _model(tmp_path, CART.replace("</robot>", tags)).lidar
+    assert lidar is not None and tuple(lidar.place) == pytest.approx((0.38, 0.0, 0.15))
+
+
+@pytest.mark.parametrize("pose", ['degrees="true">0 0 0 0 0 90', 'rotation_format="quat_xyzw">1 0 0 0 0 0 1'])
+def test_poses_of_gazebo_sensors_in_other_units_are_rejected(tmp_path: Path, pose: str) -> None:
+    tags = f'<gazebo reference="base"><sensor type="lidar" name="rp"><pose {pose}</pose></sensor></gazebo></robot>'
+    with pytest.raises(FileError, match=r"pose of sensor rp is .*, expected x, y, z \[m\], roll, pitch, yaw"):
+        _model(tmp_path, CART.replace("</robot>", tags))
 
 
 def test_find_camera_places_gazebo_cameras_in_their_sensor(tmp_path: Path) -> None:

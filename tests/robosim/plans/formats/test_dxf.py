@@ -8,6 +8,7 @@ from robosim.plans.floorplan import MapError
 from tests.robosim.plans.formats.test_line_drawing import FREE_M2, INNER, OUTER, free_m2, is_free
 
 ezdxf = pytest.importorskip("ezdxf", reason="needs the extra dxf")
+xclip = pytest.importorskip("ezdxf.xclip")
 
 
 class Drawing:
@@ -266,3 +267,50 @@ def test_read_dxf_reads_copies_at_one_place_once(tmp_path):
     for _ in range(300):
         drawing.outline(INNER)
     assert free_m2(read_plan(drawing.save(tmp_path))) == pytest.approx(FREE_M2)
+
+
+def test_read_dxf_leaves_out_the_frame_of_a_fitted_polyline(tmp_path):
+    """The top of the frame is at y = 3, of the curve at y = 2."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    fitted = drawing.space.add_polyline2d([(1, 1), (2, 3), (3, 1)], dxfattribs={"layer": "WALL", "flags": 4})
+    for vertex in fitted.vertices:
+        vertex.dxf.flags = 16
+    fitted.append_vertices([(1, 1), (1.5, 1.75), (2, 2), (2.5, 1.75), (3, 1)], dxfattribs={"flags": 8})
+    plan = read_plan(drawing.save(tmp_path))
+    assert is_free(plan, 2.0, 2.9) and not is_free(plan, 2.0, 2.0)
+
+
+def test_read_dxf_reports_objects_on_layers_of_walls_that_it_cannot_read(tmp_path, caplog):
+    """Surfaces, and objects of other programs, which have no attributes for ezdxf; text is no wall."""
+    drawing = Drawing()
+    drawing.outline(OUTER)
+    for layer in ("WALL", "WALL", "FURNITURE"):
+        drawing.space.add_3dface([(1, 1), (2, 1), (2, 2)], dxfattribs={"layer": layer})
+    drawing.space.add_text("stairs", dxfattribs={"layer": "WALL"})
+    file = drawing.save(tmp_path)
+    before, entities, after = file.read_text().partition("ENTITIES\n")
+    owner = drawing.space.layout_key
+    foreign = f"  0\nAEC_WALL\n  5\nFF1\n330\n{owner}\n100\nAcDbEntity\n  8\nWALL\n"
+    file.write_text(before + entities + foreign + after)
+    read_plan(file)
+    assert "2 '3DFACE', 1 'AEC_WALL' on the layers of walls are not read" in caplog.text
+    drawing = Drawing()
+    drawing.outline(OUTER, layer="DOOR")
+    drawing.outline(INNER, layer="TABLE")
+    drawing.space.add_3dface([(1, 1), (2, 1), (2, 2)], dxfattribs={"layer": "WALL"})
+    with pytest.raises(MapError, match=r"its walls are 1 '3DFACE', which are not read\. Explode them"):
+        read_plan(drawing.save(tmp_path))
+
+
+def test_read_dxf_names_clipped_blocks(tmp_path, caplog):
+    """Also one within a block."""
+    drawing = Drawing()
+    for name, inner in (("a", None), ("b", "a")):
+        block = drawing.document.blocks.new(name)
+        block.add_lwpolyline(OUTER, close=True, dxfattribs={"layer": "WALL"})
+        if inner:
+            xclip.XClip(block.add_blockref(inner, (0, 0))).set_block_clipping_path([(0, 0), (1, 1)])
+    xclip.XClip(drawing.space.add_blockref("b", (0, 0))).set_block_clipping_path([(0, 0), (1, 1)])
+    read_plan(drawing.save(tmp_path))
+    assert "the clipping (XCLIP) of 'a'" in caplog.text and "the clipping (XCLIP) of 'b'" in caplog.text

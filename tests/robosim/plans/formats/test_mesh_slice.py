@@ -252,6 +252,16 @@ def test_the_inside_of_a_closed_cupboard_is_not_free(room_inwards, faces):
     assert not sliced.free[inside[:, 1], inside[:, 0]].any()
 
 
+@pytest.mark.parametrize("inwards", [(0, 1, 2, 3, 4), (0, 1)])
+def test_walls_on_an_inverted_slab_stay_solid(inwards):
+    """Four walls 0.3 m thick on a slab, all inside out, as after mirroring the axes; or the slab and a wall."""
+    sizes = [((0, 0, -0.1), (6, 4, 0)), ((0, 0, 0), (6, 0.3, 2.5)), ((0, 3.7, 0), (6, 4, 2.5))]
+    sizes += [((0, 0.3, 0), (0.3, 3.7, 2.5)), ((5.7, 0.3, 0), (6, 3.7, 2.5))]
+    house = [box(low, high, number in inwards) for number, (low, high) in enumerate(sizes)]
+    sliced = plan_from_triangles(np.concatenate(house), ReadingOptions(resolution_m=0.1))
+    assert sliced.free.sum() == 54 * 34
+
+
 def test_rooms_that_are_closed_surfaces_stay():
     """Two rooms as shells of their own, also next to open ground; a cupboard in the smaller one; a room in a room."""
     rooms = [box((0, 0, 0), (4, 3, 2.5), True), box((4.2, 0, 0), (7, 3, 2.5), True)]

@@ -116,6 +116,10 @@ POST = '<rect x="200" y="100" width="50" height="50"{}/>'
         f'<symbol id="s">{POST.format("")}</symbol>',
         f'<mask id="m">{POST.format("")}</mask><marker>{POST.format("")}</marker>',
         POST.format(' class="a"') + "<style>*{stroke:none}.a{fill:none !important}</style>",
+        POST.format(' fill="#000" style="fill: light-dark(rgb(255, 255, 255), var(--dark, #121212));"'),
+        POST.format(' class="a"') + "<style>.a{fill:light-dark(#fff, #000)}</style>",
+        '<g fill="white">' + POST.format(' fill="inherit"') + POST.format(' style="fill:inherit"') + "</g>",
+        POST.format(' style="fill:white !important"'),
     ],
 )
 def test_read_svg_leaves_out_what_is_not_drawn(tmp_path, hidden):
@@ -140,6 +144,7 @@ def test_read_svg_draws_a_symbol_where_it_is_used(tmp_path):
             "by 1 styles with stroke-dasharray",
         ),
         ("<style>.a{fill:none;stroke-dasharray:4}</style>", "by 1 styles with stroke-dasharray"),
+        ('<g fill="rgb(9.5,9,9)" style="fill:rgb(9 9 9 / 5%)"/>', "2 colours such as 'rgb(9"),
     ],
 )
 def test_read_svg_warns_of_what_it_leaves_out(tmp_path, caplog, content, message):
