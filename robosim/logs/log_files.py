@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.logs.bag import is_bag
+from robosim.logs.bag_scans import without_longest
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import (
     BagTopics,
@@ -85,8 +86,8 @@ def _read_scans(
                 "turn at most"
             )
         check_bearings(lines, values[:, 1:3])
-        ranges = values[:, 3:]
-        ranges = np.where((ranges > 0.05) & (ranges < 1e3) | np.isnan(ranges), ranges, np.inf)
+        ranges = np.where(values[:, 3:] > 0.05, values[:, 3:], np.nan)
+        ranges = without_longest(path, np.where(ranges >= 1e3, np.inf, ranges))
         turn = 2 * np.pi if first < -np.pi - 1e-6 else 0.0
         return times, turn + np.linspace(first, last, ranges.shape[1]), ranges
 

@@ -286,6 +286,24 @@ def test_beams_of_tables_hit_nothing_or_are_not_measured(tmp_path):
     assert np.isnan(log.range_m[:, 0]).all() and (log.range_m[:, 1] == np.inf).all()
 
 
+@pytest.mark.parametrize("is_table", [False, True], ids=["carmen", "table"])
+def test_longest_ranges_that_many_beams_share_hit_nothing(is_table, tmp_path, caplog):
+    """A SICK laser with a limit of 8 m gives one of several codes at it; 0 is not measured."""
+    drive, rng = Drive(), np.random.default_rng(0)
+    fan = drive.fan
+    reach = np.array([fan(pose) for pose in drive.route])
+    drive.fan = lambda pose: [
+        0.0 if k == 0 else float(rng.choice([8.183, 8.187, 8.191])) if value > 4 else value
+        for k, value in enumerate(fan(pose))
+    ]
+    path = tmp_path / "room.log"
+    path.write_text(drive.raw())
+    log = read_log(*drive.write_tum(tmp_path)) if is_table else read_log(path)
+    assert np.isnan(log.range_m[:, 0]).all()
+    assert (np.isinf(log.range_m[:, 1:]) == (reach[:, 1:] > 4)).all()
+    assert "% of the beams end at 8.191 m: they hit nothing" in caplog.text
+
+
 @pytest.mark.parametrize(("count", "is_stated"), [(180, True), (361, True), (401, False), (541, False)])
 def test_read_carmen_warns_of_beams_without_angles(count, is_stated, tmp_path, caplog):
     """Lasers of FLASER lines see half a turn; other numbers of beams are those of lasers that see more or less."""
