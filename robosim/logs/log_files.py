@@ -52,7 +52,13 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
 
 def with_reference(log: RobotLog, path: Path) -> RobotLog:
     """The log with poses of a TUM file to compare with; FileError if that is damaged, or of another time."""
-    return replace(log, reference=_read_track(path, log.times).at(log.times))
+    track = _read_track(path, log.times)
+    report_track(
+        path,
+        track,
+        "the reference is interpolated there, so that errors against it are wrong; cut the log there",
+    )
+    return replace(log, reference=track.at(log.times))
 
 
 def _read_track(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
@@ -61,7 +67,8 @@ def _read_track(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
     with reading(path, "a trajectory", "Give one of the time of the scans"):
         if times[0] < known[0] - _OUTSIDE_S or times[-1] > known[-1] + _OUTSIDE_S:
             raise ValueError(
-                f"it lasts from {known[0]:g} to {known[-1]:g} s, and the scans from {times[0]:g} to {times[-1]:g} s"
+                f"it lasts from {known[0]:.3f} to {known[-1]:.3f} s, and the scans from {times[0]:.3f} to "
+                f"{times[-1]:.3f} s"
             )
     return OdometryTrack(times=known, poses=poses)
 

@@ -154,8 +154,12 @@ class LogReader(Protocol):
         """The log in a file; `scans` and `topics` are for formats that need them. FileError if it is damaged."""
 
 
-def report_track(path: Path, track: OdometryTrack) -> None:
-    """Warn of late readings and restarts, where the motion is unknown."""
+def report_track(
+    path: Path,
+    track: OdometryTrack,
+    effect: str = "the motion is unknown there, and scans alone give it. If the map comes apart, {remedy}",
+) -> None:
+    """Warn of late readings and restarts, and of their effect."""
     step_s = np.diff(track.times, prepend=track.times[0])
     for is_faulty, what, remedy in (
         (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
@@ -165,7 +169,7 @@ def report_track(path: Path, track: OdometryTrack) -> None:
             k = int(is_faulty.argmax())
             logger.warning(
                 f"{path}: at {track.times[k]:.6f} s {what.format(step=step_s[k])} ({is_faulty.sum()} such places); "
-                f"the motion is unknown there, and scans alone give it. If the map comes apart, {remedy}."
+                f"{effect.format(remedy=remedy)}."
             )
 
 
