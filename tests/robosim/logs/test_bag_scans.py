@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.logs.bag import read_bag
+from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import map_log
 from robosim.support.reading import FileError
 
@@ -86,6 +87,15 @@ def test_read_bag_notes_an_end_of_beams_that_contradicts_their_steps(angle_max, 
             scan.angle_max = angle_max
     read_bag(write_round(tmp_path / "run", rows), report=report)
     assert any("angle_max of /scan" in note for note in report["assumed"]) == is_noted
+
+
+def test_read_bag_leaves_impossible_times_of_beams_out(tmp_path):
+    """Scans of 0.7 s cannot follow each other after 0.2 s; --beam-seconds still gives the times."""
+    report, path = {}, bag_of(tmp_path, RANGES, range_max=30.0, step_s=2e-3)
+    assert read_bag(path, report=report).beam_s is None
+    assert any("time_increment of /scan makes scans of 0.718 s" in note for note in report["assumed"])
+    log = read_log(path, beam_seconds=(0.0, 0.1))
+    assert log.beam_s is not None and log.beam_s[-1] == 0.1
 
 
 @pytest.mark.parametrize(
