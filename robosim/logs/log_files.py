@@ -1,7 +1,7 @@
 """Logs of robots of any format, odometry as a TUM file with scans in another file, and reference trajectories."""
 
 import logging
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +147,10 @@ def read_log(
     )
     if scans is not None and not chosen.takes_scans:
         raise FileError(f"{path}: is a log with scans, such as a bag. Leave --scans away.")
+    unused = {} if reader != "auto" or is_bag(path) else asdict(topics or BagTopics())
+    for name, value in unused.items():
+        if value != getattr(BagTopics(), name):
+            logger.warning(f"{path}: is no bag, and does not use --{name.replace('_', '-')} {value}.")
     log = chosen.read(path, scans, topics or BagTopics())
     if log.is_counted:
         problem = f"{path}: times of scans are missing or do not rise"

@@ -13,6 +13,7 @@ from robosim.cli import main
 from robosim.logs.carmen import CarmenReader
 from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
+from robosim.logs.robot_log import BagTopics
 from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
@@ -36,6 +37,14 @@ def test_a_raw_log_has_odometry_and_no_reference(tmp_path, packed):
     steps = [between(a, b) for a, b in pairwise(found)]
     np.testing.assert_allclose(log.displacement[1:], steps, atol=1e-5)
     np.testing.assert_allclose(log.bearing_rad, np.radians(np.arange(-90, 91)), atol=1e-9)
+
+
+def test_read_log_warns_of_options_of_bags(tmp_path, caplog):
+    path = tmp_path / "room.log"
+    path.write_text(DRIVE.raw())
+    read_log(path, topics=BagTopics(frame="base_link"))
+    assert "room.log: is no bag, and does not use --frame base_link." in caplog.text
+    assert "--slice-m" not in caplog.text
 
 
 def test_a_corrected_log_has_both(tmp_path):
