@@ -86,12 +86,14 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
         if not len(table):
             raise ValueError("there is no path in it")
         _, first_row, place = np.unique(table[:, 0], return_index=True, return_inverse=True)
-        moved = table[:, 1:7] != np.column_stack([table[[0] * len(table), 1:4], table[first_row[place], 4:7]])
-        if moved.any():
-            k = int(moved.any(axis=1).argmax())
+        differs = table[:, 1:7] != np.column_stack(
+            [table[[0] * len(table), 1:4], table[first_row[place], 4:7]]
+        )
+        if differs.any():
+            k = int(differs.any(axis=1).argmax())
             raise ValueError(
-                f"line {rows[k][0]}: {COLUMNS[1 + int(moved[k].argmax())]} is another than in earlier lines, expected "
-                "one transmitter in a table, and one pose of the receiver at each place"
+                f"line {rows[k][0]}: {COLUMNS[1 + int(differs[k].argmax())]} is another than in earlier lines, "
+                "expected one transmitter in a table, and one pose of the receiver at each place"
             )
         apart_m = np.hypot(*(table[:, 4:6] - table[:, 1:3]).T)
         if (shorter := table[:, 7] < apart_m - _SHORTER_M).any():

@@ -88,7 +88,7 @@ def read_runs(path: Path) -> Runs:
         rows, _ = csv_rows(file.read(), COLUMNS)
         for number, row in rows:
             check_choice(f"action in line {number}", row["action"], names)
-            values = np.array([csv_number(row, name, number, -most, most) for name, most in _MOST.items()])
+            values = np.array([csv_number(row, name, number, -bound, bound) for name, bound in _MOST.items()])
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
             samples[Action[row["action"].upper()]].append((error, values[3:]))
