@@ -71,8 +71,8 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
     The authors of the public data turn it by -1.6 degrees.
 
     Raises:
-        FileError: If the file is damaged, a column is missing, a value is no number, or a range is shorter than the
-            straight line.
+        FileError: If the file is damaged, a column is missing, a value is no number, an end moves, or a range is
+            shorter than the straight line.
     """
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each path"
     with reading(path, "a table of measured paths", remedy) as file:
@@ -85,6 +85,16 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
         )
         if not len(table):
             raise ValueError("there is no path in it")
+        _, first_row, place = np.unique(table[:, 0], return_index=True, return_inverse=True)
+        differs = table[:, 1:7] != np.column_stack(
+            [table[[0] * len(table), 1:4], table[first_row[place], 4:7]]
+        )
+        if differs.any():
+            k = int(differs.any(axis=1).argmax())
+            raise ValueError(
+                f"line {rows[k][0]}: {COLUMNS[1 + int(differs[k].argmax())]} is another than in earlier lines, "
+                "expected one transmitter in a table, and one pose of the receiver at each place"
+            )
         apart_m = np.hypot(*(table[:, 4:6] - table[:, 1:3]).T)
         if (shorter := table[:, 7] < apart_m - _SHORTER_M).any():
             first = int(shorter.argmax())

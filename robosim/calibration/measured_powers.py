@@ -24,8 +24,8 @@ logger = logging.getLogger(__name__)
 #: Columns that are required; power_dbm, which tables of paths lack, marks a table of powers.
 COLUMNS = ("beacon", "beacon_x_m", "beacon_y_m", "beacon_z_m", "x_m", "y_m", "power_dbm")
 _REMEDY = f"Give a CSV file with columns {','.join(COLUMNS)} and, if known, z_m,heading_rad: a row for each reading."
-#: Positions are no larger [m], nor times [s], nor headings, which may count turns but are not in degrees [rad].
-_MOST, _OTHERS = 1e5, {"time_s": 1e11, "heading_rad": 100.0}
+#: Positions are no larger [m], nor times [s].
+_MOST, _MOST_S = 1e5, 1e11
 #: Received powers are between these, which are not among them [dBm].
 _POWERS_DBM = (-127.0, 0.0)
 #: Beacons hang on walls, and plans may end at the inner face of these [m].
@@ -164,7 +164,7 @@ def number_of(row: dict[str, str], column: str, line: int, not_received: float |
                 f"dBm: if it means that nothing was received, leave it empty, or give --not-received {power_dbm:g}"
             )
         return power_dbm
-    bound = _OTHERS.get(column, _MOST)
+    bound = _MOST_S if column == "time_s" else _MOST
     if column == "time_s" and abs(csv_number(row, column, line, -np.inf, np.inf)) > bound:
         raise ValueError(
             f"line {line}: {column} is {row[column].strip()}, expected seconds: divide milliseconds by 1e3, "

@@ -10,7 +10,6 @@ recording where headers have none. Readings that come late or twice are sorted a
 import logging
 import math
 import re
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from robosim.logs.bag_messages import CAMERA, IMAGE, ODOMETRY, TF, Bag
 from robosim.logs.bag_scans import DEPTHS, LASERS, SOURCES, Scan, is_distorted, scan_maker, without_limits
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.frames import MOST_TIPPED, Frames, Places, frame_name, matrices, planar, stamp_s
-from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, report_track, with_beam_times
+from robosim.logs.robot_log import LONGEST_TURN, BagTopics, LogReader, RobotLog, report_track
 from robosim.support.installation import is_installed, missing_extra
 from robosim.support.reading import FileError, naming
 from slam.poses import Pose, between, wrap
@@ -160,6 +159,13 @@ class _Reading:
         scans = self._with_returns(self._in_order(scans), scan_topic)
         self._check_times(scan_topic, scans)
         times = np.array([scan.time_s for scan in scans])
+        turn_s, usual_s = max(max(scan.beam_s or [0.0]) for scan in scans), float(np.median(np.diff(times)))
+        if turn_s > LONGEST_TURN * usual_s:
+            self._note(
+                f"time_increment of {scan_topic} makes scans of {turn_s:.3g} s, which follow each other after "
+                f"{usual_s:.3g} s: all beams count as of one moment; --beam-seconds gives their times"
+            )
+            scans = [scan._replace(beam_s=None) for scan in scans]
         mount = self._mount(base, frame, sensor, times, kind in LASERS)
         track = self._track(odometry_topic, child, base, frame, times, scan_topic)
         report["odometry_span_s"] = None if track is None else (track.times[0], track.times[-1])
@@ -449,7 +455,7 @@ def _log(path: Path, scans: list[Scan], track: OdometryTrack | None, mount: Pose
         inside = (times >= track.times[0]) & (times <= track.times[-1])
         known[1:] &= inside[1:] & inside[:-1]
         displacement[~known] = 0.0
-    log = RobotLog(
+    return RobotLog(
         name=path.stem,
         file=path,
         bearing_rad=bearing,
@@ -457,10 +463,10 @@ def _log(path: Path, scans: list[Scan], track: OdometryTrack | None, mount: Pose
         displacement=displacement,
         known=known,
         times=times,
+        beam_s=beam_s if np.any(spans) else None,
         track=track,
         mount=mount,
     )
-    return replace(with_beam_times(log, *max(spans, key=max)), beam_s=beam_s) if np.any(spans) else log
 
 
 def _padded(bearing: Float[np.ndarray, " w"], width: int) -> Float[np.ndarray, " v"]:

@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from robosim.logs.bag_scans import without_longest
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, check_bearings
 from robosim.support.reading import reading
@@ -39,8 +40,8 @@ logger = logging.getLogger(__name__)
 _MOST_BYTES, _MOST_BEAMS = 500_000_000, 10_000
 #: Numbers of beams of a SICK laser, which FLASER lines are of, in half a turn at 1 or 1/2 degree.
 _FLASER_BEAMS = (180, 181, 360, 361)
-#: Ranges of this part of the longest, or farther than this [m], hit nothing. Nearer than this is the robot itself.
-_LONGEST, _FARTHEST_M, _NEAREST_M = 0.99, 79.0, 0.05
+#: Ranges from here on hit nothing [m]. Nearer than this is the robot itself.
+_FARTHEST_M, _NEAREST_M = 79.0, 0.05
 #: Coordinates are no larger [m, rad].
 _FARTHEST = 1e6
 #: Odometry that goes farther from one line to the next was reset [m]. A robot drives a metre or two a second.
@@ -191,9 +192,8 @@ def _log(path: Path, scans: list[_Scan], readings: list[Float[np.ndarray, "4"]],
             )
     check_bearings([scan.line for scan in scans], [scan.bearings for scan in scans])
     ranges, laser, robot = (np.array([scan[k] for scan in scans]) for k in (2, 3, 4))
-    finite = ranges[np.isfinite(ranges)]
-    longest_m = min(_LONGEST * float(finite.max(initial=_FARTHEST_M)), _FARTHEST_M)
-    ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
+    ranges = np.where(ranges >= _FARTHEST_M, np.inf, np.where(ranges > _NEAREST_M, ranges, np.nan))
+    ranges = without_longest(path, ranges)
     reference: Float[np.ndarray, "n 3"] | None
     times, is_counted = _rising(path, np.array([scan.time for scan in scans]))
     track_of_odometry = None

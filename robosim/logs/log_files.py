@@ -1,13 +1,14 @@
 """Logs of robots of any format, odometry as a TUM file with scans in another file, and reference trajectories."""
 
 import logging
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.logs.bag import is_bag
+from robosim.logs.bag_scans import without_longest
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.robot_log import (
     BagTopics,
@@ -51,7 +52,13 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
 
 def with_reference(log: RobotLog, path: Path) -> RobotLog:
     """The log with poses of a TUM file to compare with; FileError if that is damaged, or of another time."""
-    return replace(log, reference=_read_track(path, log.times).at(log.times))
+    track = _read_track(path, log.times)
+    report_track(
+        path,
+        track,
+        "the reference is interpolated there, so that errors against it are wrong; cut the log there",
+    )
+    return replace(log, reference=track.at(log.times))
 
 
 def _read_track(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
@@ -60,7 +67,8 @@ def _read_track(path: Path, times: Float[np.ndarray, " n"]) -> OdometryTrack:
     with reading(path, "a trajectory", "Give one of the time of the scans"):
         if times[0] < known[0] - _OUTSIDE_S or times[-1] > known[-1] + _OUTSIDE_S:
             raise ValueError(
-                f"it lasts from {known[0]:g} to {known[-1]:g} s, and the scans from {times[0]:g} to {times[-1]:g} s"
+                f"it lasts from {known[0]:.3f} to {known[-1]:.3f} s, and the scans from {times[0]:.3f} to "
+                f"{times[-1]:.3f} s"
             )
     return OdometryTrack(times=known, poses=poses)
 
@@ -85,8 +93,8 @@ def _read_scans(
                 "turn at most"
             )
         check_bearings(lines, values[:, 1:3])
-        ranges = values[:, 3:]
-        ranges = np.where((ranges > 0.05) & (ranges < 1e3) | np.isnan(ranges), ranges, np.inf)
+        ranges = np.where(values[:, 3:] > 0.05, values[:, 3:], np.nan)
+        ranges = without_longest(path, np.where(ranges >= 1e3, np.inf, ranges))
         turn = 2 * np.pi if first < -np.pi - 1e-6 else 0.0
         return times, turn + np.linspace(first, last, ranges.shape[1]), ranges
 
@@ -139,6 +147,10 @@ def read_log(
     )
     if scans is not None and not chosen.takes_scans:
         raise FileError(f"{path}: is a log with scans, such as a bag. Leave --scans away.")
+    unused = {} if reader != "auto" or is_bag(path) else asdict(topics or BagTopics())
+    for name, value in unused.items():
+        if value != getattr(BagTopics(), name):
+            logger.warning(f"{path}: is no bag, and does not use --{name.replace('_', '-')} {value}.")
     log = chosen.read(path, scans, topics or BagTopics())
     if log.is_counted:
         problem = f"{path}: times of scans are missing or do not rise"

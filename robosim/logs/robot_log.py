@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 #: Bearings of one laser that differ by less from scan to scan are the same, rounded [rad].
 _SAME_RAD = 1e-3
 #: Scans last at most this, relative to the time from one to the next.
-_LONGEST_TURN = 1.2
+LONGEST_TURN = 1.2
 #: Beams are measured no more than this from the time of their scan [s].
 _MOST_LATE_S = 10.0
 
@@ -154,8 +154,12 @@ class LogReader(Protocol):
         """The log in a file; `scans` and `topics` are for formats that need them. FileError if it is damaged."""
 
 
-def report_track(path: Path, track: OdometryTrack) -> None:
-    """Warn of late readings and restarts, where the motion is unknown."""
+def report_track(
+    path: Path,
+    track: OdometryTrack,
+    effect: str = "the motion is unknown there, and scans alone give it. If the map comes apart, {remedy}",
+) -> None:
+    """Warn of late readings and restarts, and of their effect."""
     step_s = np.diff(track.times, prepend=track.times[0])
     for is_faulty, what, remedy in (
         (track.late(), "the reading {step:.3g} s before is the last", "record odometry without gaps"),
@@ -165,7 +169,7 @@ def report_track(path: Path, track: OdometryTrack) -> None:
             k = int(is_faulty.argmax())
             logger.warning(
                 f"{path}: at {track.times[k]:.6f} s {what.format(step=step_s[k])} ({is_faulty.sum()} such places); "
-                f"the motion is unknown there, and scans alone give it. If the map comes apart, {remedy}."
+                f"{effect.format(remedy=remedy)}."
             )
 
 
@@ -187,7 +191,7 @@ def with_beam_times(log: RobotLog, first_s: float, last_s: float) -> RobotLog:
             "those of the first and the last beam after a scan's time, in seconds."
         )
     usual_s, turn_s = float(np.median(np.diff(log.times))), abs(last_s - first_s)
-    if turn_s > _LONGEST_TURN * usual_s:
+    if turn_s > LONGEST_TURN * usual_s:
         raise ValueError(
             f"{name}: --beam-seconds {first_s:g} {last_s:g} makes scans of {turn_s:g} s, and they follow each other "
             f"after {usual_s:.3g} s. Give the times of the first and the last beam after a scan's time, in seconds."

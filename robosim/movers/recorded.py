@@ -97,7 +97,9 @@ def read_crowd(path: Path) -> Recorded:
             name: numbers(table, name, pa.float64(), -FARTHEST, FARTHEST) for name in ("time", "x", "y")
         }
         names = values(table, "id", pa.string())
-        heading = numbers(table, "heading", pa.float64()) if "heading" in table.column_names else None
+        heading = (
+            numbers(table, "heading", pa.float64(), -100, 100) if "heading" in table.column_names else None
+        )
         bodies, body = np.unique(names, return_inverse=True)
         if not 0 < len(bodies) <= _MOST:
             raise ValueError(f"it has {len(bodies)} different ids, expected 1 to {_MOST}")

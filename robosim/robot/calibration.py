@@ -45,8 +45,8 @@ COLUMNS = (
     "true_y_m",
     "true_yaw_rad",
 )
-#: Displacements are no larger [m, rad].
-_MOST = 100.0
+#: Displacements are no larger [m, rad]; turns in degrees mostly are.
+_MOST = {name: 7.0 if name.endswith("_rad") else 100.0 for name in COLUMNS[1:]}
 #: Error and true motion of each run.
 _Samples = dict[Action, list[tuple[np.ndarray, np.ndarray]]]
 
@@ -88,7 +88,7 @@ def read_runs(path: Path) -> Runs:
         rows, _ = csv_rows(file.read(), COLUMNS)
         for number, row in rows:
             check_choice(f"action in line {number}", row["action"], names)
-            values = np.array([csv_number(row, name, number, -_MOST, _MOST) for name in COLUMNS[1:]])
+            values = np.array([csv_number(row, name, number, -bound, bound) for name, bound in _MOST.items()])
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
             samples[Action[row["action"].upper()]].append((error, values[3:]))

@@ -25,6 +25,8 @@ MOST_JSON, MOST_YAML = 16_000_000, 600_000
 MOST_DEEP = 40
 MOST_DIGITS = 40
 _TOO_LONG = re.compile(rb"(?<![0-9.])[0-9]{%d}" % (MOST_DIGITS + 1))
+#: Angles of a table, which may count turns but are not in degrees [rad].
+_MOST_RAD = 100.0
 #: Values of a YAML file: so many take ten seconds.
 _MOST_VALUES = 150_000
 
@@ -107,8 +109,10 @@ def _whole_row(row: dict[Any, Any], line: int, columns: Sequence[str]) -> dict[s
 
 
 def csv_number(row: dict[str, str], column: str, line: int, low: float, high: float) -> float:
-    """A number of a row of `csv_rows` within bounds; ValueError with the line if it is none."""
+    """A number of a row of `csv_rows` within bounds; ValueError with the line if it is none, or in degrees."""
     text = row[column] or ""
+    if column.endswith("_rad"):
+        low, high = max(low, -_MOST_RAD), min(high, _MOST_RAD)
     try:
         value = float(text)
     except ValueError:

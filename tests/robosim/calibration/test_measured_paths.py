@@ -151,3 +151,18 @@ def test_read_measured_paths_rejects_ranges_shorter_than_the_straight_line(tmp_p
         read_measured_paths(path)
     path.write_text("\n".join([",".join(COLUMNS), "0,0,0,0,6,8,0,9.7,0,0"]))  # errors of clocks are fine
     assert read_measured_paths(path).table[0, 7] == 9.7
+
+
+@pytest.mark.parametrize(
+    ("row", "wrong"),
+    [
+        ("1,0,0.5,0,6,8,0,11,0,0", "line 3: tx_y_m is another"),
+        ("0,0,0,0,6,8,0.1,11,0,0", "line 3: rx_heading_rad is another"),
+        ("1,0,0,0,6,8,0,11,0,-143.2", "line 3: aoa_rad is '-143.2', expected a number from -100 to 100"),
+    ],
+)
+def test_read_measured_paths_rejects_ends_that_move_and_degrees(row, wrong, tmp_path):
+    path = tmp_path / "paths.csv"
+    path.write_text("\n".join([",".join(COLUMNS), "0,0,0,0,6,8,0,10.2,0,0", row]))
+    with pytest.raises(FileError, match=wrong):
+        read_measured_paths(path)

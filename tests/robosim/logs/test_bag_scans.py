@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.logs.bag import read_bag
+from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import map_log
 from robosim.support.reading import FileError
 
@@ -42,6 +43,23 @@ def test_read_bag_knows_beams_that_hit_nothing(nothing, tmp_path):
     assert np.allclose(map_log(log).poses[:, :2], np.array(expected)[:, :2], atol=0.05)
 
 
+def test_read_bag_knows_a_limit_far_below_range_max(tmp_path, caplog):
+    """Drivers state a range_max that is not that of the sensor."""
+    log = read_bag(bag_of(tmp_path, np.where(BEYOND, MOST_M, RANGES), range_max=30.0))
+    assert np.isinf(log.range_m[BEYOND]).all()
+    assert np.isfinite(log.range_m[RANGES < 0.98 * MOST_M]).all()
+    assert "% of the beams end at 3 m" in caplog.text
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+def test_read_bag_believes_the_end_wall_of_a_corridor(noise_m, tmp_path):
+    """Of a robot that stands 18 m from it, 5 degrees of the longest beams are as long up to a thousandth."""
+    cos, sin = np.cos(BEARING), np.abs(np.sin(BEARING))
+    corridor = np.minimum(np.where(cos > 0, 18, 2) / np.maximum(np.abs(cos), 1e-9), 1 / np.maximum(sin, 1e-9))
+    ranges = corridor + np.random.default_rng(0).normal(0, 1, RANGES.shape) * noise_m
+    assert np.isfinite(read_bag(bag_of(tmp_path, ranges, range_max=30.0)).range_m).all()
+
+
 @pytest.mark.parametrize("noise_m", [0.0, 0.01])
 def test_read_bag_believes_a_room_that_ends_near_range_max(noise_m, tmp_path):
     """Few beams end within a thousandth of the longest range, as by chance."""
@@ -69,6 +87,15 @@ def test_read_bag_notes_an_end_of_beams_that_contradicts_their_steps(angle_max, 
             scan.angle_max = angle_max
     read_bag(write_round(tmp_path / "run", rows), report=report)
     assert any("angle_max of /scan" in note for note in report["assumed"]) == is_noted
+
+
+def test_read_bag_leaves_impossible_times_of_beams_out(tmp_path):
+    """Scans of 0.7 s cannot follow each other after 0.2 s; --beam-seconds still gives the times."""
+    report, path = {}, bag_of(tmp_path, RANGES, range_max=30.0, step_s=2e-3)
+    assert read_bag(path, report=report).beam_s is None
+    assert any("time_increment of /scan makes scans of 0.718 s" in note for note in report["assumed"])
+    log = read_log(path, beam_seconds=(0.0, 0.1))
+    assert log.beam_s is not None and log.beam_s[-1] == 0.1
 
 
 @pytest.mark.parametrize(

@@ -184,9 +184,15 @@ def test_restarts_are_no_motion_of_a_fast_robot():
     ],
 )
 def test_gaps_and_restarts_are_warnings_with_their_time(tmp_path, caplog, change, said):
-    """The motion is unknown there, and the map comes out nevertheless."""
+    """The motion is unknown there, and the map comes out nevertheless; of a reference, errors are wrong there."""
     odometry, scans, truth = write_skewed(tmp_path, 60)
+    whole = odometry.with_name("whole.tum")
+    whole.write_bytes(odometry.read_bytes())
     _edit(odometry, change)
+    with caplog.at_level(logging.WARNING, "robosim"):
+        read_log(whole, scans, reference=odometry)
+    assert re.search(said + ".* errors against it are wrong", caplog.text)
+    caplog.clear()
     with caplog.at_level(logging.WARNING, "robosim"):
         log = read_log(odometry, scans, beam_seconds=(0.0, TURN_S))
     (record,) = [r.getMessage() for r in caplog.records if "odometry.tum" in r.getMessage()]

@@ -13,6 +13,7 @@ from robosim.cli import main
 from robosim.logs.carmen import CarmenReader
 from robosim.logs.log_files import read_log
 from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
+from robosim.logs.robot_log import BagTopics
 from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
@@ -36,6 +37,14 @@ def test_a_raw_log_has_odometry_and_no_reference(tmp_path, packed):
     steps = [between(a, b) for a, b in pairwise(found)]
     np.testing.assert_allclose(log.displacement[1:], steps, atol=1e-5)
     np.testing.assert_allclose(log.bearing_rad, np.radians(np.arange(-90, 91)), atol=1e-9)
+
+
+def test_read_log_warns_of_options_of_bags(tmp_path, caplog):
+    path = tmp_path / "room.log"
+    path.write_text(DRIVE.raw())
+    read_log(path, topics=BagTopics(frame="base_link"))
+    assert "room.log: is no bag, and does not use --frame base_link." in caplog.text
+    assert "--slice-m" not in caplog.text
 
 
 def test_a_corrected_log_has_both(tmp_path):
@@ -284,6 +293,24 @@ def test_beams_of_tables_hit_nothing_or_are_not_measured(tmp_path):
     scans.write_text("\n".join(map(" ".join, lines)))
     log = read_log(odometry, scans)
     assert np.isnan(log.range_m[:, 0]).all() and (log.range_m[:, 1] == np.inf).all()
+
+
+@pytest.mark.parametrize("is_table", [False, True], ids=["carmen", "table"])
+def test_longest_ranges_that_many_beams_share_hit_nothing(is_table, tmp_path, caplog):
+    """A SICK laser with a limit of 8 m gives one of several codes at it; 0 is not measured."""
+    drive, rng = Drive(), np.random.default_rng(0)
+    fan = drive.fan
+    reach = np.array([fan(pose) for pose in drive.route])
+    drive.fan = lambda pose: [
+        0.0 if k == 0 else float(rng.choice([8.183, 8.187, 8.191])) if value > 4 else value
+        for k, value in enumerate(fan(pose))
+    ]
+    path = tmp_path / "room.log"
+    path.write_text(drive.raw())
+    log = read_log(*drive.write_tum(tmp_path)) if is_table else read_log(path)
+    assert np.isnan(log.range_m[:, 0]).all()
+    assert (np.isinf(log.range_m[:, 1:]) == (reach[:, 1:] > 4)).all()
+    assert "% of the beams end at 8.191 m: they hit nothing" in caplog.text
 
 
 @pytest.mark.parametrize(("count", "is_stated"), [(180, True), (361, True), (401, False), (541, False)])

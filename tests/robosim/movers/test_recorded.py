@@ -61,6 +61,7 @@ def test_a_trajectory_is_another_robot(tmp_path):
         ("time,id,x,y\n0,a,0,nan\n", "y"),
         ("time,id,x,y\n0,a,0,1e9\n", "y of row 1 is 1000000000"),
         ("time,id,x,y\n0,a,0,north\n", "column y"),
+        ("time,id,x,y,heading\n0,a,0,0,270\n", "heading of row 1 is 270"),
         ("time,id,x,y\n", "0 different ids"),
         ("", "crowd.csv"),
     ],

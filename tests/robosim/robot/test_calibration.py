@@ -74,6 +74,10 @@ def test_a_table_that_is_too_short_is_an_error_with_its_name(tmp_path):
         (("forward", "x", 0, 0, 0, 0, 0), "line 2: measured_x_m is 'x'"),
         (("left", 0, 0, 0, 0, "nan", 0), "line 2: true_y_m is 'nan'"),
         (("left", 0, 0), "line 2: measured_yaw_rad is ''"),
+        (
+            ("left", 0, 0, 10.2, 0, 0, 10),
+            "line 2: measured_yaw_rad is '10.2', expected a number from -7 to 7",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_table_is_said(tmp_path, row, wrong):
