@@ -62,9 +62,13 @@ class Channel:
             tx: Arrays of the transmitters; None for isotropic, vertically polarised antennas.
             rx: Arrays of the receivers; likewise.
             doppler_hz: Doppler shifts, such as of `Paths.doppler_hz`; None for none.
+
+        Raises:
+            ValueError: If arrays are turned by angles of another number of terminals.
         """
-        sent = (tx or MountedArray()).response(paths.aod_az, paths.aod_el, paths.tx)
-        received = (rx or MountedArray()).response(paths.aoa_az, paths.aoa_el, paths.rx)
+        tx, rx = (MountedArray() if array is None else array for array in (tx, rx))
+        sent = tx.response(paths.aod_az, paths.aod_el, paths.tx, len(paths.tx_position))
+        received = rx.response(paths.aoa_az, paths.aoa_el, paths.rx, len(paths.rx_position))
         return cls(
             paths=paths,
             coefficient=np.einsum("nrp,npq,ntq->nrt", received, paths.gain, sent),
@@ -118,10 +122,10 @@ class Channel:
             last: Number of the last tap; None for 6 after the last delay.
 
         Raises:
-            ValueError: If the bandwidth is not positive, or there is no tap.
+            ValueError: If the bandwidth is not positive and finite, or there is no tap.
         """
-        if not bandwidth_hz > 0:
-            raise ValueError(f"bandwidth_hz is {bandwidth_hz:g}, expected more than 0.")
+        if not 0 < bandwidth_hz < np.inf:
+            raise ValueError(f"bandwidth_hz is {bandwidth_hz:g}, expected more than 0, and finite.")
         delay = bandwidth_hz * (self.paths.delay_s if len(self.paths) else np.zeros(1))
         first = int(np.floor(delay.min())) - _MARGIN if first is None else first
         last = int(np.ceil(delay.max())) + _MARGIN if last is None else last
@@ -179,13 +183,12 @@ class Channel:
         self, factor: Callable[[Float[np.ndarray, "p 1"]], np.ndarray], count: int
     ) -> Complex[np.ndarray, "n_tx n_rx rx_ports tx_ports k"]:
         """Sum over the paths of each link of coefficients times `count` factors of the delay."""
-        link = self.paths.link
         out = np.zeros((*self._shape, *self.coefficient.shape[1:], count), complex)
         flat = out.reshape(-1, *out.shape[2:])
-        present = np.unique(link)
-        bounds = np.append(np.searchsorted(link, present), len(link))
-        for i, number in enumerate(present):  # one link at a time: all together need much memory
-            rows = slice(bounds[i], bounds[i + 1])
+        order = np.argsort(self.paths.link, kind="stable")
+        present, first = np.unique(self.paths.link[order], return_index=True)
+        # One link at a time: all together need much memory.
+        for number, rows in zip(present, np.split(order, first[1:]), strict=False):
             factors = factor(self.paths.delay_s[rows, None])
             # Not a product of matrices: libraries split its sum over threads, and last bits depend on the cores.
             flat[number] = np.einsum("prt,pk->rtk", self.coefficient[rows], factors)

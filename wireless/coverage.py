@@ -82,7 +82,7 @@ def link_values(
     for first in range(0, len(paths.rx_position), size):
         batch = paths.select((first <= paths.rx) & (paths.rx < first + size))
         batch = replace(batch, rx=batch.rx - first, rx_position=paths.rx_position[first : first + size])
-        channel = Channel.from_paths(batch, tx=tx, rx=rx)
+        channel = Channel.from_paths(batch, tx=tx, rx=rx.of_terminals(slice(first, first + size)))
         values = {
             "gain": channel.power(coherent=coherent).sum(axis=2).mean(axis=2),
             "category": batch.link_category(threshold_db),

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from robosim.support.axes import axes_in_metres
+from robosim.support.checks import check_number
 from robosim.support.reading import reading
 from wireless.support.arrays import to_array
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
@@ -154,9 +155,12 @@ class Paths:
 
     @property
     def rank(self) -> Int[np.ndarray, " n"]:
-        """Place of each path in its link, 0 for the strongest."""
+        """Place of each path in its link by power, 0 for the strongest, in whatever order the paths are."""
         link = self.link
-        return np.arange(len(link)) - np.searchsorted(link, link)
+        order = np.lexsort((-self.power, link))
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(link)) - np.searchsorted(link[order], link[order])
+        return rank
 
     @property
     def power_db(self) -> Float[np.ndarray, " n"]:
@@ -182,7 +186,9 @@ class Paths:
         return self if among.all() else self.select(among)
 
     def between(self, tx: int, rx: int) -> "Paths":
-        """Paths of one link."""
+        """Paths of one link, by the numbers of its ends from 0 on; ValueError if there is no such link."""
+        check_number("tx", tx, 0, len(self.tx_position) - 1, whole=True)
+        check_number("rx", rx, 0, len(self.rx_position) - 1, whole=True)
         return self.select((self.tx == tx) & (self.rx == rx))
 
     def count(self) -> Int[np.ndarray, "n_tx n_rx"]:
@@ -204,16 +210,23 @@ class Paths:
         Args:
             tx_velocity: Velocity of the transmitters, 3 numbers, or of each, n_tx x 3 [m/s]; None for none.
             rx_velocity: Velocity of the receivers, or of each, likewise.
+
+        Raises:
+            ValueError: If velocities are of another number of terminals, or one is not finite.
         """
         rate = np.zeros(len(self))
-        for velocity, end, az, el in (
-            (tx_velocity, self.tx, self.aod_az, self.aod_el),
-            (rx_velocity, self.rx, self.aoa_az, self.aoa_el),
+        for name, velocity, position, end, az, el in (
+            ("tx_velocity", tx_velocity, self.tx_position, self.tx, self.aod_az, self.aod_el),
+            ("rx_velocity", rx_velocity, self.rx_position, self.rx, self.aoa_az, self.aoa_el),
         ):
             if velocity is not None:
-                end_velocity = np.atleast_2d(to_array(velocity, "velocity"))
+                end_velocity = to_array(velocity, name)
+                if end_velocity.shape not in ((3,), position.shape) or not np.isfinite(end_velocity).all():
+                    raise ValueError(
+                        f"{name} has shape {end_velocity.shape}, expected (3,) or {position.shape}, finite [m/s]."
+                    )
                 toward = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=1)
-                rate += (end_velocity[end if len(end_velocity) > 1 else 0] * toward).sum(axis=1)
+                rate += (np.broadcast_to(end_velocity, position.shape)[end] * toward).sum(axis=1)
         return rate * self.frequency_hz / speed_of_light
 
     def corners(self) -> Float[np.ndarray, "n m2 3"]:

@@ -143,7 +143,7 @@ class Searches:
             self._curriculum.record(False)
         spec = self._source.task_spec(self._plan_number(rng, options.get("plan")))
         place = self._enter(spec.plan)
-        difficulty = float(options.get("difficulty", self._curriculum.difficulty))
+        difficulty = options.get("difficulty", self._curriculum.difficulty)
         check_number("difficulty", difficulty, 0, 1)
         first = self._draw_task(place, spec, rng, options, difficulty)
         tasks = dict(zip(self.robots, tasks_near(first, [place.reach] * len(self.robots)), strict=True))

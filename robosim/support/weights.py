@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from safetensors.numpy import load, save
 
-from robosim.support.reading import reading
+from robosim.support.reading import expanded, reading
 
 T = TypeVar("T")
 #: Trained numbers by their names.
@@ -54,7 +54,7 @@ def network_files(
 
 
 def load_network(
-    path: Path, what: str, of: str, remedy: str, make: Callable[[Weights, dict[str, Any]], T]
+    path: str | Path, what: str, of: str, remedy: str, make: Callable[[Weights, dict[str, Any]], T]
 ) -> tuple[T, dict[str, Any]]:
     """Return the network that `make` builds from the weights in a file and the card next to it, and the card.
 
@@ -63,6 +63,7 @@ def load_network(
     Raises:
         FileError: If a file is missing or damaged, or they do not fit each other.
     """
+    path = expanded(path)
     card_path = path.with_suffix(".json")
     with reading(path, f"{what} that {card_path.name} describes", remedy) as file:
         with reading(card_path, f"the card of {of}", remedy, most_bytes=_MOST_CARD) as card_file:

@@ -93,6 +93,7 @@ def make_task(
     """
     reach.check_room()
     _check_places(reach, start, target)
+    start, target = (None if place is None else np.array(place, float) for place in (start, target))
     fixed = target if target is not None else start[:2] if start is not None else None
     if fixed is not None and start is not None and target is not None:
         return Task(start, target, _shortest_m(reach, start, target))

@@ -13,7 +13,7 @@ def files_of(network: MapNetwork, card: dict[str, Any], name: str) -> dict[str, 
     return network_files(name, network.weights, asdict(network.config), card)
 
 
-def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
+def load_mapper(path: str | Path) -> tuple[MapNetwork, dict[str, Any]]:
     """A network from its weights, ready for use, and its card from the same folder.
 
     Raises:

@@ -273,8 +273,23 @@ def test_each_terminal_has_its_own_heading(traced):
     assert Channel.from_paths(facing, rx=given).power(coherent=True)[0, 0, 0, 0] == pytest.approx(
         facing.power[0]
     )
-    with pytest.raises(ValueError, match="turned by 2 angles"):
-        Channel.from_paths(traced, rx=MountedArray(yaw_rad=np.zeros(2)))
+    for count in (2, 4):
+        with pytest.raises(ValueError, match=f"turned by {count} angles, expected one for each of 3"):
+            Channel.from_paths(traced, rx=MountedArray(yaw_rad=np.zeros(count)))
+
+
+def test_channel_does_not_depend_on_the_order_of_paths(traced):
+    """By delay, links mixed: responses to 1e-12, link states and strongest paths are those of the tracer's order."""
+    mixed = traced.select(np.argsort(-traced.delay_s))
+    assert (np.diff(mixed.link) < 0).any()
+    np.testing.assert_array_equal(mixed.link_state(), traced.link_state())
+    np.testing.assert_array_equal(np.sort(mixed.strongest().power), np.sort(traced.strongest().power))
+    for got, expected in zip(
+        (Channel.from_paths(mixed).cfr([0.0, 1e7]), *Channel.from_paths(mixed).cir()),
+        (Channel.from_paths(traced).cfr([0.0, 1e7]), *Channel.from_paths(traced).cir()),
+        strict=True,
+    ):
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * np.nanmax(np.abs(expected)))
 
 
 def test_coupled_ports_are_those_of_measurements(traced):
@@ -319,6 +334,7 @@ def test_subcarriers_and_bad_arguments():
     for call, words in (
         (lambda: subcarriers(0, 1.0), "count is 0"),
         (lambda: channel.taps(0.0), "bandwidth_hz is 0"),
+        (lambda: channel.taps(np.inf), "bandwidth_hz is inf"),
         (lambda: channel.taps(1e6, 3, 2), "last is 2 and first is 3"),
         (lambda: MountedArray(scaling="best"), "scaling is 'best'"),
         (lambda: MountedArray(slant_rad=np.zeros(2)), r"slant_rad has the shape \(2,\)"),

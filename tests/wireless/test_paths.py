@@ -98,6 +98,26 @@ def test_doppler_shift_is_the_rate_of_the_delay(extruded, ring):
         shift = here.doppler_hz(tx_velocity=v_tx, rx_velocity=v_rx)
         np.testing.assert_allclose(shift[same], -28e9 * rate[same], rtol=1e-6, atol=1e-4)
     assert (now.doppler_hz() == 0).all()
+    for velocity in (1.0, [[1.0], [2.0]], np.zeros((3, 3)), [np.nan, 0.0, 0.0]):
+        with pytest.raises(
+            ValueError, match=r"rx_velocity has shape .*, expected \(3,\) or \(2, 3\), finite"
+        ):
+            now.doppler_hz(rx_velocity=velocity)
+
+
+def test_between_rejects_links_that_are_not_there(traced):
+    """A number beyond the last terminal, or before the first, names no outage."""
+    for tx, rx, name in ((0, len(traced.rx_position), "rx"), (-1, 0, "tx")):
+        with pytest.raises(ValueError, match=f"{name} is "):
+            traced.between(tx, rx)
+
+
+def test_paths_do_not_change_with_the_arrays_they_were_traced_from(extruded, ring):
+    """Positions are copied, so that one array can be written again for the next trace."""
+    tracer, rx = Tracer(extruded(ring((0, 0), (6, 0), (6, 4), (0, 4)))), np.array([[5.0, 0.9, 1.5]])
+    paths = tracer.trace([[1.0, 1.4, 1.5]], rx)
+    rx[0] = 2.0
+    assert paths.rx_position.tolist() == [[5.0, 0.9, 1.5]]
 
 
 def test_parquet_gives_back_every_bit(traced, tmp_path):

@@ -60,11 +60,17 @@ class MountedArray:
                 f"{len(self.array)} ports."
             )
 
+    def of_terminals(self, which: slice) -> "MountedArray":
+        """The arrays of a slice of the terminals."""
+        angles = {name: getattr(self, name) for name in ("yaw_rad", "pitch_rad", "roll_rad")}
+        return replace(self, **{name: each[which] for name, each in angles.items() if np.size(each) > 1})
+
     def response(
         self,
         azimuth_rad: Float[np.ndarray, " n"],
         elevation_rad: Float[np.ndarray, " n"],
         terminal: Int[np.ndarray, " n"],
+        n_terminals: int | None = None,
     ) -> Complex[np.ndarray, "n ports 2"]:
         """Field along theta and phi that each port sends into directions of the scene, or receives from there.
 
@@ -72,14 +78,19 @@ class MountedArray:
             azimuth_rad: Azimuths in the scene.
             elevation_rad: Elevations.
             terminal: Number of the terminal that each direction belongs to.
+            n_terminals: Number of terminals; None for any that includes those.
 
         Raises:
             ValueError: If angles are given for another number of terminals.
         """
         turns = np.stack(np.broadcast_arrays(self.yaw_rad, self.pitch_rad, self.roll_rad), axis=-1)
         turns = turns.reshape(-1, 3)
-        if len(turns) > 1 and terminal.max(initial=0) >= len(turns):
-            raise ValueError(f"An array is turned by {len(turns)} angles, expected one for each terminal.")
+        n_least = int(terminal.max(initial=0)) + 1
+        if len(turns) > 1 and (len(turns) < n_least or n_terminals not in (None, len(turns))):
+            raise ValueError(
+                f"An array is turned by {len(turns)} angles, expected one for each of {n_terminals or n_least} "
+                "terminals."
+            )
         T_scene_array = Rotation.from_euler("ZYX", turns).as_matrix()
         T_scene_array = T_scene_array[terminal if len(turns) > 1 else np.zeros_like(terminal)]
         array_direction = np.einsum("nij,ni->nj", T_scene_array, unit_vector(azimuth_rad, elevation_rad))

@@ -42,6 +42,7 @@ class PcaEstimator:
 
     def estimate(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> PathEstimates:
         """The strongest terms of measurements."""
+        self.sounder.check_tensor(tensor)
         n = self.n_paths
         columns = [np.empty((len(tensor), n)) for _ in range(4)]
         for start in range(0, len(tensor), BLOCK_LINKS):

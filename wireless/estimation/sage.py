@@ -77,6 +77,7 @@ class SageEstimator:
 
     def estimate(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> PathEstimates:
         """Paths of measurements."""
+        self.sounder.check_tensor(tensor)
         n_max = max(self.n_paths, MOST_PATHS)
         at, energy, seen, count = self._find(tensor, self.threshold, n_max)
         half, sample_s = self.sounder.config.half_window, self.sounder.config.sample_s

@@ -64,14 +64,14 @@ class Measurements:
     """`peakFracResult`, as published."""
 
 
-def find_measurements(data: Path) -> list[tuple[str, int]]:
+def find_measurements(data: str | Path) -> list[tuple[str, int]]:
     """Buildings and numbers of transmitters in a folder, sorted.
 
     Raises:
         FileError: If there are none.
     """
     measurements = []
-    for path in sorted(data.glob("*/*_Tx_*_beam_search.csv")):
+    for path in sorted(Path(data).glob("*/*_Tx_*_beam_search.csv")):
         match = re.fullmatch(r"(.+)_Tx_(\d+)_beam_search\.csv", path.name)
         if match and match[1] == path.parent.name:
             measurements.append((match[1], int(match[2])))
@@ -82,7 +82,7 @@ def find_measurements(data: Path) -> list[tuple[str, int]]:
     return sorted(measurements)
 
 
-def read_measurements(data: Path, building: str, number: int) -> Measurements:
+def read_measurements(data: str | Path, building: str, number: int) -> Measurements:
     """Links of one transmitter.
 
     Args:
@@ -93,6 +93,7 @@ def read_measurements(data: Path, building: str, number: int) -> Measurements:
     Raises:
         FileError: If a file is missing or damaged, or there is no such transmitter.
     """
+    data = Path(data)
     transmitters = read_tx_positions(data / building / f"{building}_tx_pos.csv")
     if not 1 <= number <= len(transmitters):
         raise FileError(

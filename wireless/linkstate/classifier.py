@@ -138,7 +138,7 @@ class LinkStateClassifier:
         return network_files(name, weights, head, self.card)
 
 
-def load_classifier(path: Path) -> LinkStateClassifier:
+def load_classifier(path: str | Path) -> LinkStateClassifier:
     """A classifier from its weights; the card has the same name and ends in .json.
 
     Raises:

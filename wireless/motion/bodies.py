@@ -26,6 +26,9 @@ class Bodies:
     def __post_init__(self) -> None:
         for name in ("position", "radius_m", "height_m"):
             object.__setattr__(self, name, values := to_array(getattr(self, name), name))
+            expected = (len(self.position), 3) if name == "position" else (len(self.position),)
+            if values.shape != expected:
+                raise ValueError(f"{name} of bodies has shape {values.shape}, expected {expected}.")
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} of bodies has NaN or infinite values, expected finite ones.")
             if name.endswith("_m") and (values <= 0).any():
@@ -52,12 +55,9 @@ def people(
         ValueError: If a value is not finite, or a size is not positive.
     """
     feet = _with_height(position)
-    n = len(feet)
-    return Bodies(
-        position=feet,
-        radius_m=np.broadcast_to(np.asarray(radius_m, float), n),
-        height_m=np.broadcast_to(np.asarray(height_m, float), n),
-    )
+    sizes = to_array(radius_m, "radius_m"), to_array(height_m, "height_m")
+    radius, height = (size if size.ndim else np.full(len(feet), size) for size in sizes)
+    return Bodies(position=feet, radius_m=radius, height_m=height)
 
 
 def _with_height(position: ArrayLike) -> Float[np.ndarray, "n 3"]:

@@ -261,6 +261,15 @@ class Sounder:
         size = np.where(near, 1.0, np.sin(np.pi * delay) / np.where(near, 1.0, n * turn))
         return size * np.exp(-1j * np.pi * delay / n)
 
+    def check_tensor(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> None:
+        """Raise ValueError if a correlation tensor is not of the shape that this sounder measures."""
+        expected = self.config.window, self.n_rx, self.tx.n_beams
+        if tensor.shape[1:] != expected:
+            raise ValueError(
+                f"tensor has shape {tensor.shape}, expected (links, {', '.join(map(str, expected))}). Estimate with "
+                "the sounder that measured it."
+            )
+
     def clocks(self, rays: Rays, rng: np.random.Generator) -> Clocks:
         """Draw what is random about links besides noise."""
         n, n_rx, n_tx = len(rays), len(self.rx.platform.face_rad), len(self.tx.platform.face_rad)

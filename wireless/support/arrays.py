@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike
 
 
 def to_array(values: ArrayLike, name: str) -> Shaped[np.ndarray, "..."]:
-    """Numbers of a user as an array of floats; ValueError, which names them, if they are none or ragged."""
+    """Copy of a user's numbers as an array of floats; ValueError, which names them, if they are none or ragged."""
     try:
-        return np.asarray(values, float)
+        return np.array(values, float)
     except (TypeError, ValueError):
         raise ValueError(
             f"{name} is {str(values)[:60]}, expected numbers in an array or lists of equal length."

@@ -137,7 +137,8 @@ def trace_coverage(
     parts, batch = [], n * max(1, _BATCH_LINKS // (n * len(places)))
     for first in range(0, len(points), batch):
         paths = tracer.trace(places, points[first : first + batch], workers=workers)
-        parts.append(link_values(paths, *ends, coherent=coherent, threshold_db=threshold_db, points=n))
+        turned = ends[0], ends[1].of_terminals(slice(first, first + batch))
+        parts.append(link_values(paths, *turned, coherent=coherent, threshold_db=threshold_db, points=n))
     return CoverageMap.from_links(
         {name: np.concatenate([values[name] for values in parts], axis=1) for name in parts[0]},
         grid,

@@ -234,7 +234,8 @@ def test_senseless_settings_are_rejected(options, message, monkeypatch):
         ({"plan": 3}, "plan is 3, expected a whole number from 0 to 0"),
         ({"plan": np.array([0, 0])}, r"plan is \[0 0\], expected a whole number from 0 to 0"),
         ({"plan": False}, "plan is False, expected a whole number"),
-        ({"difficulty": -1}, r"difficulty is -1\.0, expected 0 to 1"),
+        ({"difficulty": -1}, r"difficulty is -1, expected 0 to 1"),
+        ({"difficulty": "hard"}, r"difficulty is 'hard', expected 0 to 1"),
         ({"difficulty": np.nan}, "difficulty is nan"),
     ],
 )

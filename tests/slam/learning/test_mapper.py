@@ -162,7 +162,7 @@ def test_weights_come_back(tmp_path):
     network = MapModule(SMALL).network()
     for name, content in files_of(network, {"about": "a test"}, "m").items():
         (tmp_path / name).write_bytes(content)
-    loaded, card = load_mapper(tmp_path / "m.safetensors")
+    loaded, card = load_mapper(str(tmp_path / "m.safetensors"))
     x = np.random.default_rng(0).normal(size=(1, 7, 64, 64)).astype(np.float32)
     np.testing.assert_array_equal(loaded(x), network(x))
     assert card["about"] == "a test"

@@ -202,6 +202,10 @@ def test_bad_requests_are_named(sounder):
     """Names and rates that do not exist."""
     with pytest.raises(ValueError, match=r"'music'. Known: pca, sage"):
         estimator_named("music", sounder)
+    shorter = np.zeros((1, 5, sounder.n_rx, 48), np.complex64)
+    for name in ("pca", "sage"):
+        with pytest.raises(ValueError, match=r"tensor has shape \(1, 5, .*, expected \(links, 11, "):
+            estimator_named(name, sounder).estimate(shorter)
     with pytest.raises(ValueError, match="false_alarm_rate is 1"):
         SageEstimator(sounder, false_alarm_rate=1.0)
 

@@ -42,8 +42,8 @@ def data(tmp_path):
 
 def test_a_file_is_read_as_it_is_written(data):
     """Every column, by hand: positions and cells as given, angles from degrees; the second transmitter's place."""
-    assert find_measurements(data) == [("Attic", 2)]
-    links = read_measurements(data, "Attic", 2)
+    assert find_measurements(str(data)) == [("Attic", 2)]
+    links = read_measurements(str(data), "Attic", 2)
     np.testing.assert_array_equal(links.tx_position, [3.5, -4.25, 1.5])
     np.testing.assert_array_equal(links.rx_position, [[1.5, -2.45], [1.65, -2.45]])
     np.testing.assert_array_equal(links.rx_cell, [[3, 4], [3, 4]])

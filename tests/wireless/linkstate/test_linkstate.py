@@ -127,7 +127,7 @@ def test_files_keep_a_classifier(tmp_path):
     made = classifier()
     made.card["note"] = "stored"
     write(made, tmp_path)
-    read = load_classifier(tmp_path / "some.safetensors")
+    read = load_classifier(str(tmp_path / "some.safetensors"))
     assert np.array_equal(read.predict(**links()), made.predict(**links()))
     assert read.card["note"] == "stored"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["some.json", "some.safetensors"]

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.constants import speed_of_light
 from scipy.special import fresnel
 
 from wireless.motion.blockage import ENDS_AT, FADES_AT, block, find_blockage
-from wireless.motion.bodies import people
+from wireless.motion.bodies import Bodies, people
 from wireless.paths import Interaction, Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -280,6 +281,10 @@ def test_bad_bodies_and_models_are_rejected():
         people(np.array([[np.nan, 0.0]]))
     with pytest.raises(ValueError, match="radius_m of bodies has 0, expected more than 0 m"):
         people(np.zeros((1, 2)), radius_m=0.0)
+    with pytest.raises(ValueError, match=r"radius_m of bodies has shape \(1,\), expected \(2,\)"):
+        # Without the constructor, whose types are checked in tests only.
+        sizes = {"radius_m": np.ones(1), "height_m": np.ones(2)}
+        Bodies.__post_init__(SimpleNamespace(position=np.zeros((2, 3)), **sizes))
     with pytest.raises(ValueError, match="knife-edges, model-b"):
         block(direct(), people(np.zeros((1, 2))), "model-a")
 

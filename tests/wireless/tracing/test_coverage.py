@@ -160,6 +160,19 @@ def test_coverage_has_the_gain_of_antennas(open_ground):
     assert tracer.coverage(tx, rx_antenna=array, **options).gain == pytest.approx(8 * isotropic)
 
 
+def test_coverage_in_batches_turns_each_receiver_by_its_angle(open_ground, monkeypatch):
+    """Batches of two cells, sectors of receivers turned at random: the gains of a single batch."""
+    cells = {"cell_m": 10.0, "height_m": 1.5}
+    yaw_rad = np.random.default_rng(0).uniform(-np.pi, np.pi, 16)
+    turned = MountedArray(array=uniform_array(1, element="3gpp"), yaw_rad=yaw_rad)
+    single = open_ground.coverage([[0.0, 0.0, 3.0]], rx_antenna=turned, **cells)
+    for module in ("wireless.coverage", "wireless.tracing.coverage"):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"{module}._BATCH_LINKS", 2)
+            batches = open_ground.coverage([[0.0, 0.0, 3.0]], rx_antenna=turned, **cells)
+        np.testing.assert_array_equal(batches.gain, single.gain)
+
+
 def test_coverage_table_has_a_row_per_transmitter_and_cell(shaded):
     """Rows in the order of the arrays; the noise is in the metadata."""
     table = shaded.to_table()
