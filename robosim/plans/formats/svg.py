@@ -7,8 +7,8 @@ class too. The lower left corner of the picture is the origin of `map`.
 
 A picture's size in mm, cm, in, pt or pc is that of the building, unless a unit is given: then the view box has that
 unit, and without either a drawing is an error. Left out: text, pictures, clipping, what covers what; with a
-warning, dashes, symbols with view boxes, rules of style sheets for more than a name, and colours with other separators
-than commas. Of colours for light and dark screens the light one counts.
+warning, dashes, origins of transforms, symbols with view boxes, rules of style sheets for more than a name, and colours
+with other separators than commas. Of colours for light and dark screens the light one counts.
 
 Reference: W3C, Scalable Vector Graphics 2 (2018), chapter 8 (coordinate systems, transformations and units).
 """
@@ -48,8 +48,17 @@ _LENGTHS = {"r", "rx", "ry", "width", "height", "stroke-width"}
 _UNDRAWN, _PLACE = ("symbol", "marker", "mask", "foreignObject"), ("viewBox", "x", "y")
 #: Selectors of style sheets that are read, and rules of a sheet as such.
 _SELECTOR = re.compile(r"\s*(\*|@.*|#[\w-]+|[\w-]*\.?[\w-]+)\s*")
-#: A property of style that breaks a line; zeros and words do not.
-_DASHED = re.compile(r"stroke-dasharray\s*:[^;}]*[1-9]")
+#: Properties of style that are not read: those that break a line (zeros and words do not), and turn about a point.
+_UNREAD = (
+    (
+        re.compile(r"stroke-dasharray\s*:[^;}]*[1-9]"),
+        "dashed lines, by {} styles with stroke-dasharray, are read as full ones. Take out those that are no walls.",
+    ),
+    (
+        re.compile(r"(?<![\w-])transform-origin\s*:"),
+        "transform-origin is not read, so that shapes of {} styles may lie in a wrong place. Save it without.",
+    ),
+)
 #: Paints of a style; the light one of two, as of draw.io; those of the group above; those that svgelements reads.
 _PAINT = re.compile(r"(?<![\w-])(?:fill|stroke)\s*:\s*([^;}]*[^;}\s])")
 _BY_SCHEME = re.compile(r"light-dark\(((?:[^(),]|\([^()]*\))*),[^;}]*")
@@ -147,15 +156,10 @@ def _rearrange(root: ET.Element, path: Path) -> None:
             f"{path}: {scaled} symbols or drawings within the drawing, which have a view box or place, are left out. "
             "Unlink and ungroup them."
         )
-    styles = [
-        f"stroke-dasharray:{each.get('stroke-dasharray', '')};{each.get('style', '')};{each.text or ''}"
-        for each in root.iter()
-    ]
-    if dashed := sum(map(bool, map(_DASHED.search, styles))):
-        logger.warning(
-            f"{path}: dashed lines, by {dashed} styles with stroke-dasharray, are read as full ones. Take out those "
-            "that are no walls."
-        )
+    styles = [";".join([*map(":".join, each.items()), each.text or ""]) for each in root.iter()]
+    for pattern, problem in _UNREAD:
+        if count := sum(map(bool, map(pattern.search, styles))):
+            logger.warning(f"{path}: {problem.format(count)}")
     text = re.sub(r"/\*.*?\*/", "", " ".join(sheet.text or "" for sheet in sheets), flags=re.DOTALL)
     rules = [rule for piece in text.split("{")[:-1] for rule in piece.rpartition("}")[2].split(",")]
     unread = [rule.strip() for rule in rules if not _SELECTOR.fullmatch(rule)]

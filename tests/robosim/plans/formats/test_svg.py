@@ -144,6 +144,8 @@ def test_read_svg_draws_a_symbol_where_it_is_used(tmp_path):
             "by 1 styles with stroke-dasharray",
         ),
         ("<style>.a{fill:none;stroke-dasharray:4}</style>", "by 1 styles with stroke-dasharray"),
+        ('<g transform="rotate(9)" style="transform-origin: 3px 2px"/>', "shapes of 1 styles may lie"),
+        ('<g transform="rotate(9)" transform-origin="3 2"/>', "shapes of 1 styles may lie"),
         ('<g fill="rgb(9.5,9,9)" style="fill:rgb(9 9 9 / 5%)"/>', "2 colours such as 'rgb(9"),
     ],
 )
