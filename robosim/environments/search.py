@@ -359,7 +359,8 @@ class Search:
             elif sense == "lidar" and view.laser is not None:
                 senses_by_key["lidar"] = senses.ranges(view.laser)
             elif sense == "odometry":
-                senses_by_key["odometry"] = senses.odometry(view)
+                bound = senses.odometry_bound(self.simulator_config)
+                senses_by_key["odometry"] = senses.odometry(view, bound)
             elif sense == "radio" and view.paths is not None and self._interpreter is not None:
                 senses_by_key |= senses.paths(view.paths, self._interpreter.probability(view.paths))
             elif sense == "map" and self._coverage is not None:

@@ -6,7 +6,7 @@
 | depth | depth | (h, w, 1) uint8 | depth along the camera's axis in steps of 10 m / 255; 0 nothing measured | 0 | 255 |
 | depth, in metres | depth | (h, w, 1) float32 | the same [m] | 0 | 10 |
 | lidar | lidar | (beams,) float32 | ranges [m], from behind counter-clockwise; its reach for nothing | 0 | reach |
-| odometry | odometry | (3,) float32 | measured motion of the step: dx, dy [m], dyaw [rad] | -2, -2, -pi | 2, 2, pi |
+| odometry | odometry | (3,) float32 | measured motion of the step: dx, dy [m], dyaw [rad] | -b, -b, -pi | b, b, pi |
 | radio | path_direction | (5,) float32 | direction of arrival, counter-clockwise from ahead [rad] | -pi | pi |
 | | path_delay | (5,) float32 | delay after the strongest path [ns] | -100 | 100 |
 | | path_snr | (5,) float32 | SNR as `wireless.estimates` defines it [dB] | -50 | 150 |
@@ -16,7 +16,8 @@
 | pose | pose | (3,) float32 | x ahead, y left [m], yaw [rad] since the start | -1000, -1000, -pi | 1000, 1000, pi |
 
 Map and pose are those of a mapper without errors: floor is seen by the rule of `robosim.task.coverage`, at the true
-pose. The other senses have the noise of the simulator. The strongest path comes first.
+pose. The other senses have the noise of the simulator. The strongest path comes first. b is 2 m, or the distance of a
+second at the robot's highest speed where that is more.
 """
 
 from typing import Any
@@ -24,7 +25,7 @@ from typing import Any
 import cv2
 import numpy as np
 from gymnasium import spaces
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from robosim.environments.config import SearchConfig
 from robosim.lidar import Lidar
@@ -38,8 +39,8 @@ from wireless.estimates import PathEstimates
 MAX_DEPTH_M = 10.0
 #: Number of observed radio paths.
 PATHS = 5
-#: Bounds of one odometry reading [m, m, rad]; far beyond what one action can do.
-_ODOMETRY_BOUND = np.array([2.0, 2.0, np.pi], np.float32)
+#: Least bound of the distances of an odometry reading [m]; far beyond what a discrete action can do.
+_ODOMETRY_M = 2.0
 _POSE_BOUND = np.array([1000.0, 1000.0, np.pi], np.float32)
 _DELAY_NS, _SNR_DB = 100.0, (-50.0, 150.0)
 _FLOOR, _WALL = 128, 255
@@ -62,7 +63,8 @@ def observation_space(
             scan = lidar.true_scan(np.zeros(3))
             boxes["lidar"] = spaces.Box(0.0, scan.max_range_m, scan.range_m.shape, np.float32)
         elif sense == "odometry":
-            boxes["odometry"] = spaces.Box(-_ODOMETRY_BOUND, _ODOMETRY_BOUND, dtype=np.float32)
+            bound = odometry_bound(simulator)
+            boxes["odometry"] = spaces.Box(-bound, bound, dtype=np.float32)
         elif sense == "radio":
             boxes["path_direction"] = spaces.Box(-np.pi, np.pi, (PATHS,), np.float32)
             boxes["path_delay"] = spaces.Box(-_DELAY_NS, _DELAY_NS, (PATHS,), np.float32)
@@ -92,9 +94,15 @@ def ranges(scan: LaserScan) -> Float[np.ndarray, " beams"]:
     return np.minimum(scan.range_m, scan.max_range_m).astype(np.float32)
 
 
-def odometry(view: Observation) -> Float[np.ndarray, "3"]:
+def odometry_bound(simulator: SimulatorConfig) -> Float32[np.ndarray, "3"]:
+    """Bounds of an odometry reading [m, m, rad]; a velocity action takes half a second."""
+    distance_m = max(_ODOMETRY_M, simulator.robot.max_speed_mps)
+    return np.array([distance_m, distance_m, np.pi], np.float32)
+
+
+def odometry(view: Observation, bound: Float32[np.ndarray, "3"]) -> Float32[np.ndarray, "3"]:
     """Measured motion within the bounds of its space."""
-    return np.clip(view.odometry, -_ODOMETRY_BOUND, _ODOMETRY_BOUND).astype(np.float32)
+    return np.clip(view.odometry.astype(np.float32), -bound, bound)
 
 
 def paths(estimates: PathEstimates, probability: Float[np.ndarray, "4"]) -> dict[str, np.ndarray]:

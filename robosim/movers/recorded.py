@@ -3,6 +3,7 @@
 They do not react to the robot. A body is there from its first to its last time; in between its pose is linear.
 """
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -18,8 +19,9 @@ from robosim.support.reading import FileError, reading, shown
 from robosim.support.tum import read_tum
 from wireless.support.columns import numbers, parquet_table, values
 
-#: Most bodies of a recording.
-_MOST = 1000
+_log = logging.getLogger(__name__)
+#: Most bodies of a recording, and time after which its first one is late [s].
+_MOST, _LATE_S = 1000, 60.0
 #: No body in a building is faster [m/s].
 _FASTEST_MPS = 30.0
 #: Another robot [m].
@@ -116,12 +118,21 @@ def read_crowd(path: Path) -> Recorded:
                 raise ValueError(f"id {name} has two rows at time {again:g}")
             yaw = _facing(xy) if heading is None else np.unwrap(heading[samples])
             tracks.append(Track(times, np.column_stack([xy, yaw])))
+    first, last = columns["time"].min(), columns["time"].max()
+    if first > _LATE_S or last < 0:
+        _log.warning(
+            "%s: its people are there from %g to %g s, but episodes begin at 0 s. Subtract the first time.",
+            shown(path),
+            first,
+            last,
+        )
     return Recorded(tracks, Body(), shown(path))
 
 
 def _facing(xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """Directions of the steps that follow [rad]."""
+    """Directions of the steps that follow [rad]; of the steps before where a person stands."""
     if len(xy) == 1:
         return np.zeros(1)
     steps = np.diff(xy, axis=0)
+    steps = steps[np.maximum.accumulate(np.where(steps.any(axis=1), np.arange(len(steps)), 0))]
     return np.unwrap(np.arctan2(*steps[:, ::-1].T))[[*range(len(steps)), -1]]

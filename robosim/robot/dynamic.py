@@ -10,6 +10,7 @@ accuracy. The same calls after a reset give the same poses, bit for bit.
 Left out: encoders (feedback is from the true pose; what odometry gets wrong is in `odometry`).
 """
 
+import logging
 import math
 from copy import copy
 
@@ -35,6 +36,7 @@ from robosim.robot.robots import SERVO_LAG_S, RobotConfig
 from slam.poses import wrap
 
 __all__ = ["Motion", "PhysicsConfig", "World"]
+_log = logging.getLogger(__name__)
 
 #: A move has arrived when it is this close [m], [rad].
 ARRIVED_M, ARRIVED_RAD = 1e-4, 1e-4
@@ -114,6 +116,7 @@ class World:
         self._commanded = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] of the last command to the wheels
         self._steps, self._moved, self._deepest_m = 0, 0, 0.0  # steps of the robot, and of movers
         self._touched = self._at_wall = False  # during this motion, in its last control period
+        self._warned = False  # that a move missed its goal
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose in `map`, at rest; ValueError if the hull does not fit there."""
@@ -139,7 +142,16 @@ class World:
         self._follow(plan)
         self._halt()
         off_m, off_rad = plan.left(self._pose())
-        return self._motion(self._touched and (off_m > BLOCKED_M or off_rad > BLOCKED_RAD))
+        is_off = off_m > BLOCKED_M or off_rad > BLOCKED_RAD
+        if is_off and not (self._touched or self._warned):
+            self._warned = True
+            _log.warning(
+                "On open floor a move ended %.1f cm and %.1f degrees off its goal: the motors are too weak for the body. "
+                "Give the robot a wider track_m, a smaller hull, or a mass_kg that fits its rotors and wheels.",
+                100 * off_m,
+                math.degrees(off_rad),
+            )
+        return self._motion(self._touched and is_off)
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
         """Drive with a speed and a turn rate, and roll on: the next `drive` continues at full speed.

@@ -158,7 +158,7 @@ def _shortest_m(reach: Reach, start: np.ndarray, target: np.ndarray) -> float:
     travel = reach.travel_m(start[:2])
     reached = np.isfinite(travel)
     gap = np.hypot(*(reach.plan.centres(reached) - target).T)
-    near = gap <= ARRIVAL_M
+    near = gap <= _near_m(reach)
     if not near.any():
         raise MapError(
             f"{reach.plan.name}: no path for a hull of radius {reach.radius_m} m from the start "
@@ -166,6 +166,11 @@ def _shortest_m(reach: Reach, start: np.ndarray, target: np.ndarray) -> float:
             "one part of the floor (`robosim plan` draws the parts), or a smaller robot."
         )
     return float(travel[reached][near].min())
+
+
+def _near_m(reach: Reach) -> float:
+    """Distance of cells that count as near a target [m]: the arrival radius, but at least half a cell's diagonal."""
+    return max(ARRIVAL_M, reach.plan.resolution_m * math.sqrt(0.5))
 
 
 def _check_places(reach: Reach, start: np.ndarray | None, target: np.ndarray | None) -> None:
@@ -182,7 +187,7 @@ def _check_places(reach: Reach, start: np.ndarray | None, target: np.ndarray | N
         raise _better(reach, f"{hull} does not fit at the start {_at(start)}", start[:2])
     if target is not None and reach.free.distance(shapely.Point(target)) > ON_EDGE_M:
         raise _better(reach, f"the target {_at(target)} is in a wall, or outside of the building", target)
-    if target is not None and not reach.part_near(target, ARRIVAL_M):
+    if target is not None and not reach.part_near(target, _near_m(reach)):
         raise _better(reach, f"{hull} cannot come within {ARRIVAL_M} m of the target {_at(target)}", target)
 
 

@@ -20,7 +20,7 @@ from robosim.radio.link import RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
-from tests.plans import two_rooms
+from tests.plans import room, two_rooms
 
 ALL = ("rgb", "depth", "lidar", "odometry", "radio", "map", "pose")
 PLAN = two_rooms(0.8)
@@ -350,3 +350,14 @@ def test_seeds_of_numpy_are_seeds():
     env = made(observe=("pose",))
     first, second = (env.reset(seed=seed)[1]["target"] for seed in (3, np.int64(3)))
     np.testing.assert_array_equal(first, second)
+
+
+def test_odometry_of_fast_robots_is_not_clipped():
+    """8 m/s for half a second are 4 m."""
+    robot = RobotConfig(max_speed_mps=8.0, noise=NoiseModel(level=0))
+    config = SimulatorConfig(physics="kinematic", camera="plan", robot=robot)
+    env = TargetSearch(room(9.0, 3.0), config=config, observe=("odometry",), actions="velocity")
+    env.reset(seed=0, options={"start": [1.0, 1.5, 0.0], "target": [8.0, 1.5]})
+    observation = env.step(np.array([1.0, 0.0]))[0]
+    assert env.observation_space.contains(observation)
+    assert observation["odometry"][0] == pytest.approx(4.0)

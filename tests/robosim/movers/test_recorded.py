@@ -70,3 +70,18 @@ def test_damaged_files_are_rejected_in_one_line(crowd, text, reason):
     with pytest.raises(FileError, match=reason) as error:
         mover_of_file(crowd(text))
     assert "crowd.csv" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_people_who_stand_face_where_they_came_to(crowd):
+    """Along y, 3 m, and then 2 s in one place."""
+    mover = mover_of_file(crowd("time,id,x,y\n0,a,1,1\n2,a,1,4\n4,a,1,4\n"))
+    np.testing.assert_allclose(mover.poses(3.0, HERE)[0], [1, 4, np.pi / 2])
+
+
+def test_crowds_that_come_late_are_reported(crowd, caplog):
+    """Times since midnight, in an episode that begins at 0 s."""
+    mover_of_file(crowd("time,id,x,y\n40000,a,1,1\n40002,a,1,4\n"))
+    assert "40000 to 40002 s" in caplog.text
+    caplog.clear()
+    mover_of_file(crowd(ROWS))
+    assert not caplog.text

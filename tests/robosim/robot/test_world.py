@@ -18,6 +18,7 @@ from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.collision import WallSolids, solids
 from robosim.robot.dynamic import PhysicsConfig, World
 from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.poses import between
 from tests.plans import room
@@ -368,3 +369,13 @@ def test_any_outline_can_be_driven_in():
     assert shapely.distance(shapely.Point(motion.pose[:2]), octagon.free.boundary) == pytest.approx(
         0.1, abs=1e-3
     )
+
+
+def test_bodies_too_heavy_to_turn_for_their_motors_are_reported(caplog):
+    """A disk of 1 m in radius on wheels 0.16 m apart turns by 16 degrees instead of 10; the default is fine."""
+    for radius_m, expected in ((0.1, 0), (1.0, 1)):
+        world = World(make_building(room()), robot=RobotConfig(radius_m=radius_m))
+        world.reset(turned_to(2.0, 1.5, 17))
+        for _ in range(2):
+            world.move(LEFT)
+        assert caplog.text.count("degrees off its goal") == expected

@@ -136,3 +136,12 @@ def test_what_is_no_place_is_rejected(joined, given, message):
 def test_a_hull_that_fits_nowhere_is_an_error():
     with pytest.raises(MapError, match="fits nowhere"):
         make_task(reach(make_building(room(0.5, 0.5)), 0.3), np.random.default_rng(0))
+
+
+def test_targets_between_the_centres_of_coarse_cells_are_reached():
+    """Cells of 0.5 m: their corners are 0.35 m from the nearest centres."""
+    coarse = reach(make_building(room(6.0, 6.0, 0.5)), 0.1)
+    task = make_task(
+        coarse, np.random.default_rng(0), start=np.array([1.25, 3.25, 0.0]), target=np.array([4.0, 3.0])
+    )
+    assert task.shortest_m == pytest.approx(2.5, abs=0.01)
