@@ -146,7 +146,7 @@ class World:
         if is_off and not (self._touched or self._warned):
             self._warned = True
             _log.warning(
-                "On open floor a move ended %.1f cm and %.1f degrees off its goal: the motors are too weak for the body. "
+                "On open floor a move ended %.1f cm and %.1f degrees off its goal: the motors are too weak. "
                 "Give the robot a wider track_m, a smaller hull, or a mass_kg that fits its rotors and wheels.",
                 100 * off_m,
                 math.degrees(off_rad),
