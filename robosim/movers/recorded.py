@@ -19,7 +19,7 @@ from robosim.support.reading import FileError, reading, shown
 from robosim.support.tum import read_tum
 from wireless.support.columns import numbers, parquet_table, values
 
-_log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 #: Most bodies of a recording, and time after which its first one is late [s].
 _MOST, _LATE_S = 1000, 60.0
 #: No body in a building is faster [m/s].
@@ -120,7 +120,7 @@ def read_crowd(path: Path) -> Recorded:
             tracks.append(Track(times, np.column_stack([xy, yaw])))
     first, last = columns["time"].min(), columns["time"].max()
     if first > _LATE_S or last < 0:
-        _log.warning(
+        logger.warning(
             "%s: its people are there from %g to %g s, but episodes begin at 0 s. Subtract the first time.",
             shown(path),
             first,

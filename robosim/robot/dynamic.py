@@ -36,7 +36,7 @@ from robosim.robot.robots import SERVO_LAG_S, RobotConfig
 from slam.poses import wrap
 
 __all__ = ["Motion", "PhysicsConfig", "World"]
-_log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 #: A move has arrived when it is this close [m], [rad].
 ARRIVED_M, ARRIVED_RAD = 1e-4, 1e-4
@@ -145,7 +145,7 @@ class World:
         is_off = off_m > BLOCKED_M or off_rad > BLOCKED_RAD
         if is_off and not (self._touched or self._warned):
             self._warned = True
-            _log.warning(
+            logger.warning(
                 "On open floor a move ended %.1f cm and %.1f degrees off its goal: the motors are too weak. "
                 "Give the robot a wider track_m, a smaller hull, or a mass_kg that fits its rotors and wheels.",
                 100 * off_m,

@@ -17,7 +17,7 @@ from robosim.building.reach import Reach
 from robosim.plans.floorplan import MapError
 from robosim.support.checks import FARTHEST, check_number
 
-_log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 #: The robot has arrived once its true position is this near to the target [m].
 ARRIVAL_M = 0.3
@@ -100,7 +100,7 @@ def make_task(
     places = reach.indoors if start is not None else reach.roomy
     anchor, other, distance = _draw_pair(reach, rng, fixed, (min_path_m, max_path_m), places)
     if distance < min_path_m:
-        _log.warning(
+        logger.warning(
             "%s: no two places %.1f m of path apart were found; the task is %.1f m long.",
             reach.plan.name,
             min_path_m,
