@@ -70,9 +70,9 @@ def locate_log(
         if location.was_kidnapped:
             kidnapped.append(k)
         if k and is_located[k] and not is_located[k - 1]:
-            earlier = localizer.trajectory()
+            earlier, spreads = localizer.trajectory()
             first = k + 1 - len(earlier)
-            poses[first : k + 1], is_located[first:k] = earlier, True
+            poses[first : k + 1], covariance[first : k + 1], is_located[first:k] = earlier, spreads, True
         last = between(poses[k - 1], poses[k]) if k else last
     if mount.any():
         back = between(mount, np.zeros(3))

@@ -78,10 +78,15 @@ class _Candidate:
 
     poses: list[Float[np.ndarray, "3"]]
     """Poses at the scans since it is certain, the last one now."""
-    covariance: Float[np.ndarray, "3 3"]
+    covariances: list[Float[np.ndarray, "3 3"]]
     agreement: float = 1.0
     contradiction: float = 0.0
     """Shares of the last scans, see `KnownMap.agreement`."""
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "3 3"]:
+        """Covariance of the present pose."""
+        return self.covariances[-1]
 
     @property
     def rating(self) -> float:
@@ -100,7 +105,7 @@ class Localizer:
         """Begin at a pose (x [m], y [m], yaw [rad] in `map`), or anywhere."""
         self._is_located, self._candidates = pose is not None, list[_Candidate]()
         if pose is not None:
-            self._candidates = [_Candidate(poses=[np.asarray(pose, float)], covariance=_FOUND)]
+            self._candidates = [_Candidate(poses=[np.asarray(pose, float)], covariances=[_FOUND])]
 
     def update(self, scan: ScanPoints, displacement: Pose, covariance: Covariance) -> Location:
         """Add a scan and the displacement since the one before by odometry, in the frame of that, with covariance."""
@@ -129,9 +134,11 @@ class Localizer:
             was_kidnapped=was_kidnapped,
         )
 
-    def trajectory(self) -> Float[np.ndarray, "n 3"]:
-        """Return the poses at the last scans that led to the present one, n x 3: x [m], y [m], yaw [rad]."""
-        return np.array(self._candidates[0].poses) if self._candidates else np.zeros((0, 3))
+    def trajectory(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 3"]]:
+        """Return the poses at the last scans that led to the present one (x [m], y [m], yaw [rad]), and covariances."""
+        if not self._candidates:
+            return np.zeros((0, 3)), np.zeros((0, 3, 3))
+        return np.array(self._candidates[0].poses), np.array(self._candidates[0].covariances)
 
     def _follow(
         self, candidate: _Candidate, scan: ScanPoints, displacement: Pose, covariance: Covariance
@@ -147,9 +154,11 @@ class Localizer:
             pose = pose + gain @ difference(match.pose, pose, 1.0)
             prior = prior - gain @ prior
         if _deviation_m(candidate.covariance) > _VAGUE_M:
-            candidate.poses.clear()  # what was before is not known to belong to the present pose
+            # What was before is not known to belong to the present pose.
+            candidate.poses.clear()
+            candidate.covariances.clear()
         candidate.poses.append(pose)
-        candidate.covariance = 0.5 * (prior + prior.T)
+        candidate.covariances.append(0.5 * (prior + prior.T))
         memory = self.config.memory
         candidate.agreement = memory * candidate.agreement + (1 - memory) * agreement
         candidate.contradiction = memory * candidate.contradiction + (1 - memory) * contradiction
@@ -175,7 +184,7 @@ class Localizer:
             candidates.append(
                 _Candidate(
                     poses=[match.pose],
-                    covariance=_FOUND,
+                    covariances=[_FOUND],
                     agreement=fraction * agreement,
                     contradiction=fraction * contradiction,
                 )

@@ -53,6 +53,11 @@ def test_half_the_route_is_half_a_soft_success():
     assert result["soft_spl"] == pytest.approx(0.5)
 
 
+def test_soft_spl_of_a_robot_that_stays_is_zero():
+    """A wall makes the drive to a target 4 m away 9 m long."""
+    assert _log([(0, 0), (0, 0)], (4, 0), 9.0).result()["soft_spl"] == 0
+
+
 def test_arrival_is_by_distance_not_by_cells():
     """0.3 m in a straight line; the L1 rule of the published code would reject (0.2, 0.2), 0.28 m away."""
     assert _log([(0, 0), (1.0, 0.0)], (1.2, 0.2), 1).arrived

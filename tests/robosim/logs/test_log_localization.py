@@ -38,6 +38,28 @@ def test_locate_log_gives_poses_of_the_robot():
     assert (np.linalg.eigvalsh(located.covariance) > 0).all()
 
 
+def test_locate_log_gives_earlier_poses_with_their_own_covariance():
+    """A narrow scanner sees one wall at first, at which another pose fits better: errors are within five deviations."""
+    bearing, route = np.radians(np.arange(-35, 35, 1.0)), ROUTE[20:]
+    rng = np.random.default_rng(0)
+    steps = [between(a, b) + rng.normal(0, [0.01, 0.01, 0.005]) for a, b in pairwise(route)]
+    log = RobotLog(
+        name="narrow",
+        bearing_rad=bearing,
+        range_m=np.array([beams.ranges(ROOM, pose, bearing=bearing) for pose in route]),
+        displacement=np.array([np.zeros(3), *steps]),
+        known=np.ones(len(route), bool),
+        times=np.arange(len(route)) * 1.0,
+    )
+    located = locate_log(log, known_map(SOLID | FURNITURE))
+    assert located.is_located.all()
+    off = (located.poses - np.array(route))[:, :2, None]
+    squared = off.transpose(0, 2, 1) @ np.linalg.solve(
+        located.covariance[:, :2, :2] + 0.025**2 * np.eye(2), off
+    )
+    assert squared.max() < 25
+
+
 def test_slam_on_a_map_writes_poses_in_its_frame(tmp_path, capsys, monkeypatch):
     """The map of a drive, and a later part of the same drive in it, which begins anywhere."""
     monkeypatch.chdir(tmp_path)

@@ -88,7 +88,7 @@ def test_localizer_finds_the_robot_anywhere(first):
     locations = drive(localizer, ROUTE[: first + 20], ROOM, first)
     located = [location.is_located for location in locations]
     assert not located[0] and all(located[10:])
-    for pose, true in zip(localizer.trajectory(), ROUTE[first:], strict=False):
+    for pose, true in zip(localizer.trajectory()[0], ROUTE[first:], strict=False):
         away_m, turn_deg = deviation(pose, true)
         assert away_m < 0.05 and turn_deg < 0.7
     away_m, turn_deg = deviation(locations[-1].pose, ROUTE[first + 19])
