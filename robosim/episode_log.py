@@ -138,7 +138,7 @@ class EpisodeLog:
         first_gap, gap = np.hypot(*(poses[[0, -1], :2] - self.task.target).T).tolist()
         ratio = 1.0 if max(path, self.task.shortest_m) == 0 else None
         ratio = self.task.shortest_m / max(path, self.task.shortest_m) if ratio is None else ratio
-        progress = 1.0 if arrived_at is not None else max(1 - gap / first_gap, 0.0)
+        progress = 1.0 if arrived_at is not None else max(1 - gap / max(first_gap, ARRIVAL_M), 0.0)
         return {
             "ended": self.ended,
             "arrived": arrived_at is not None,
