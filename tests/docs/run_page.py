@@ -114,7 +114,7 @@ def shorten(words: list[str]) -> None:
     for option, value in (SHORT | added).items():
         if option in words:
             words[words.index(option) + 1] = value
-        elif option in added:
+        elif option in added and not (option == "--grid" and {"--rx", "--along"}.intersection(words)):
             words += [option, value] if value else [option]
 
 
@@ -125,8 +125,11 @@ def _lines(text: str) -> list[str]:
 
 
 def run_installed(page: Path) -> int:
-    """Run commands, those of tables too, and Python of a page; print what fails, and return the number of failures."""
-    text = page.read_text("utf-8")
+    """Run commands, those of tables too, and Python of a page; print what fails, and return the number of failures.
+
+    A block of Python that needs names of one that lacks an input lacks it too.
+    """
+    text, lacking = page.read_text("utf-8"), ""
     names: dict[str, object] = {"__name__": "page"}
     counts: Counter[str] = Counter()
     write_named_blocks(page, Path())
@@ -136,11 +139,17 @@ def run_installed(page: Path) -> int:
             for line in commands_in(body):
                 counts[_outcome(line, *_command(line))] += 1
         elif language == "python":
+            out = io.StringIO()
             try:
-                status, output = run_python(body, names, page.name), "It prints something else than the page."
+                with contextlib.redirect_stdout(out):
+                    status = run_python(body, names, page.name)
+                output = out.getvalue()
             except Exception as error:
                 status, output = 1, f"{type(error).__name__}: {error}"
-            counts[_outcome(body.split("\n")[0], status, output)] += 1
+            output = lacking if lacking and "NameError" in output else output
+            outcome = _outcome(body.split("\n")[0], status, output)
+            lacking = output if outcome.startswith("lack") else lacking
+            counts[outcome] += 1
     for line in _IN_TABLE.findall(text):
         counts[_outcome(line, *_command(line))] += 1
     print(
