@@ -146,7 +146,7 @@ def run_installed(page: Path) -> int:
                 output = out.getvalue()
             except Exception as error:
                 status, output = 1, f"{type(error).__name__}: {error}"
-            output = lacking if lacking and "NameError" in output else output
+            output = lacking if lacking and re.search("(Name|Attribute)Error", output) else output
             outcome = _outcome(body.split("\n")[0], status, output)
             lacking = output if outcome.startswith("lack") else lacking
             counts[outcome] += 1
