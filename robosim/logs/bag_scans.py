@@ -179,10 +179,12 @@ def without_limits(scans: Sequence[Scan]) -> tuple[list[Scan], float, float | No
 
 def without_longest(path: Path, ranges: Float[np.ndarray, "n w"]) -> Float[np.ndarray, "n w"]:
     """Ranges [m] of a sensor of unknown limit; the longest is infinite, with a warning, if it means nothing."""
-    scans, share, limit_m = without_limits([Scan(0.0, row, row) for row in ranges])
+    scans, _, limit_m = without_limits([Scan(0.0, row, row) for row in ranges])
+    without = np.array([scan.range_m for scan in scans])
     if limit_m is not None:
+        share = np.mean(np.isinf(without) & ~np.isinf(ranges))
         logger.warning(f"{path}: {100 * share:.0f} % of the beams end at {limit_m:.4g} m: they hit nothing.")
-    return np.array([scan.range_m for scan in scans])
+    return without
 
 
 def _slice(message: Any, points: Float[np.ndarray, "n 3"], place: Matrix, slice_m: float) -> Scan:

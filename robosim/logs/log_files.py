@@ -148,8 +148,9 @@ def read_log(
     if scans is not None and not chosen.takes_scans:
         raise FileError(f"{path}: is a log with scans, such as a bag. Leave --scans away.")
     unused = {} if reader != "auto" or is_bag(path) else asdict(topics or BagTopics())
+    usual = asdict(BagTopics())
     for name, value in unused.items():
-        if value != getattr(BagTopics(), name):
+        if value != usual[name]:
             logger.warning(f"{path}: is no bag, and does not use --{name.replace('_', '-')} {value}.")
     log = chosen.read(path, scans, topics or BagTopics())
     if log.is_counted:

@@ -62,8 +62,11 @@ class MountedArray:
 
     def of_terminals(self, which: slice) -> "MountedArray":
         """The arrays of a slice of the terminals."""
-        angles = {name: getattr(self, name) for name in ("yaw_rad", "pitch_rad", "roll_rad")}
-        return replace(self, **{name: each[which] for name, each in angles.items() if np.size(each) > 1})
+        yaw, pitch, roll = (
+            angle if np.size(angle) == 1 else np.asarray(angle)[which]
+            for angle in (self.yaw_rad, self.pitch_rad, self.roll_rad)
+        )
+        return replace(self, yaw_rad=yaw, pitch_rad=pitch, roll_rad=roll)
 
     def response(
         self,

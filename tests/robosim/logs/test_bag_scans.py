@@ -53,7 +53,7 @@ def test_read_bag_knows_a_limit_far_below_range_max(tmp_path, caplog):
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.01])
 def test_read_bag_believes_the_end_wall_of_a_corridor(noise_m, tmp_path):
-    """Of a robot that stands 18 m from it, 5 degrees of the longest beams are as long up to a thousandth."""
+    """The wall is 18 m away from a robot that stands: beams within 5 degrees have equal ranges up to a thousandth."""
     cos, sin = np.cos(BEARING), np.abs(np.sin(BEARING))
     corridor = np.minimum(np.where(cos > 0, 18, 2) / np.maximum(np.abs(cos), 1e-9), 1 / np.maximum(sin, 1e-9))
     ranges = corridor + np.random.default_rng(0).normal(0, 1, RANGES.shape) * noise_m
