@@ -293,7 +293,8 @@ class Simulator:
             frame = self._camera.render(pose)
             if self.movers is not None and self.config.renderer != "none":
                 frame = self.movers.draw(frame, pose, self.config.image)
-        self._depth = frame.depth
+        # Whoever changes the observation in place does not change what is judged.
+        self._depth = frame.depth.copy()
         noise, focal_px = self.config.robot.depth_noise, float(self.config.image.focal_px)
         with self.watch.stage("noise"):
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)

@@ -295,8 +295,8 @@ class Search:
                     f"an action is {shown(numbers)}, expected a number of 0 to {len(self._actions) - 1}."
                 )
             return self._actions[int(numbers)]
-        values = np.asarray(action, float)
-        if values.shape != (2,) or np.isnan(values).any():
+        values = np.asarray(action)
+        if values.shape != (2,) or values.dtype.kind not in "fiu" or np.isnan(values).any():
             raise ValueError(f"an action is {shown(numbers)}, expected two numbers from -1 to 1.")
         v, w = np.clip(values, -1, 1) * velocity_scale(self.simulator_config)
         return Velocity(float(v), float(w), STEP_S)

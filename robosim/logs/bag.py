@@ -19,9 +19,10 @@ from jaxtyping import Float
 
 from robosim.logs.bag_files import storage_files
 from robosim.logs.bag_messages import CAMERA, IMAGE, ODOMETRY, TF, Bag
-from robosim.logs.bag_scans import DEPTHS, LASERS, SOURCES, Scan, is_distorted, scan_maker, without_limits
+from robosim.logs.bag_scans import DEPTHS, LASERS, SOURCES, Scan, is_distorted, scan_maker
 from robosim.logs.beam_times import OdometryTrack
 from robosim.logs.frames import MOST_TIPPED, Frames, Places, frame_name, matrices, planar, stamp_s
+from robosim.logs.no_returns import find_no_returns
 from robosim.logs.robot_log import LONGEST_TURN, BagTopics, LogReader, RobotLog, report_track
 from robosim.support.installation import is_installed, missing_extra
 from robosim.support.reading import FileError, naming
@@ -225,8 +226,11 @@ class _Reading:
 
     def _with_returns(self, scans: list[Scan], topic: str) -> list[Scan]:
         """Scans without the beams that hit nothing; FileError if none hits anything."""
-        scans, share, below_m = without_limits(scans)
-        ranges = np.concatenate([scan.range_m for scan in scans])
+        at_limit, below, below_m = find_no_returns(
+            [scan.range_m for scan in scans], [scan.limit_m for scan in scans]
+        )
+        hits_nothing = at_limit | below
+        ranges = np.where(hits_nothing, np.inf, np.concatenate([scan.range_m for scan in scans]))
         if max(len(scan.range_m) for scan in scans) < 2:
             raise FileError(f"scans of {topic} have one beam or none, expected two at least.")
         beyond_rad = max(scan.beyond_rad for scan in scans)
@@ -240,18 +244,20 @@ class _Reading:
                 f"none of the {len(ranges)} beams of {topic} hits anything, expected ranges between range_min and "
                 "range_max, or points at the height --slice-m."
             )
-        if below_m is not None:
+        if below.any():
+            share = 100 * below.mean()
             self._note(
-                f"{100 * share:.0f} % of the beams end at {below_m:.4g} m, below range_max: they hit nothing"
+                f"{share:.0f} % of the beams end at {below_m:.4g} m, below range_max: they hit nothing"
             )
         self._report |= {
             "scans": len(scans),
             "beams": max(len(scan.range_m) for scan in scans),
             "scan_span_s": (scans[0].time_s, scans[-1].time_s),
-            "share_at_limit": share,
+            "share_at_limit": float(hits_nothing.mean()),
             "share_without_return": n_without / len(ranges),
         }
-        return scans
+        ends = np.cumsum([len(scan.range_m) for scan in scans])[:-1]
+        return [scan._replace(range_m=each) for scan, each in zip(scans, np.split(ranges, ends), strict=True)]
 
     def _in_order(self, scans: list[Scan]) -> list[Scan]:
         """Scans by rising times, without those of a time that is there already."""

@@ -1,15 +1,7 @@
-"""Scans made of messages of bags: of planar lasers, and of point clouds and depth images in a slice.
+"""Scans made of messages of bags: of planar lasers, and of point clouds and depth images in a slice."""
 
-Drivers say in many forms that a beam hit nothing: infinite, beyond `range_max`, exactly at it, a little below, or at a
-limit of their own. Where many beams have a range a little below, or the longest of all ranges, in several directions,
-and few have one near it, that range means nothing. Of a wall, twice as many beams end within a hundredth around its
-distance as within a thousandth.
-"""
-
-import logging
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +10,6 @@ from jaxtyping import Float, UInt8
 from robosim.logs.bag_messages import CLOUD, ECHOES, IMAGE, POINTS, SCAN
 from robosim.logs.frames import stamp_s
 from robosim.support.reading import FileError
-
-logger = logging.getLogger(__name__)
 
 LASERS = (SCAN, ECHOES)
 SOURCES = (LASERS, (POINTS,), (CLOUD,), (IMAGE,))
@@ -34,12 +24,6 @@ _HALF_SLICE_M, _DIRECTIONS = 0.1, 720
 _MOST_TURN, _LEAST_STEP = 2.1 * math.pi, 1e-5
 #: Beams of a scan follow each other within [s].
 _LONGEST_S = 10.0
-#: Ranges that are the same, those around them that are compared, and where they are; relative to `range_max`.
-_SAME, _AROUND, _NEAR_LIMIT = 1e-3, 1e-2, 0.95
-#: A limit is shared by this part of the beams, in so many directions, and by so many times those around.
-_LEAST_SHARE, _LEAST_DIRECTIONS, _MORE = 0.005, 3, 2.0
-#: The longest range of all, far from `range_max`, is one in this part of the directions; a wall is flat in 5 degrees.
-_DIRECTIONS_OF_LONGEST = 0.1
 
 Matrix = Float[np.ndarray, "4 4"]
 
@@ -138,53 +122,6 @@ def _laser_scan(message: Any, is_inverted: bool) -> Scan:
     if n and bearing[0] < -np.pi - 1e-6:
         bearing = bearing + 2 * np.pi
     return Scan(time_s, bearing, ranges, ends_s if step_s > 0 else None, limit_m, beyond_rad)
-
-
-def without_limits(scans: Sequence[Scan]) -> tuple[list[Scan], float, float | None]:
-    """Scans whose beams at the limit of the sensor hit nothing.
-
-    Returns:
-        The scans, the share of beams at the limit, and the range below `limit_m` that means nothing [m], if any.
-    """
-    ranges = np.concatenate([scan.range_m for scan in scans])
-    limits = np.repeat([scan.limit_m for scan in scans], [len(scan.range_m) for scan in scans])
-    column = np.concatenate([np.arange(len(scan.range_m)) for scan in scans])
-    with np.errstate(invalid="ignore"):
-        at_limit = ranges >= limits * (1 - 1e-6)
-        rest = np.where(at_limit, np.nan, ranges)
-        limit_m, below_m = float(np.median(limits)) if len(limits) else math.inf, None
-        near = rest[rest >= _NEAR_LIMIT * limit_m] if math.isfinite(limit_m) else rest[:0]
-    longest_m = float(rest[np.isfinite(rest)].max(initial=0.0))
-    width = max((len(scan.range_m) for scan in scans), default=0)
-    candidates = []
-    if (rest < (1 - _AROUND) * longest_m).any():
-        candidates = [(longest_m, max(_LEAST_DIRECTIONS, _DIRECTIONS_OF_LONGEST * width))]
-    if len(near):
-        level, counts = np.unique(np.floor(near / (_SAME * limit_m)), return_counts=True)
-        usual = near[np.floor(near / (_SAME * limit_m)) == level[counts.argmax()]]
-        candidates.insert(0, (float(np.median(usual)), _LEAST_DIRECTIONS))
-    for value_m, least_directions in candidates:
-        off_m = np.abs(rest - value_m)
-        same = off_m <= _SAME * value_m
-        around = np.count_nonzero(off_m <= _AROUND * value_m) - same.sum()
-        is_shared = same.sum() >= max(_LEAST_SHARE * len(ranges), _MORE * around)
-        if is_shared and len(set(column[same])) >= least_directions:
-            at_limit, below_m = at_limit | same, value_m
-            break
-    share = float(at_limit.mean()) if len(ranges) else 0.0
-    ends = np.cumsum([len(scan.range_m) for scan in scans])[:-1]
-    parts = np.split(np.where(at_limit, np.inf, ranges), ends)
-    return [scan._replace(range_m=each) for scan, each in zip(scans, parts, strict=True)], share, below_m
-
-
-def without_longest(path: Path, ranges: Float[np.ndarray, "n w"]) -> Float[np.ndarray, "n w"]:
-    """Ranges [m] of a sensor of unknown limit; the longest is infinite, with a warning, if it means nothing."""
-    scans, _, limit_m = without_limits([Scan(0.0, row, row) for row in ranges])
-    without = np.array([scan.range_m for scan in scans])
-    if limit_m is not None:
-        share = np.mean(np.isinf(without) & ~np.isinf(ranges))
-        logger.warning(f"{path}: {100 * share:.0f} % of the beams end at {limit_m:.4g} m: they hit nothing.")
-    return without
 
 
 def _slice(message: Any, points: Float[np.ndarray, "n 3"], place: Matrix, slice_m: float) -> Scan:

@@ -27,8 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from robosim.logs.bag_scans import without_longest
 from robosim.logs.beam_times import OdometryTrack
+from robosim.logs.no_returns import without_longest
 from robosim.logs.robot_log import BagTopics, LogReader, RobotLog, check_bearings
 from robosim.support.reading import reading
 from robosim.support.text_in import line_numbers

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.logs.bag import is_bag
-from robosim.logs.bag_scans import without_longest
 from robosim.logs.beam_times import OdometryTrack
+from robosim.logs.no_returns import without_longest
 from robosim.logs.robot_log import (
     BagTopics,
     LogReader,

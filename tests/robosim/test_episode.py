@@ -169,6 +169,7 @@ def test_depth_noise_is_measured_but_not_judged_by():
             SimulatorConfig(physics="kinematic", robot=RobotConfig(depth_noise=DepthNoise(level=level))),
         )
         first = simulator.reset(task, np.random.default_rng(3))
+        assert not np.shares_memory(first.depth, simulator.true_depth)
         views[level] = (first, simulator.true_depth, *simulator.step(Action.LEFT))
         simulator.close()
     (clean, true, turned, _), (noisy, same, turned_too, _) = views[0.0], views[1.0]

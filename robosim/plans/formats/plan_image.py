@@ -156,9 +156,10 @@ def decode_image(content: bytes) -> PlanImage:
 
 def _levels(image: Image.Image, content: bytes) -> PlanImage:
     """Grey levels of a loaded image, whatever its mode."""
-    if image.format == "PNG" and image.mode == "L" and "transparency" in image.info:
-        # Pillow spreads samples of 2 and 4 bits over 8, but not the one that is transparent.
-        image.info["transparency"] *= 255 // (2 ** min(content[24], 8) - 1)
+    if image.format == "PNG" and image.mode in ("1", "L") and "transparency" in image.info:
+        # Pillow spreads samples of few bits over 8, but not the one that is transparent; 11.0 does so with 1 bit, too.
+        scale = 255 // (2 ** min(content[24], 8) - 1)
+        image.info["transparency"] = min(image.info["transparency"] * scale, 255)
     see_through = "transparency" in image.info or image.mode in ("LA", "PA", "La", "RGBa", "RGBA")
     if image.format == "PNG" and image.mode in ("RGB", "RGBA") and content[24] == 16:
         # Pillow keeps 8 of the 16 bits of a colour PNG.

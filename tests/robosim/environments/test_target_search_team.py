@@ -211,7 +211,8 @@ def test_reset_and_step_reject_what_they_do_not_know():
     ("actions", "action"),
     [
         *(("discrete", action) for action in (-1, 4, 1.5, None, "left", np.nan, np.zeros(2))),
-        *(("velocity", action) for action in (0.5, [0.5], None, np.zeros((2, 2)), [np.nan, 0.0])),
+        *(("velocity", action) for action in (0.5, [0.5], None, "left", np.zeros((2, 2)), [np.nan, 0.0])),
+        *(("velocity", action) for action in (["1", "0"], [True, False])),
     ],
 )
 def test_step_rejects_what_is_no_action_before_a_robot_moves(actions, action):

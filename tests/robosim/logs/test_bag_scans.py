@@ -51,6 +51,14 @@ def test_read_bag_knows_a_limit_far_below_range_max(tmp_path, caplog):
     assert "% of the beams end at 3 m" in caplog.text
 
 
+def test_beams_at_range_max_do_not_count_as_those_below_it(tmp_path, caplog):
+    half = np.arange(len(BEARING)) % 2 == 0
+    ranges = np.where(BEYOND, np.where(half, MOST_M, 0.99 * MOST_M), RANGES)
+    assert np.isinf(read_bag(bag_of(tmp_path, ranges)).range_m[BEYOND]).all()
+    share = (BEYOND & ~half).mean()
+    assert f"{100 * share:.0f} % of the beams end at 2.97 m, below range_max" in caplog.text
+
+
 @pytest.mark.parametrize("noise_m", [0.0, 0.01])
 def test_read_bag_believes_the_end_wall_of_a_corridor(noise_m, tmp_path):
     """The wall is 18 m away from a robot that stands: beams within 5 degrees have equal ranges up to a thousandth."""
