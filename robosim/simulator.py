@@ -293,7 +293,7 @@ class Simulator:
             frame = self._camera.render(pose)
             if self.movers is not None and self.config.renderer != "none":
                 frame = self.movers.draw(frame, pose, self.config.image)
-        # Whoever changes the observation in place does not change what is judged.
+        # An observation that its reader changes in place is judged as it was.
         self._depth = frame.depth.copy()
         noise, focal_px = self.config.robot.depth_noise, float(self.config.image.focal_px)
         with self.watch.stage("noise"):
