@@ -141,6 +141,7 @@ class Searches:
             raise ValueError(f"Unknown reset options {sorted(unknown)}. Known: {', '.join(OPTIONS)}.")
         if not self._ended:
             self._curriculum.record(False)
+            self._ended = True
         spec = self._source.task_spec(self._plan_number(rng, options.get("plan")))
         place = self._enter(spec.plan)
         difficulty = options.get("difficulty", self._curriculum.difficulty)
@@ -159,8 +160,8 @@ class Searches:
 
     def step(self, commands: Mapping[str, Command]) -> dict[str, Outcome]:
         """Do one command with each of these robots, one after the other; the others stand still."""
-        if self._place is None:
-            raise RuntimeError("The search has not begun. Call reset first.")
+        if self._ended:
+            raise RuntimeError("The search has not begun, or it has ended. Call reset first.")
         sensed = self._world.step(commands)
         outcomes = {name: self.robots[name].after(observation) for name, observation in sensed.items()}
         if any(outcome.arrived for outcome in outcomes.values()):

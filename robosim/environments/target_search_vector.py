@@ -117,9 +117,10 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         """
         options, count = dict(options or {}), len(self._teams)
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, bool)))
-        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+        least = 1 if self._seen[0] else self.num_envs
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or mask.sum() < least:
             raise ValueError(
-                f"reset_mask is {mask}, expected {self.num_envs} of True or False, one of them True."
+                f"reset_mask is {mask}, expected {self.num_envs} of True or False, one of them True, at first all."
             )
         teams = mask.reshape(count, -1)
         if (teams != teams[:, :1]).any():

@@ -251,6 +251,24 @@ def test_step_and_render_need_a_reset():
             call()
 
 
+def test_arrival_is_rewarded_once():
+    env = made(observe=("pose",))
+    env.reset(seed=0, options={"start": (1.0, 1.0, 0.0), "target": (1.5, 1.0)})
+    assert env.step(0)[2]
+    with pytest.raises(RuntimeError, match=r"it has ended\. Call reset first"):
+        env.step(0)
+
+
+def test_a_failed_reset_ends_the_search():
+    """Its failure counts once in the curriculum, and no step mixes the old task with another plan."""
+    env = made(observe=("pose",), curriculum=True, difficulty=0.5)
+    env.reset(seed=0)
+    for _ in range(10):
+        with pytest.raises(ValueError, match="Reset option plan"):
+            env.reset(options={"plan": 7})
+    assert env.reset()[1]["difficulty"] == 0.5
+
+
 def test_plans_of_a_folder_are_drawn_or_chosen(tmp_path):
     """All plans come up; `plan` chooses one."""
     for name, door in (("narrow", 0.7), ("wide", 1.2)):

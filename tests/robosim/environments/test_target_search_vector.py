@@ -190,6 +190,8 @@ def test_robots_rest_without_autoreset():
 def test_some_may_start_again():
     """`reset_mask` does not change the others' observations; senseless masks are rejected."""
     env = TargetSearchVector(3, plan=PLAN, observe=("pose", "lidar"))
+    with pytest.raises(ValueError, match=r"reset_mask is .* at first all"):
+        env.reset(seed=0, options={"reset_mask": np.array([False, True, False])})
     env.reset(seed=0)
     before = env.step(np.zeros(3, int))[0]
     after, _ = env.reset(seed=[7, 8, 9], options={"reset_mask": np.array([False, True, False])})
