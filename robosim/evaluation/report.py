@@ -214,8 +214,8 @@ def summary_rows(summaries: Sequence[Summary]) -> tuple[tuple[str, ...], list[tu
         (
             s.policy, s.difficulty, str(s.tasks),
             "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in s.arrival_rate)),
-            _times(s.time_median), _times(s.time_p80), *([_times(s.limit_median)] if limit else []),
-            "{:.3f} [{:.3f}, {:.3f}]".format(*s.spl),
+            _interval(s.time_median), _interval(s.time_p80), *([_interval(s.limit_median)] if limit else []),
+            _interval(s.spl, 3),
         )
         for s in summaries
     ]  # fmt: skip
@@ -231,8 +231,10 @@ def replay_command(job: Job, options: str) -> str:
     return f"robosim episode {shlex.quote(plan)} {words}".strip() + reader
 
 
-def _times(time: Estimate) -> str:
-    value, low, high = ("-" if np.isnan(v) else "never" if np.isinf(v) else f"{v:.2f}" for v in time)
+def _interval(estimate: Estimate, digits: int = 2) -> str:
+    value, low, high = (
+        "-" if np.isnan(v) else "never" if np.isinf(v) else f"{v:.{digits}f}" for v in estimate
+    )
     return f"{value} [{low}, {high}]"
 
 

@@ -169,12 +169,13 @@ def steps_of(rows: Sequence[Mapping[str, Any]], policy: str) -> dict[TaskKey, fl
 
 
 def difficulty(steps: Mapping[TaskKey, float]) -> dict[TaskKey, str]:
-    """Class of each task by the oracle's steps, in the published shares; ties go by name."""
+    """Class of each task by the oracle's steps, in the published shares; ties go by name; hard without arrival."""
     order = sorted(steps, key=lambda key: (steps[key], key))
     share = np.cumsum(_PUBLISHED) / sum(_PUBLISHED)
     first_moderate, first_hard = (round(float(fraction) * len(order)) for fraction in share[:2])
     return {
-        key: CLASSES[(place >= first_moderate) + (place >= first_hard)] for place, key in enumerate(order)
+        key: "hard" if math.isinf(steps[key]) else CLASSES[(place >= first_moderate) + (place >= first_hard)]
+        for place, key in enumerate(order)
     }
 
 
@@ -235,11 +236,11 @@ def bootstrap(values: Float[np.ndarray, "n_tasks n_repeats"], quantile: float | 
     """A quantile, or the mean if None, with percentiles of its values for rows drawn again with replacement.
 
     NaN are no values, and infinite is larger than all others. The quantile is the least value that so many do not
-    exceed.
+    exceed. One row alone has no interval.
     """
     values = values[~np.isnan(values).all(axis=1)]
-    if not len(values):
-        return Estimate(np.nan, np.nan, np.nan)
+    if len(values) < 2:
+        return Estimate(float(_statistic(values, quantile)[0]) if len(values) else np.nan, np.nan, np.nan)
     drawn = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
     resampled = values[drawn].reshape(_RESAMPLES, -1)
     ends = _statistic(resampled, quantile)

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import math
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -20,7 +21,7 @@ from robosim.episode_log import EpisodeLog
 from robosim.evaluation import episodes
 from robosim.evaluation.episodes import name_of
 from robosim.evaluation.evaluate import code_digest, evaluate, settings_of
-from robosim.evaluation.report import replay_command, write_parquet, write_results
+from robosim.evaluation.report import replay_command, summary_rows, write_parquet, write_results
 from robosim.evaluation.search_scores import bootstrap, by_plan, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
 from robosim.plans.files import write_ros
@@ -156,6 +157,7 @@ def test_a_task_that_the_oracle_fails_is_hard_and_has_no_relative_time():
     assert [row["difficulty"] for row in scored[:3]] == ["easy", "moderate", "hard"]
     assert np.isnan(scored[3]["relative_time"])
     assert [row["relative_time"] for row in scored[4:]] == [2.5, np.inf]
+    assert set(difficulty({("p", i): math.inf for i in range(4)}).values()) == {"hard"}
 
 
 def test_oracle_steps_are_the_median_of_repetitions():
@@ -194,6 +196,13 @@ def test_bootstrap_intervals_of_a_mean_are_as_wide_as_they_should_be():
     for estimate in (once, thrice):
         assert estimate.value == pytest.approx(x.mean())
         assert (estimate.high - estimate.low) / 2 == pytest.approx(half, rel=0.1)
+
+
+def test_a_task_alone_has_no_bootstrap_interval():
+    """An interval of no width would mean that the value is certain."""
+    np.testing.assert_equal(bootstrap(np.array([[1.0, 2.0, 6.0]]), None), (3.0, np.nan, np.nan))
+    cells = summary_rows(summarise(score([_row(0, "oracle", 25, spl=0.5)])))[1][-1]
+    assert cells[-1] == "0.500 [-, -]"
 
 
 def test_the_summary_of_hand_made_episodes():
