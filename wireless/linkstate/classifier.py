@@ -164,8 +164,9 @@ def _checked(card: dict[str, Any]) -> dict[str, Any]:
         "networks": _is_whole(card["networks"], 1, 100),
         "options": set(options) <= {*limits, "dropout"}
         and all(_is_whole(options[name], *limits[name]) for name in limits if name in options),
-        "states": 0 < len(states) == len(set(states)) and set(states) <= set(LinkState),
-        "temperature": 0 < float(card["temperature"]) < _HOTTEST,
+        "states": 0 < len(states) == len(set(states))
+        and all(_is_whole(state, 0, N_STATES - 1) for state in states),
+        "temperature": isinstance(card["temperature"], float | int) and 0 < card["temperature"] < _HOTTEST,
     }
     for name, fine in good.items():
         if not fine:

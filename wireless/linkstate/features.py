@@ -31,8 +31,18 @@ PEAK_UNIT, DELAY_UNIT_S, DELAY_LIMIT = 10.0, 100e-9, 5.0
 def path_and_pair_features(
     tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
 ) -> tuple[Float32[np.ndarray, "n 5 f"], Float32[np.ndarray, "n 5 5 g"], Bool[np.ndarray, "n 5"]]:
-    """Features of each path and of each ordered pair of paths, zero where one is missing; and which paths are there."""
+    """Features of each path and of each ordered pair of paths, zero where one is missing; and which paths are there.
+
+    Raises:
+        ValueError: If a path has no value of an input.
+    """
     there = np.isfinite(tokens[..., SNR])
+    for name in inputs:
+        if lacks := int(np.count_nonzero(np.isnan(tokens[..., COLUMNS.index(name)]) & there)):
+            raise ValueError(
+                f"{name} is missing in {lacks} of {np.count_nonzero(there)} paths, but this classifier uses "
+                f"{', '.join(inputs)}. Use links that have it, or train one without it."
+            )
     x = np.nan_to_num(tokens, nan=0.0)
     snr = x[..., SNR].clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
     path = [snr, snr - snr[:, :1], np.exp(snr) / 10, logistic((snr - 0.5) * 7), logistic((snr - 0.2) * 10)]

@@ -14,6 +14,8 @@ N_PATHS = 5
 #: Angles [rad], SNR [dB], height of the peak over its surroundings (`peakFracResult`), delay [s].
 COLUMNS = ("aoa", "aod", "snr", "peak", "delay")
 AOA, AOD, SNR, PEAK, DELAY = range(5)
+#: Largest magnitude of each: angles may be sums of several, but more are degrees, and longer delays nanoseconds.
+_LARGEST = (4 * np.pi, 4 * np.pi, 1e6, 1e6, 1.0)
 
 
 def make_tokens(
@@ -34,7 +36,8 @@ def make_tokens(
         delay_s: Delays, if measured; only differences count.
 
     Raises:
-        ValueError: If the arrays differ in shape, or a path that is not missing has an angle that is no number.
+        ValueError: If the arrays differ in shape, or a path that is not missing has a value that is NaN, or too large
+            for its unit.
     """
     measurements = {
         "aoa_rad": aoa_rad,
@@ -56,12 +59,13 @@ def make_tokens(
     missing = ~np.isfinite(tokens[..., SNR]) | (tokens[..., measured] == 0).all(-1)
     tokens[missing] = np.nan
     columns = [column for column, values in enumerate(measurements.values()) if values is not None]
-    bad = ~np.isfinite(tokens[..., columns]) & ~missing[..., None]
+    bad = ~(np.abs(tokens) <= _LARGEST)[..., columns] & ~missing[..., None]
     if bad.any():
         link, path, column = np.argwhere(bad)[0]
+        number = columns[column]
         raise ValueError(
-            f"{list(measurements)[columns[column]]} of path {path} of link {link} is no finite number though its SNR "
-            f"is; set the SNR to -inf if the path is missing."
+            f"{list(measurements)[number]} of path {path} of link {link} is {tokens[link, path, number]:g}, expected a "
+            f"magnitude up to {_LARGEST[number]:.3g}; set the SNR to -inf if the path is missing."
         )
     return _sorted(tokens)[:, :N_PATHS].astype(np.float32)
 

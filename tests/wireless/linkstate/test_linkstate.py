@@ -109,12 +109,28 @@ def test_inputs_that_do_not_fit_are_named():
     with pytest.raises(ValueError, match=r"aod_rad has shape \(64, 4\), expected \(64, 5\)"):
         make_tokens(given["aoa_rad"], given["snr_db"], aod_rad=given["aod_rad"][:, :4])
     given["snr_db"][3, 2], given["peak"][3, 2] = 10.0, np.nan
-    with pytest.raises(ValueError, match="peak of path 2 of link 3 is no finite number"):
+    with pytest.raises(ValueError, match="peak of path 2 of link 3 is nan"):
         classifier().predict(**given)
     with pytest.raises(ValueError, match="aod is missing, but this classifier uses aoa, aod"):
         classifier().predict(
             given["aoa_rad"], given["snr_db"], peak=links()["peak"], delay_s=given["delay_s"]
         )
+
+
+@pytest.mark.parametrize(("name", "factor"), [("aoa_rad", 180 / np.pi), ("delay_s", 1e9)])
+def test_inputs_in_degrees_or_nanoseconds_are_rejected(name, factor):
+    given = links()
+    with pytest.raises(ValueError, match=rf"{name} of path \d of link \d is .*, expected a magnitude up to"):
+        classifier().predict(**{**given, name: factor * given[name]})
+
+
+def test_tokens_without_an_input_are_rejected():
+    """Paths whose heights of peaks were not measured would count as paths of height 0."""
+    given = links() | {"peak": None}
+    tokens = make_tokens(**given)
+    with pytest.raises(ValueError, match=r"peak is missing in .* paths, but this classifier uses aoa, aod"):
+        classifier().predict_tokens(tokens)
+    assert np.isfinite(classifier(inputs=("aoa", "aod", "snr", "delay")).predict_tokens(tokens)).all()
 
 
 def write(made, folder):
@@ -136,6 +152,10 @@ def test_files_keep_a_classifier(tmp_path):
 def test_files_that_are_damaged_are_named(tmp_path):
     write(classifier(), tmp_path)
     card = json.loads((tmp_path / "some.json").read_text())
+    for name, value in (("temperature", "0.8"), ("states", [1.0, 2, 3])):
+        (tmp_path / "some.json").write_text(json.dumps({**card, name: value}))
+        with pytest.raises(ValueError, match=f"{name} is "):
+            load_classifier(tmp_path / "some.safetensors")
     (tmp_path / "some.json").write_text(json.dumps({**card, "inputs": ["aoa", "snr"]}))
     with pytest.raises(ValueError, match=r"some\.safetensors: not readable as the classifier of link states"):
         load_classifier(tmp_path / "some.safetensors")
