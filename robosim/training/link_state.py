@@ -123,8 +123,13 @@ def train_link_state(
         every = [job for group in jobs.values() for job in group]
         trained = run_jobs(every, workers=workers, cluster=cluster, console=console)
         plot_epochs({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
+        # Generated homes have links of all states.
         classifiers = {
-            name: _classifier(training.recipe, [trained[job.name][0] for job in group], links)
+            name: _classifier(
+                training.recipe,
+                [trained[job.name][0] for job in group],
+                links if training.homes else links[~links.within(group[0].held_out)],
+            )
             for name, group in jobs.items()
         }
         final = classifiers["all"]

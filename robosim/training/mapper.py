@@ -10,15 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from robosim.datasets.collect import CollectConfig, collect, read_shard
+from robosim.datasets.collect import MOST_SHARD_BYTES, CollectConfig, collect, read_shard
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
+from robosim.support.reading import read_bytes
 from robosim.support.run_folder import run_folder
 from robosim.support.torch_training import torch_threads
 from robosim.training.policy_weights import Checkpoint
@@ -44,7 +46,14 @@ def train_mapper(
     """
     start = time.perf_counter()
     homes = split_homes(data)
-    settings = {"recipe": asdict(recipe), "homes": [path.name for group in homes for path in group]}
+    settings = {
+        "recipe": asdict(recipe),
+        "homes": {
+            path.name: crc32(read_bytes(path, "frames", most_bytes=MOST_SHARD_BYTES))
+            for group in homes
+            for path in group
+        },
+    }
     with (
         run_folder(out, "train mapper", settings),
         torch_threads(threads),

@@ -97,6 +97,18 @@ def test_workers_and_interruptions_change_nothing(folders, tmp_path, capsys):
     assert (tmp_path / "link-state.safetensors").read_bytes() == weights
 
 
+def test_a_fold_predicts_only_the_states_of_its_training(folders, tmp_path):
+    """First order is in one building alone: the fold without that building gives it no probability."""
+    shutil.copytree(folders / "train", tmp_path / "train")
+    for file in (tmp_path / "train").glob("[AB]*/*_search.csv"):
+        head, *lines = file.read_text().splitlines(keepends=True)
+        file.write_text(head + "".join(line for line in lines if line.split(",")[4] != "2"))
+    run(tmp_path, tmp_path / "out", "--workers", "1", "--members", "1")
+    validation = json.loads((tmp_path / "out" / "result.json").read_text())["validation"]["fold0"]
+    assert list(validation["accuracy_by_building"]) == ["Carl"]
+    assert validation["cross_entropy_with_paths"] > 27 / 3  # a third of the links, of probability 1e-12
+
+
 def test_a_baseline_without_departures(folders, tmp_path):
     run(folders, tmp_path, "--no-aod", "--no-peak", "--workers", "1", "--members", "1")
     classifier = load_classifier(tmp_path / "link-state.safetensors")

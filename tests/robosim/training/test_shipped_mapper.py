@@ -1,5 +1,7 @@
 """The shipped mapper against the classical map, in homes that it was not trained on, and in an episode."""
 
+import shutil
+
 import numpy as np
 import pytest
 from rich.console import Console
@@ -16,6 +18,7 @@ from robosim.plans.files import read_plan
 from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from robosim.support.installation import shipped_network
+from robosim.support.run_folder import FolderError
 from robosim.task.tasks import make_task
 from robosim.training.mapper import read_frames, train_mapper
 from slam.learning.mapper import Recipe, classical_scores, validate
@@ -74,7 +77,7 @@ def test_unknown_mappers_are_rejected(tmp_path):
 
 
 def test_training_from_shards_to_weights(tmp_path):
-    """Two homes, four batches: weights, card, curves; one home is too few."""
+    """Two homes, four batches: weights, card, curves; other frames are not mixed in; one home is too few."""
     collect(CollectConfig(homes=2, steps=6), tmp_path / "data", workers=1, console=QUIET)
     recipe = Recipe(steps=4, every=2, batch=4)
     card = train_mapper(tmp_path / "data", tmp_path / "out", recipe, threads=1, console=QUIET)
@@ -82,6 +85,9 @@ def test_training_from_shards_to_weights(tmp_path):
     network, stored = load_mapper(tmp_path / "out" / "mapper.safetensors")
     assert stored["parameters"] == card["parameters"] == network.parameters
     assert "1 homes, 6 frames; held out 1, 6 frames" in stored["data"]
+    shutil.copy(tmp_path / "data" / "home-00001.npz", tmp_path / "data" / "home-00000.npz")
+    with pytest.raises(FolderError, match="holds results of other settings: homes"):
+        train_mapper(tmp_path / "data", tmp_path / "out", recipe, threads=1, console=QUIET)
     (tmp_path / "data" / "home-00001.npz").unlink()
     with pytest.raises(ValueError, match="expected two or more"):
         train_mapper(tmp_path / "data", tmp_path / "out2", recipe, threads=1, console=QUIET)
