@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 import numpy as np
 from safetensors.numpy import load, save
 
-from robosim.support.files import json_bytes
 from robosim.support.reading import expanded, reading
 
 T = TypeVar("T")
@@ -50,8 +49,8 @@ def network_files(
     name: str, weights: Weights, head: Mapping[str, Any], card: Mapping[str, Any]
 ) -> dict[str, bytes]:
     """The contents of NAME.safetensors and of its card, NAME.json, which begins with `head`."""
-    text = json_bytes({**head, **{key: value for key, value in card.items() if key not in head}})
-    return {f"{name}.safetensors": save(dict(weights)), f"{name}.json": text}
+    text = json.dumps({**head, **{key: value for key, value in card.items() if key not in head}}, indent=2)
+    return {f"{name}.safetensors": save(dict(weights)), f"{name}.json": f"{text}\n".encode()}
 
 
 def load_network(

@@ -122,11 +122,12 @@ class Training:
             recipe.advice * 0.5 ** ((epoch - recipe.imitation) / recipe.half_life) if has_surrogate else 1.0
         )
         rng = np.random.default_rng([recipe.seed, epoch, 1])
+        homes = min(recipe.at_once, recipe.homes)
         robots = Robots(
             Walks(
                 robots=recipe.robots,
-                homes=recipe.at_once,
-                first=recipe.seed + epoch * recipe.at_once % recipe.homes,
+                homes=homes,
+                first=recipe.seed + min(epoch * recipe.at_once % recipe.homes, recipe.homes - homes),
                 offices=recipe.offices,
                 targets=recipe.targets,
                 difficulty=self.difficulty,

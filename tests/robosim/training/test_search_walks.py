@@ -6,6 +6,7 @@ import pytest
 from robosim.environments.sources import GeneratedHomes
 from robosim.policies.search_network import initial_weights
 from robosim.support.reading import FileError
+from robosim.training import search
 from robosim.training.policy_weights import write_policy
 from robosim.training.search import SearchRecipe, Training
 from robosim.training.search_walks import GeneratedBuildings
@@ -34,3 +35,23 @@ def test_a_training_starts_from_the_weights_of_a_file(tmp_path):
         np.testing.assert_array_equal(value.detach().numpy(), weights[name])
     with pytest.raises(FileError, match="nothing"):
         Training(SearchRecipe(start=str(tmp_path / "nothing.safetensors")), tmp_path)
+
+
+@pytest.mark.parametrize("count", [5, 30])
+def test_a_training_uses_exactly_the_homes_that_are_asked_for(count, tmp_path, monkeypatch):
+    """Also if they are fewer than those of an epoch (12), or no multiple."""
+
+    class Stop(Exception):
+        """The homes are known."""
+
+    def stop(walks):
+        homes.update(range(walks.first, walks.first + walks.homes))
+        raise Stop
+
+    homes = set()
+    monkeypatch.setattr(search, "Robots", stop)
+    training = Training(SearchRecipe(homes=count, seed=7), tmp_path)
+    for training.epoch in range(6):
+        with pytest.raises(Stop):
+            training.run_epoch()
+    assert homes == set(range(7, 7 + count))
