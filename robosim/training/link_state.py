@@ -17,7 +17,7 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.text import Text
 
-from robosim.support.files import write_files, write_json
+from robosim.support.files import plain, write_files, write_json
 from robosim.support.installation import package_version
 from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
@@ -156,7 +156,7 @@ def train_link_state(
         }
         if training.test is not None:
             card["test"] = _test(final, training.test, out, console)
-        final.card = card
+        final.card = plain(card)
         write_files(out, final.files("link-state"))
         write_json(out / "result.json", card)
     return card

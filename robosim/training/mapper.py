@@ -18,7 +18,7 @@ from rich.progress import Progress
 
 from robosim.datasets.collect import MOST_SHARD_BYTES, CollectConfig, collect, read_shard
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
-from robosim.support.files import write_files, write_json
+from robosim.support.files import plain, write_files, write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.reading import read_bytes
 from robosim.support.run_folder import run_folder
@@ -80,7 +80,7 @@ def train_mapper(
             "validation_classical": classical,
             "seconds": round(time.perf_counter() - start, 1),
         }
-        write_files(out, files_of(network, card, "mapper"))
+        write_files(out, files_of(network, plain(card), "mapper"))
         write_json(out / "result.json", {**card, "curve": curve})
         plot_mapper(curve, classical, out / "curves.png")
     return card

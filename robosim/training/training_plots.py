@@ -88,7 +88,9 @@ def plot_scores(probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray,
     bins = reliability(probability, state.astype(int))
     width = 1 / len(bins.count)
     places = (np.arange(len(bins.count)) + 0.5) * width
-    right.bar(places, bins.count / bins.count.max(), width, color="0.88", label="links (largest bin: 1)")
+    right.bar(
+        places, bins.count / max(bins.count.max(), 1), width, color="0.88", label="links (largest bin: 1)"
+    )
     right.plot([0, 1], [0, 1], "k:", lw=1, label="calibrated")
     right.plot(bins.confidence, bins.accuracy, "o-", color="#0072B2", label="measured")
     right.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="confidence", ylabel="share right")

@@ -98,13 +98,22 @@ def test_workers_and_interruptions_change_nothing(folders, tmp_path, capsys):
 
 
 def test_a_fold_predicts_only_the_states_of_its_training(folders, tmp_path):
-    """First order is in one building alone: the fold without that building gives it no probability."""
+    """First order is in one building alone: the fold without that building gives it no probability.
+
+    The test building has outages only: an accuracy of no links is null in the card, since JSON has no NaN.
+    """
     shutil.copytree(folders / "train", tmp_path / "train")
     for file in (tmp_path / "train").glob("[AB]*/*_search.csv"):
         head, *lines = file.read_text().splitlines(keepends=True)
         file.write_text(head + "".join(line for line in lines if line.split(",")[4] != "2"))
-    run(tmp_path, tmp_path / "out", "--workers", "1", "--members", "1")
-    validation = json.loads((tmp_path / "out" / "result.json").read_text())["validation"]["fold0"]
+    shutil.copytree(folders / "test", tmp_path / "test")
+    for file in (tmp_path / "test").glob("*/*_search.csv"):
+        head, *lines = file.read_text().splitlines(keepends=True)
+        file.write_text(head + "".join(line for line in lines if line.split(",")[4] == "0"))
+    run(tmp_path, tmp_path / "out", "--workers", "1", "--members", "1", "--test", str(tmp_path / "test"))
+    card = json.loads((tmp_path / "out" / "link-state.json").read_text(), parse_constant=pytest.fail)
+    assert card["test"]["accuracy_with_paths"] is None
+    validation = card["validation"]["fold0"]
     assert list(validation["accuracy_by_building"]) == ["Carl"]
     assert validation["cross_entropy_with_paths"] > 27 / 3  # a third of the links, of probability 1e-12
 

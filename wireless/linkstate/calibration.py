@@ -72,5 +72,7 @@ def scaled(probability: Float[np.ndarray, "n k"], temperature: float) -> Float[n
 
 
 def cross_entropy(probability: Float[np.ndarray, "n k"], state: Integer[np.ndarray, " n"]) -> float:
-    """Mean negative log likelihood of the true states [nat]."""
+    """Mean negative log likelihood of the true states [nat]; NaN if there are no links."""
+    if not len(state):
+        return math.nan
     return float(-np.log(np.maximum(probability[np.arange(len(state)), state], _LEAST)).mean())

@@ -1,5 +1,6 @@
 """Scores of link-state classification: accuracy, confusion, calibration, per building."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def scores(
     return {
         "links": len(state),
         "accuracy": float(right.mean()),
-        "accuracy_with_paths": float(right[reached].mean()),
+        "accuracy_with_paths": float(right[reached].mean()) if reached.any() else math.nan,
         "cross_entropy_with_paths": cross_entropy(probability[reached], state[reached].astype(int)),
         "calibration_error": reliability(probability, state.astype(int)).expected_calibration_error,
         "calibration_error_with_paths": reliability(

@@ -149,13 +149,6 @@ def test_files_keep_a_classifier(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["some.json", "some.safetensors"]
 
 
-def test_a_card_is_valid_json():
-    """A score that does not exist is null: JSON has no NaN."""
-    made = classifier()
-    made.card["accuracy"] = np.nan
-    assert json.loads(made.files("some")["some.json"], parse_constant=pytest.fail)["accuracy"] is None
-
-
 def test_files_that_are_damaged_are_named(tmp_path):
     write(classifier(), tmp_path)
     card = json.loads((tmp_path / "some.json").read_text())
