@@ -24,7 +24,7 @@ A term of any other name is a function of the observation and the `info` of a st
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from robosim.support.checks import check_number
+from robosim.support.checks import check_number, shown
 from wireless.paths import LinkState
 
 #: A term of your own: from observation and `info` of a step to its reward.
@@ -40,6 +40,8 @@ NO_SNR_DB = -30.0
 
 def check_weights(weights: Mapping[str, float | OwnTerm]) -> None:
     """Raise ValueError unless known terms have numbers as weights, and other names functions."""
+    if not isinstance(weights, Mapping):
+        raise ValueError(f"rewards is {shown(weights)}, expected a dictionary of weights by term.")
     for term, weight in weights.items():
         if callable(weight) == (term in TERMS):
             raise ValueError(

@@ -217,6 +217,7 @@ def test_coming_into_sight_is_rewarded():
         ({"rewards": {"arival": 1.0}}, "rewards has 'arival': float. Known terms"),
         ({"rewards": {"step": len}}, "rewards has 'step': builtin_function_or_method. Known terms"),
         ({"difficulty": 1.5}, r"difficulty is 1\.5"),
+        ({"rewards": ["step"]}, r"rewards is \['step'\], expected a dictionary"),
         ({"render_mode": "human"}, "render_mode = 'human'"),
         ({"observe": ("lidar",), "config": SimulatorConfig()}, "the simulator's lidar is 'none'"),
     ],
