@@ -261,7 +261,8 @@ class Planner:
             _, goal, gap_m = costs.nearest(aim)
             if gap_m < 0.3:
                 break
-        window = costs if self._closely else costs.halved()
+        reach_m = self._hull.radius_m - self.config.cost.overlap_m
+        window = costs if self._closely else costs.halved(reach_m)
         field = travel_time_to(window, window.cell(goal))
         return _Far(requested=requested, aim=aim, goal=goal, window=window, field=field), gap_m
 
