@@ -129,6 +129,8 @@ class SearchView:
                     4,
                 )
             if k < len(bodies):
+                # The bodies that are there change.
+                self._bodies[k].radius = float(bodies[k, 3])
                 _place(self._bodies[k], bodies[k, :3], _BODY_M / 2)
             else:
                 self._bodies[k].visible = False

@@ -53,7 +53,7 @@ def find_frontiers(
 
     Args:
         box: Box around the known cells.
-        travel_time: Travel time from the robot, on cells twice as large as those of the box.
+        travel_time: Travel time from the robot, on cells of the box or of a multiple of their size.
         min_cells: Shorter runs are ignored [cells].
         piece_m: Side of the tiles that cut long runs into pieces [m].
         given_up: Places (x, y) [m] whose surroundings are ignored.
@@ -72,14 +72,15 @@ def find_frontiers(
     cells, new = cells[order], np.diff(key[order], prepend=-1) > 0
     lengths_m = size[run[order]][new] * box.frame.resolution_m
     piece, middle = np.cumsum(new) - 1, _middles(cells, new)
-    cost = travel_time.cost_m[cells[:, 0] // 2, cells[:, 1] // 2]
-    near = cells[_first_least(cost, piece, new)] // 2
+    times = round(travel_time.frame.resolution_m / box.frame.resolution_m)
+    cost = travel_time.cost_m[cells[:, 0] // times, cells[:, 1] // times]
+    near = cells[_first_least(cost, piece, new)] // times
     goals_xy = box.frame.to_points(middle[:, ::-1] + 0.5)
     frontiers = []
     for k, length_m in enumerate(lengths_m):
         least, place = float(travel_time.cost_m[tuple(near[k])]), near[k]
         if not math.isfinite(least):
-            least, place = _cheapest_near(travel_time, middle[k] // 2)
+            least, place = _cheapest_near(travel_time, middle[k] // times)
         if math.isfinite(least):
             near_xy = travel_time.frame.to_points(place[::-1] + 0.5)
             frontiers.append(

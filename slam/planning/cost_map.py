@@ -93,12 +93,15 @@ class CostMap:
         k = int(np.argmin(square))
         return (int(ys[k]), int(xs[k])), centres[k], math.sqrt(square[k])
 
-    def halved(self) -> "CostMap":
+    def halved(self, reach_m: float) -> "CostMap":
         """Return these costs on cells twice as large; a large cell is as good as the best of its four.
 
-        No passage opens through walls: inflated by the hull they are thicker than a large cell. Passages too narrow for
-        the hull may be bridged, though, so unreachable cells must be removed before.
+        No passage opens through walls if places nearer to them than `reach_m` are impassable: they are thicker than a
+        large cell. These costs are returned if cells next to a wall may be passable, by the best of their points.
+        Passages too narrow for the hull may be bridged, so unreachable cells must be removed before.
         """
+        if reach_m < 1.25 * self.frame.resolution_m:
+            return self
         ny, nx = (n + n % 2 for n in self.frame.shape)
         frame = GridFrame(
             origin_xy=self.frame.origin_xy,
@@ -235,7 +238,8 @@ def cost_map(box: Box, config: CostConfig, hull: Hull) -> CostMap:
     tightness = np.clip(1 - space / comfort_m, 0, 1)
     cost += config.wall_weight * tightness * tightness
     cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
-    passable = space >= -config.overlap_m
+    # In a large cell, the surface may be farther from the centre than a small hull reaches.
+    passable = (space >= -config.overlap_m) & ~box.obstacle
     if box.blocked.any():
         # Where the robot was stopped, the hull does not fit in spite of errors of the map.
         n = 2 * math.ceil(hull.radius_m / box.frame.resolution_m) + 1
@@ -266,11 +270,11 @@ def _let_out(
 def travel_time_from_robot(
     box: Box, config: CostConfig, hull: Hull, *, through_unknown: bool = True
 ) -> TravelTime:
-    """Travel time from the robot to all cells of a box, on cells twice as large as those of the box."""
+    """Travel time from the robot to all cells of a box, on cells twice as large where they are small for the hull."""
     costs = cost_map(box, config, hull)
     if not through_unknown:
         costs = replace(costs, passable=costs.passable & (box.probability < 0.5))
-    costs = costs.reachable_from(box.pose[:2]).halved()
+    costs = costs.reachable_from(box.pose[:2]).halved(hull.radius_m - config.overlap_m)
     return travel_time_to(costs, costs.cell(box.pose[:2]))
 
 

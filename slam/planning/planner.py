@@ -2,10 +2,10 @@
 
 A goal a few metres away is planned for directly, on the map's own cells, in a box around robot and goal, unless the
 path found is so long that a better one may lead outside the box. Any other goal is planned for in two stages. Far: on
-cells twice as large, over the known map and an unknown border, fast marching computes the cost to the goal from every
-cell. Near: on the map's own cells, in a box around the first metres of the far path, it does so again, precisely
-enough for doors just wider than the hull; costs beyond come from the far field. The cost of planning therefore depends
-little on the size of the building. Fields are reused while the goal stays and the path stays free.
+cells twice as large if the hull is larger, over the known map and an unknown border, fast marching computes the cost to
+the goal from every cell. Near: on the map's own cells, in a box around the first metres of the far path, it does so
+again, precisely enough for doors just wider than the hull; costs beyond come from the far field. The cost of planning
+therefore depends little on the size of the building. Fields are reused while the goal stays and the path stays free.
 
 A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it, but only after a second attempt
 in which places where the robot was stopped count as free. Where it is enough to look at a goal, the path ends before
@@ -261,7 +261,8 @@ class Planner:
             _, goal, gap_m = costs.nearest(aim)
             if gap_m < 0.3:
                 break
-        window = costs if self._closely else costs.halved()
+        reach_m = self._hull.radius_m - self.config.cost.overlap_m
+        window = costs if self._closely else costs.halved(reach_m)
         field = travel_time_to(window, window.cell(goal))
         return _Far(requested=requested, aim=aim, goal=goal, window=window, field=field), gap_m
 

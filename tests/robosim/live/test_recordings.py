@@ -33,6 +33,23 @@ def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):
     assert recording.ended == json.loads((recorded / "result.json").read_text())["ended"]
 
 
+def test_bodies_are_drawn_with_their_radii_as_others_come_and_go(recorded, page):
+    """A trolley alone, then a person listed before it: the person was drawn as wide as the trolley."""
+    from robosim.live.search_view import SearchView
+
+    episode, present = (
+        read_recording(recorded),
+        [[[1.0, 1.0, 0.0, 0.4]], [[2.0, 1.0, 0.0, 0.17], [1.0, 1.0, 0.0, 0.4]]],
+    )
+    recording = Recording(episode.title, episode.rings, episode.target)
+    for row, bodies in zip(read_episode(recorded).rows(), present, strict=False):
+        recording.add({**row, "bodies": np.array(bodies)})
+    view = SearchView(page.server, "/bodies", recording, 0.0, brief=True)
+    for number, bodies in enumerate(present):
+        view.show(number)
+        assert [body.radius for body in view._bodies] == [body[3] for body in bodies]
+
+
 def test_a_recording_of_a_team_has_all_robots(quick, tmp_path):
     config = replace(quick, max_steps=3, team=TeamConfig(robots="2"))
     record_episode(two_rooms(0.8), config, tmp_path, start=START, target=TARGET, video=False)

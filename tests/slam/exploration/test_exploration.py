@@ -12,10 +12,12 @@ from scipy import ndimage
 
 from slam.control.controller import Controller
 from slam.exploration.explorer import ExplorerConfig, FrontierExplorer
-from slam.exploration.frontiers import Frontier, lines_across, unseen_area
+from slam.exploration.frontiers import Frontier, find_frontiers, lines_across, unseen_area
 from slam.grid import GridFrame, MapEstimate
-from slam.planning.cost_map import cut_box
+from slam.planning.cost_map import CostConfig, cut_box, known_box, travel_time_from_robot
 from slam.planning.planner import Planner
+from slam.robot import Robot
+from tests.slam.floors import floor
 from tests.slam.gridworld import CELL, GridWorld, cells_of, hall
 
 WORLDS = {
@@ -281,3 +283,21 @@ def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
         ExplorerConfig(**values)
+
+
+@pytest.mark.parametrize("radius_m", [0.03, 0.1])
+def test_frontiers_of_small_robots_are_where_the_floor_ends(radius_m):
+    """A floor of 6 m whose east is unseen from x = 1.5 m on: one frontier there, 3.5 m from the robot.
+
+    Fields of robots smaller than the cells of the map allow are on the map's own cells, others on larger ones.
+    """
+    estimate = floor((-2.0, 0.0, 0.0))
+    east = np.s_[:, round(4.5 / CELL) :]
+    estimate.explored[east], estimate.obstacle_probability[east] = False, 0.5
+    low, high = known_box(estimate)
+    box = cut_box(estimate, low - 0.1, high + 0.1)
+    hull = Robot(radius_m=radius_m, track_m=0.06).hull
+    times = travel_time_from_robot(box, CostConfig(), hull, through_unknown=False)
+    (frontier,) = find_frontiers(box, times, min_cells=3, piece_m=9.0, given_up=np.zeros((0, 2)))
+    assert frontier.near_xy == pytest.approx([1.5, 0.0], abs=0.15)
+    assert frontier.cost_m == pytest.approx(3.5, abs=0.15)

@@ -75,6 +75,30 @@ def test_a_larger_hull_does_not_pass_where_a_smaller_one_does():
     assert not Planner(Robot(radius_m=0.18)).plan(estimate, goal).reachable
 
 
+@pytest.mark.parametrize(("cell_m", "radius_m"), [(0.1, 0.10), (0.1, 0.03), (0.2, 0.25), (0.5, 0.18)])
+def test_walls_of_one_large_cell_are_closed(cell_m, radius_m):
+    """A hall of 20 m with a wall across, one cell thick: a path leads through its door 10 m aside, or not at all.
+
+    Paths led through the wall, where its cells, or those next to it, are larger than the hull reaches.
+    """
+    robot, n = Robot(radius_m=radius_m, track_m=0.06), round(20 / cell_m)
+    probability = np.full((n, n), 0.05, np.float32)
+    probability[[0, n // 2, -1]] = probability[:, [0, -1]] = 0.95
+    estimate = MapEstimate(
+        frame=GridFrame(origin_xy=(0.0, 0.0), resolution_m=cell_m, shape=(n, n)),
+        obstacle_probability=probability,
+        explored=np.ones((n, n), bool),
+        blocked=np.zeros((n, n), bool),
+        pose=np.array([15.0, 5.0, 0.0]),
+    )
+    assert not Planner(robot).plan(estimate, np.array([15.0, 15.0])).reachable
+    door = slice(n // 4, n // 4 + round(1.0 / cell_m))
+    probability[n // 2, door] = 0.05
+    plan = Planner(robot).plan(estimate, np.array([15.0, 15.0]))
+    assert plan.reachable
+    assert plan.length_m == pytest.approx(2 * math.hypot(15.0 - (5.0 + 1.0), 5.0), rel=0.05)
+
+
 def test_a_goal_in_an_obstacle_is_replaced_by_the_nearest_spot_the_hull_reaches():
     """A block of 0.8 m x 0.8 m, the goal 0.1 m inside its near face: the path ends in front of that face.
 
