@@ -97,8 +97,8 @@ class CostMap:
         """Return these costs on cells twice as large; a large cell is as good as the best of its four.
 
         No passage opens through walls if places nearer to them than `reach_m` are impassable: they are thicker than a
-        large cell. These costs are returned if cells next to a wall may be passable, by the best of their points.
-        Passages too narrow for the hull may be bridged, so unreachable cells must be removed before.
+        large cell then. If the reach is less than 1.25 cells, cells at a wall may be passable, and these costs are
+        returned as they are. Passages too narrow for the hull may be bridged, so remove unreachable cells before.
         """
         if reach_m < 1.25 * self.frame.resolution_m:
             return self
@@ -270,7 +270,7 @@ def _let_out(
 def travel_time_from_robot(
     box: Box, config: CostConfig, hull: Hull, *, through_unknown: bool = True
 ) -> TravelTime:
-    """Travel time from the robot to all cells of a box, on cells twice as large where they are small for the hull."""
+    """Travel time from the robot to all cells of a box, on larger cells if the hull permits (`CostMap.halved`)."""
     costs = cost_map(box, config, hull)
     if not through_unknown:
         costs = replace(costs, passable=costs.passable & (box.probability < 0.5))

@@ -2,10 +2,11 @@
 
 A goal a few metres away is planned for directly, on the map's own cells, in a box around robot and goal, unless the
 path found is so long that a better one may lead outside the box. Any other goal is planned for in two stages. Far: on
-cells twice as large if the hull is larger, over the known map and an unknown border, fast marching computes the cost to
-the goal from every cell. Near: on the map's own cells, in a box around the first metres of the far path, it does so
-again, precisely enough for doors just wider than the hull; costs beyond come from the far field. The cost of planning
-therefore depends little on the size of the building. Fields are reused while the goal stays and the path stays free.
+cells twice as large if the hull permits (`CostMap.halved`), over the known map and an unknown border, fast marching
+computes the cost to the goal from every cell. Near: on the map's own cells, in a box around the first metres of the far
+path, it does so again, precisely enough for doors just wider than the hull; costs beyond come from the far field. The
+cost of planning therefore depends little on the size of the building. Fields are reused while the goal stays and the
+path stays free.
 
 A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it, but only after a second attempt
 in which places where the robot was stopped count as free. Where it is enough to look at a goal, the path ends before
