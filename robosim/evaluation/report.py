@@ -148,7 +148,7 @@ def _small(figure: Figure) -> bytes:
 
 
 def _finite(value: Any) -> Any:
-    """Estimates as dictionaries, infinite as null: never."""
+    """Estimates as dictionaries; infinite, which is never, and NaN, of too few tasks, as null."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if hasattr(value, "_asdict"):
