@@ -5,12 +5,18 @@ import sys
 
 import pytest
 
-#: Imports every module, and prints changes of the environment and of signal handlers. OpenCV extends LD_LIBRARY_PATH.
+#: Imports every module, and prints changes of the environment and of signal handlers. OpenCV, Gymnasium and PettingZoo
+#: set variables when they are imported.
 _CODE = """
 import importlib, os, pkgutil, signal, sys
-import cv2, gymnasium
+import cv2, gymnasium, pettingzoo
 def state():
     return dict(os.environ), [signal.getsignal(number) for number in signal.valid_signals()]
+before = state()
+from robosim.camera.rendering.gl_systems import bind_opengl
+if state() != before:
+    sys.exit("gl_systems changes the environment or signal handlers")
+bind_opengl()  # as `make_camera` does before it imports pyrender, which needs libGL otherwise
 before = state()
 for package in ("robosim", "slam", "wireless"):
     for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
