@@ -40,7 +40,7 @@ def members(owner: type) -> set[str]:
     return {
         name
         for base in bases
-        for name in [*vars(base), *vars(base).get("__annotations__", ())]
+        for name in [*vars(base), *inspect.get_annotations(base)]
         if not name.startswith("_")
     }
 
