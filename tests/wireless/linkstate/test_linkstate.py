@@ -35,64 +35,64 @@ def classifier(inputs=FULL, states=(1, 2, 3), count=2):
 
 def test_the_order_of_paths_changes_nothing():
     """Exactly: paths are put into an order of their own. Half have equal SNR, so that ties are met."""
-    given = links()
-    given["snr_db"][:, 1] = given["snr_db"][:, 3]
+    measured = links()
+    measured["snr_db"][:, 1] = measured["snr_db"][:, 3]
     order = np.random.default_rng(1).permuted(np.tile(np.arange(5), (64, 1)), axis=1)
-    mixed = {name: np.take_along_axis(values, order, 1) for name, values in given.items()}
+    mixed = {name: np.take_along_axis(values, order, 1) for name, values in measured.items()}
     model = classifier()
-    assert np.array_equal(model.predict(**given), model.predict(**mixed))
+    assert np.array_equal(model.predict(**measured), model.predict(**mixed))
 
 
-def turned(given, sign, by):
+def turned(measured, sign, by):
     """The same links in a building that was mirrored and turned."""
     return {
         name: sign * values + by if name in ("aoa_rad", "aod_rad") else values
-        for name, values in given.items()
+        for name, values in measured.items()
     }
 
 
 def test_mirroring_a_building_changes_nothing():
     """To single precision: differences below 2e-4 for random weights. Turning arrivals alone does change much."""
-    given, model = links(), classifier()
-    assert np.abs(model.predict(**given) - model.predict(**turned(given, -1, 0.0))).max() < 2e-4
-    aside = {**given, "aoa_rad": given["aoa_rad"] + 0.5}
-    assert np.abs(model.predict(**given) - model.predict(**aside)).max() > 1e-3
+    measured, model = links(), classifier()
+    assert np.abs(model.predict(**measured) - model.predict(**turned(measured, -1, 0.0))).max() < 2e-4
+    aside = {**measured, "aoa_rad": measured["aoa_rad"] + 0.5}
+    assert np.abs(model.predict(**measured) - model.predict(**aside)).max() > 1e-3
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_without_departures_a_third_of_a_turn_changes_nothing(sign):
     """Three arrays 120 degrees apart see the same in turn; and departures are not required."""
-    given, model = links(), classifier(inputs=("aoa", "snr", "peak"))
-    given.pop("aod_rad")
-    same = model.predict(**turned(given, sign, 2 * np.pi / 3))
-    assert np.abs(model.predict(**given) - same).max() < 2e-4
-    assert np.abs(model.predict(**given) - model.predict(**turned(given, 1, 0.5))).max() > 1e-3
+    measured, model = links(), classifier(inputs=("aoa", "snr", "peak"))
+    measured.pop("aod_rad")
+    same = model.predict(**turned(measured, sign, 2 * np.pi / 3))
+    assert np.abs(model.predict(**measured) - same).max() < 2e-4
+    assert np.abs(model.predict(**measured) - model.predict(**turned(measured, 1, 0.5))).max() > 1e-3
 
 
 def test_a_missing_path_may_hold_anything():
     """What lies in the places of a path with SNR -inf or NaN, or all zero, is not looked at; nor how many there are."""
-    given = links()
-    missing = ~np.isfinite(given["snr_db"])
-    clean = classifier().predict(**given)
+    measured = links()
+    missing = ~np.isfinite(measured["snr_db"])
+    clean = classifier().predict(**measured)
     assert np.isfinite(clean).all()
     for rubbish in (np.nan, 1e9, 0.0):
-        dirty = {name: np.where(missing, rubbish, values) for name, values in given.items()}
-        dirty["snr_db"] = np.where(missing, 0.0 if rubbish == 0 else np.nan, given["snr_db"])
+        dirty = {name: np.where(missing, rubbish, values) for name, values in measured.items()}
+        dirty["snr_db"] = np.where(missing, 0.0 if rubbish == 0 else np.nan, measured["snr_db"])
         assert np.array_equal(classifier().predict(**dirty), clean)
-    more = {name: np.pad(values, ((0, 0), (0, 2))) for name, values in given.items()}
+    more = {name: np.pad(values, ((0, 0), (0, 2))) for name, values in measured.items()}
     assert np.array_equal(classifier().predict(**more), clean)
 
 
 def test_a_link_without_paths_is_an_outage():
     """For sure, and only such a link if the training data had no other outages."""
-    given = links()
-    given["snr_db"][::2] = -np.inf
-    given["snr_db"][1::2, 0] = 10.0
-    probability = classifier().predict(**given)
+    measured = links()
+    measured["snr_db"][::2] = -np.inf
+    measured["snr_db"][1::2, 0] = 10.0
+    probability = classifier().predict(**measured)
     assert (probability[::2] == [1, 0, 0, 0]).all()
     assert (probability[1::2, 0] == 0).all()
     assert np.allclose(probability.sum(1), 1)
-    assert (classifier(states=(0, 1, 2, 3)).predict(**given)[1::2, 0] > 0).all()
+    assert (classifier(states=(0, 1, 2, 3)).predict(**measured)[1::2, 0] > 0).all()
 
 
 def test_tokens_hold_the_strongest_first():
@@ -105,29 +105,29 @@ def test_tokens_hold_the_strongest_first():
 
 
 def test_inputs_that_do_not_fit_are_named():
-    given = links()
+    measured = links()
     with pytest.raises(ValueError, match=r"aod_rad has shape \(64, 4\), expected \(64, 5\)"):
-        make_tokens(given["aoa_rad"], given["snr_db"], aod_rad=given["aod_rad"][:, :4])
-    given["snr_db"][3, 2], given["peak"][3, 2] = 10.0, np.nan
+        make_tokens(measured["aoa_rad"], measured["snr_db"], aod_rad=measured["aod_rad"][:, :4])
+    measured["snr_db"][3, 2], measured["peak"][3, 2] = 10.0, np.nan
     with pytest.raises(ValueError, match="peak of path 2 of link 3 is nan"):
-        classifier().predict(**given)
+        classifier().predict(**measured)
     with pytest.raises(ValueError, match="aod is missing, but this classifier uses aoa, aod"):
         classifier().predict(
-            given["aoa_rad"], given["snr_db"], peak=links()["peak"], delay_s=given["delay_s"]
+            measured["aoa_rad"], measured["snr_db"], peak=links()["peak"], delay_s=measured["delay_s"]
         )
 
 
 @pytest.mark.parametrize(("name", "factor"), [("aoa_rad", 180 / np.pi), ("delay_s", 1e9)])
 def test_inputs_in_degrees_or_nanoseconds_are_rejected(name, factor):
-    given = links()
+    measured = links()
     with pytest.raises(ValueError, match=rf"{name} of path \d of link \d is .*, expected a magnitude up to"):
-        classifier().predict(**{**given, name: factor * given[name]})
+        classifier().predict(**{**measured, name: factor * measured[name]})
 
 
 def test_tokens_without_an_input_are_rejected():
     """Paths whose heights of peaks were not measured would count as paths of height 0."""
-    given = links() | {"peak": None}
-    tokens = make_tokens(**given)
+    measured = links() | {"peak": None}
+    tokens = make_tokens(**measured)
     with pytest.raises(ValueError, match=r"peak is missing in .* paths, but this classifier uses aoa, aod"):
         classifier().predict_tokens(tokens)
     assert np.isfinite(classifier(inputs=("aoa", "aod", "snr", "delay")).predict_tokens(tokens)).all()
